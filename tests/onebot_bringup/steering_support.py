@@ -28,7 +28,7 @@ class PageClient:
     def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
         self.errors: list[str] = []
-        self.refused: list[tuple[str | None, str | None]] = []  # the message and field, of each
+        self.refused: list[str | None] = []  # the type of each message that was
         self.id = ""
         self.closed = False
         self._loop = asyncio.new_event_loop()
@@ -58,7 +58,7 @@ class PageClient:
             elif fields["type"] == "state":
                 self.states.append(fields)
             else:
-                self.refused.append((fields["about"], fields["field"]))
+                self.refused.append(fields["about"])
                 self.errors.append(fields["message"])
         self.closed = True
 

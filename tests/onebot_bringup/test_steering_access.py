@@ -3,7 +3,7 @@
 import pytest
 
 from onebot_bringup.serving.ports import is_loopback, listen
-from onebot_bringup.steering.access import Access, choose_bind_address, new_token
+from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_description.errors import OneBotError
 
 LOCAL = Access("", "127.0.0.1", 8080)
@@ -77,9 +77,8 @@ def test_the_right_token_or_its_cookie_is_enough():
 
 def test_new_tokens_differ_and_are_long():
     """128 bits, as text that an address can hold; one is made where it is needed."""
-    made = [choose_bind_address("0.0.0.0", 0, "").token for _ in range(2)]
-    tokens = {*made, *(new_token() for _ in range(100))}
-    assert len(tokens) == 102 and all(len(token) >= 22 and token.isascii() for token in tokens)
+    tokens = {choose_bind_address("0.0.0.0", 0, "").token for _ in range(10)}
+    assert len(tokens) == 10 and all(len(token) >= 22 and token.isascii() for token in tokens)
     assert choose_bind_address("127.0.0.1", 0, "").token == ""
     assert choose_bind_address("127.0.0.1", 0, "mine").token == "mine"
     assert choose_bind_address("0.0.0.0", 0, "mine").token == "mine"

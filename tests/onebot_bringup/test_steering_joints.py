@@ -3,10 +3,9 @@
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,9 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trajectory_msgs.msg import JointTrajectory
 
-from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
-from onebot_bringup.testing.domains import used_domain
 from onebot_description.elements.description import Joint
 from tests.onebot_bringup.joints_support import BAR, SPEED, STANDING, TURNS, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
@@ -55,22 +52,6 @@ def test_a_joint_gets_to_its_velocity_and_ends_at_rest():
     assert short_motion(STEERED, 0.3, 0.0, 0.0, 0.1) == (0.3, 0.3, 0.3, 0.0)
 
 
-class OfLeavingRobot(JointCommands):
-    """The node's thread removes the lock right after it was looked at."""
-
-    def __init__(self) -> None:
-        self.locks = iter([SimpleNamespace(locked=True)])
-
-    @property
-    def _robot_lock(self) -> Any:
-        return next(self.locks, None)
-
-
-def test_the_lock_of_a_robot_that_leaves_can_still_be_read():
-    robot = OfLeavingRobot()
-    assert [robot.locked, robot.locked] == [True, False]
-
-
 _speed = st.floats(-2.0, 2.0)
 
 
@@ -103,26 +84,6 @@ DRIVING = urdf(
     CASTER,
     BAR.format(name="arm", kind="revolute", parent="base_link", limits=TURNS),
 )
-TWO_CONTROLLERS = """
-controller_manager:
-  ros__parameters:
-    arm_controller:
-      type: joint_trajectory_controller/JointTrajectoryController
-    lift_controller:
-      type: joint_trajectory_controller/JointTrajectoryController
-arm_controller:
-  ros__parameters:
-    joints: [arm_joint]
-lift_controller:
-  ros__parameters:
-    joints: [lift_joint]
-"""
-
-
-@pytest.fixture(scope="module")
-def domain() -> Iterator[int]:
-    with used_domain() as domain:
-        yield domain
 
 
 @pytest.fixture(scope="module")
@@ -248,30 +209,6 @@ def test_stop_locks_the_arm_until_a_page_moves_it(node: Any, arm: Arm) -> None:
         arm.stop(page.let_go)
 
 
-def test_each_controller_gets_its_own_joints(ros_domain: int, tmp_path: Path) -> None:
-    """What another one moves is left alone."""
-    (tmp_path / "standing.urdf").write_text(STANDING)
-    (tmp_path / "two.yaml").write_text(TWO_CONTROLLERS)
-    args = [str(tmp_path / "standing.urdf"), "--ros-args", "--params-file", tmp_path / "two.yaml"]
-    with (
-        NodeProcess(MODULE, *map(str, args)),
-        described(ros_domain, STANDING) as peer,
-        steering() as own,
-        opened(own) as page,
-    ):
-        arm, lift = Arm(peer, "/arm_controller"), Arm(peer, "/lift_controller")
-        wait_for(lambda: len(page.state["joints"]) == 2, "both joints")
-        hold(page, arm)
-        assert lift.commands == [] and arm.commands[-1].joint_names == ["arm_joint"]
-        arm.stop(page.let_go)
-        count = len(arm.commands)
-        page.hold(0.0, lift_joint=0.1)
-        wait_for(lambda: lift.positions()[0] > 0.02, "the lift")
-        page.let_go()
-        lift.rest()
-        assert len(arm.commands) == count
-
-
 def test_an_arm_on_a_robot_that_drives(ros_domain: int, tmp_path: Path) -> None:
     """Both move at once; Stop locks both by the lock of the robot's commands."""
     (tmp_path / "driving.urdf").write_text(DRIVING)
@@ -310,8 +247,8 @@ class OtherController:
         states = peer.node.create_publisher(ControllerState, f"{name}/controller_state", 10)
         self._timer = peer.node.create_timer(0.02, lambda: states.publish(self.state))
 
-    def be_at(self, *positions: float) -> None:
-        state = ControllerState(joint_names=["arm_joint", "other_joint"])
+    def be_at(self, *positions: float, names: Sequence[str] = ("arm_joint", "other_joint")) -> None:
+        state = ControllerState(joint_names=names)
         state.header.stamp.sec = 7
         state.reference.positions = state.feedback.positions = [*positions]
         self.state = state
@@ -321,23 +258,35 @@ def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domai
     """At its own stamp; not from one that is not finite, or incomplete.
 
     A joint that the description does not have rests; what is in a namespace is another robot's.
+    Each controller gets its own joints, and nothing while those of another one move.
     """
     with described(ros_domain, STANDING) as peer, steering() as own:
         mine, other = (OtherController(peer, f"{name}/arm") for name in ("", "/robot2"))
         for controller in (mine, other):
             controller.be_at(0.1, 0.2)
+        lift = OtherController(peer, "/lift")
+        lift.be_at(0.0, names=["lift_joint"])
         with opened(own) as page:
+            wait_for(lambda: len(page.state["joints"]) == 2, "both controllers")
+
+            def shown() -> dict[str, Any]:
+                return {joint["name"]: joint for joint in page.state["joints"]}
+
+            page.hold(0.0, lift_joint=0.1)
+            command = wait_for(lambda: lift.commands and lift.commands[-1], "the lift's")
+            assert command.joint_names == ["lift_joint"] and mine.commands == []
+            page.let_go()
             joint = {"name": "arm_joint", "unit": "rad", "most": 1.0, "position": 0.1}
-            assert page.state["joints"] == [joint]
-            page.hold(0.0, arm_joint=0.5, other_joint=0.5, lift_joint=0.5)
+            assert shown()["arm_joint"] == joint
+            page.hold(0.0, arm_joint=0.5, other_joint=0.5)
             command = wait_for(lambda: mine.commands and mine.commands[-1], "a trajectory")
             assert command.header.stamp.sec == 7
             assert command.joint_names == ["arm_joint", "other_joint"]
             assert [point.positions[1] for point in command.points] == [0.2] * 3
             assert [point.velocities[0] for point in command.points] == [0.5, 0.5, 0.0]
-            for positions, shown in (((math.nan, 0.2), None), ((0.3,), 0.3)):
+            for positions, place in (((math.nan, 0.2), None), ((0.3,), 0.3)):
                 mine.be_at(*positions)
-                wait_for(lambda at=shown: page.state["joints"][0]["position"] == at, "the state")
+                wait_for(lambda at=place: shown()["arm_joint"]["position"] == at, "the state")
                 commands, states = len(mine.commands), len(page.states)
                 wait_for(lambda past=states: len(page.states) > past + 5, "half a second")
                 assert len(mine.commands) <= commands + 1, "but for one that was on its way"

@@ -2,13 +2,11 @@
 
 import signal
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
 from selenium.webdriver.common.keys import Keys
 
-from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.joints_support import STANDING, UPPER, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, Steering, steering
 from tests.onebot_bringup.test_steering_page_looks import findings
@@ -23,14 +21,10 @@ SLIDER, LIFT = "#joint-0", "#joint-1"
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+def arm(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     model = tmp_path_factory.mktemp("robot") / "standing.urdf"
     model.write_text(STANDING)
-    with (
-        used_domain() as domain,
-        NodeProcess(MODULE, str(model)),
-        described(domain, STANDING) as peer,
-    ):
+    with NodeProcess(MODULE, str(model)), described(domain, STANDING) as peer:
         yield Arm(peer)
 
 
@@ -136,29 +130,16 @@ def test_arrow_keys_move_the_joint_with_the_focus(
     assert len(arm.commands) == count
 
 
-@pytest.mark.parametrize("leave", ["blur", "hide", "reload", "close panel", "menu"])
-def test_leaving_stops_the_arm(tab: Page, node: Steering, arm: Arm, leave: str) -> None:
-    """The window or the tab, the panel of joints, or a menu that takes the pointer."""
-    first = tab.driver.current_window_handle
-    tab.driver.switch_to.new_window("tab")
-    own = tab.driver.current_window_handle
-    page = opened(tab, node)
+@pytest.mark.parametrize(
+    "leave",
+    ["window.dispatchEvent(new Event('blur'))", "document.querySelector('[name=joints]').click()"],
+    ids=["blur", "close panel"],
+)
+def test_leaving_stops_the_arm(page: Page, arm: Arm, leave: str) -> None:
+    """As any control, when the window loses the focus; and when the panel of joints is closed."""
     hold(page, arm)
-    ends: dict[str, Callable[[], Any]] = {
-        "blur": lambda: page.driver.execute_script("window.dispatchEvent(new Event('blur'))"),
-        "hide": lambda: page.driver.switch_to.window(first),
-        "reload": page.driver.refresh,
-        "close panel": lambda: page.driver.execute_script(
-            "document.querySelector('[name=joints]').click()"
-        ),
-        "menu": lambda: page.driver.execute_script(
-            "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))"
-        ),
-    }
-    stop(arm, ends[leave])
-    page.driver.switch_to.window(own)
-    page.driver.close()
-    page.driver.switch_to.window(first)
+    stop(arm, lambda: page.driver.execute_script(leave))
+    page.let_go()
 
 
 def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:

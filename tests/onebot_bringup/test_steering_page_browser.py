@@ -79,6 +79,12 @@ def wait_to_stop(page: Page, heard: list[Twist]) -> None:
     assert heard[count:] == [STILL] * len(heard[count:]) and len(heard) <= count + 2
 
 
+def let_go(page: Page, heard: list[Twist]) -> None:
+    """Release the mouse, and see that this stops the robot."""
+    page.let_go()
+    wait_to_stop(page, heard)
+
+
 def wait_for_zero(page: Page, heard: list[Twist]) -> None:
     """Wait until nobody drives; a page that is late for a moment stops the robot, too."""
     wait_for(lambda: page.body("driver") == "nobody" and heard[-1] == STILL, "the stop")
@@ -123,8 +129,7 @@ def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
         # Without the dead zone of 6 % on each axis; a pixel is 1 % of the radius.
         assert linear == pytest.approx(0.5 * (0.7 - 0.06) / 0.94, abs=0.015)
         assert angular == pytest.approx(1.0 * (0.6 - 0.06) / 0.94, abs=0.03)
-        page.let_go()
-        wait_to_stop(page, heard)
+        let_go(page, heard)
         wait_for(lambda: abs(page.number("linear-measured")) < 0.01, "rest")
         assert page.number("x") != 0.0 and page.number("yaw") != 0.0
 
@@ -135,8 +140,7 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
     """It sends a release, also for a pad held beyond it; what another page took counts no more."""
     assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
     releases = page.said().count("release")
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
     page.drive_until(
         lambda: (page.hold_pad(0.0, 0.5), page.drag(-600, 0)),
@@ -144,8 +148,7 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
         lambda: heard and heard[-1].angular.z > 0.8,
         "the pad, held over the view",
     )
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     with PageClient(node.address) as other:
         page.drive_by_pad(0.0, 1.5, moving(heard))
         other.hold(-0.25)
@@ -158,28 +161,26 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
         page.let_go()
 
 
-@pytest.mark.parametrize("leave", ["reload", "blur", "hide"])
-def test_leaving_the_page_stops(tab: Page, node: Steering, heard: list[Twist], leave: str) -> None:
+BLUR = "window.dispatchEvent(new Event('blur'))"  # as of a window of another program in front
+LEAVE = {
+    "reload": lambda driver: driver.refresh(),
+    "blur": lambda driver: driver.execute_script(BLUR),
+    "hide": lambda driver: driver.switch_to.new_window("tab"),
+}
+
+
+@pytest.mark.parametrize("leave", LEAVE)
+def test_leaving_the_page_stops(page: Page, heard: list[Twist], leave: str) -> None:
     """The tab left or loaded anew, or the window without focus, while the pad is held."""
-    first = tab.driver.current_window_handle
-    tab.driver.switch_to.new_window("tab")
-    tab.open(node.address)
-    tab.drive_by_pad(0.0, 0.5, moving(heard))
-    if leave == "reload":
-        tab.driver.refresh()
-    elif leave == "blur":
-        # A window of another program in front: the page hears just this.
-        tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
-    else:
-        tab.driver.switch_to.window(first)
+    own = page.driver.current_window_handle
+    page.drive_by_pad(0.0, 0.5, moving(heard))
+    LEAVE[leave](page.driver)
     wait_for(lambda: heard[-1] == STILL, "the stop")
-    if leave in ("blur", "hide"):
-        wait_for(lambda: tab.sent()[-1]["type"] == "release", "the page to let go")
-    for handle in tab.driver.window_handles:
-        if handle != first:
-            tab.driver.switch_to.window(handle)
-            tab.driver.close()
-    tab.driver.switch_to.window(first)
+    if leave != "reload":
+        wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
+    if leave == "hide":
+        page.driver.close()
+        page.driver.switch_to.window(own)
     assert heard[-1] == STILL
 
 
@@ -259,8 +260,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[
         assert heard[-1] == STILL and tab.body("hand") == "joystick"
         way.rate = math.inf
         wait_for(lambda: said() == "" and heard[-1] != STILL, "it to drive again")
-        tab.let_go()
-        wait_to_stop(tab, heard)
+        let_go(tab, heard)
 
 
 def test_arrows_and_letters_drive_while_they_are_down(page: Page, heard: list[Twist]) -> None:
@@ -357,19 +357,16 @@ def test_the_sliders_drive_while_held_and_spring_back(page: Page, heard: list[Tw
     up = -linear.size["height"]  # beyond its end
     page.drive_by_mouse("#linear input", 0, up, at(heard, 0.5, 0.0))
     assert page.body("hand") == "sliders"
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     right = angular.size["width"]
     page.drive_by_mouse("#angular input", right, 0, at(heard, 0.0, -1.0))
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     assert float(linear.get_property("value")) == float(angular.get_property("value")) == 0.0
     begin = len(heard)
     page.drive_by_mouse("#angular [name=plus]", 0, 0, at(heard, 0.0, 1.0))
     first = next(m for m in heard[begin:] if m != STILL)
     assert 0.0 < first.angular.z < 1.0
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
 
 
 def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
@@ -801,7 +798,7 @@ def test_a_browser_without_gamepads_drives(tab: Page, heard: list[Twist], node: 
     hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=source)
     tab.open(node.address)
     tab.drive_by_keys("w", at(heard, 0.5, 0.0))
-    tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
+    tab.driver.execute_script(BLUR)
     wait_for_zero(tab, heard)
     tab.act().key_up("w").perform()
     tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)

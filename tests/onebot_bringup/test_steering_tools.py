@@ -40,7 +40,7 @@ from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import ProtocolError
 from onebot_bringup.steering.tool_requests import OtherThread, parse_values
 from onebot_bringup.steering.tools import Click, message_of, parse_click
-from onebot_bringup.steering.view_proxy import legend_of, shown_topics
+from onebot_bringup.steering.view_proxy import legend_entry, rows_of, shown_topic
 from onebot_bringup.testing.domains import used_domain
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -162,7 +162,7 @@ def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": 1}', '{"shown": [{"topic": "/a"}]}'])
 def test_what_is_no_list_of_displays_shows_none(text: str) -> None:
-    assert shown_topics(text) == [] == legend_of(text)
+    assert rows_of(text, "shown", shown_topic) == [] == rows_of(text, "legend", legend_entry)
 
 
 @pytest.mark.parametrize("color", ["red", [1, 2], ["1", 2, 3], [1.5, 2, 3]])
@@ -171,7 +171,7 @@ def test_a_legend_has_colours_of_css(color: Any) -> None:
 
     def legend(color: Any) -> list[Mapping[str, str]]:
         entry = {"kind": "trail", "name": "odometry", "color": color}
-        return legend_of(json.dumps({"legend": [entry]}))
+        return rows_of(json.dumps({"legend": [entry]}), "legend", legend_entry)
 
     assert legend(color) == []
     assert legend([255, 176, 2]) == [{"kind": "trail", "name": "odometry", "color": "#ffb002"}]
