@@ -6,6 +6,7 @@ controllers subscribe to one topic, the strictest limits apply, since each gets 
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan
 from typing import NamedTuple
@@ -49,16 +50,13 @@ class Controller:
 
 
 def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
-    limits = {name: values[f"{axis}.{name}"] for name in _NAMES if f"{axis}.{name}" in values}
-    return {name: value for name, value in limits.items() if _is_possible(name, value)}
-
-
-def _is_possible(name: str, value: float) -> bool:
-    try:
-        read(SpeedLimits, {name: value})
-    except ConfigError:
-        return False
-    return True
+    limits = {}
+    for name in _NAMES:
+        with suppress(KeyError, ConfigError):  # not given, or impossible
+            value = values[f"{axis}.{name}"]
+            read(SpeedLimits, {name: value})
+            limits[name] = value
+    return limits
 
 
 @dataclass(frozen=True)

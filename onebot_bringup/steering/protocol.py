@@ -1,4 +1,4 @@
-"""The messages between a steering page and its server: JSON in WebSocket text frames.
+"""The messages between a steering page and its server: JSON in WebSocket frames.
 
 A page sends the messages in ``MESSAGES``, each with its name as ``type``. The server sends
 ``welcome`` (the page's ``id`` and ``stamp``), ``state`` ten times a second (see
@@ -168,7 +168,7 @@ MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
 """The messages that a page may send, with the checks of their fields."""
 
 
-def parse(data: str) -> Message:
+def parse(data: str | bytes) -> Message:
     """Parse a message of a page.
 
     Raises:
@@ -209,7 +209,7 @@ def _checked(what: str, fields: Mapping[str, Any], checks: Mapping[str, Check]) 
     return {name: check(name, fields[name]) for name, check in checks.items()}
 
 
-def _json_object(data: str, most: int) -> dict[str, Any]:
+def _json_object(data: str | bytes, most: int) -> dict[str, Any]:
     if len(data) > most:
         raise ProtocolError(f"a message has at most {most} characters")
     try:

@@ -150,9 +150,7 @@ class SteeringServer:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                 page.received += 1
-                await self._on_message(
-                    page, message.data if message.type == WSMsgType.TEXT else None
-                )
+                await self._on_message(page, message.data)
             elif isinstance(message.data, WebSocketError):
                 self._reject(page, "too large, or no WebSocket frame")
                 return ""
@@ -163,11 +161,9 @@ class SteeringServer:
             else:
                 return "it broke off"
 
-    async def _on_message(self, page: _Page, text: str | None) -> None:
+    async def _on_message(self, page: _Page, data: str | bytes) -> None:
         try:
-            if text is None:
-                raise ProtocolError("messages are text")
-            message = parse(text)
+            message = parse(data)
         except ProtocolError as error:
             self._reject(page, str(error))
             refusal = message_text("error", message=f"Refused: {error}.", about=error.about)

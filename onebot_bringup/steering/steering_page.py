@@ -28,8 +28,8 @@ Subscribes:
     displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
-    robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
-        is a page. Each Image there: while a page shows it, and once to read its encoding.
+    robot_description (std_msgs/String), each LaserScan and Range in the robot's namespace: while
+        there is a page. Each Image there: while a page shows it, and once to read its encoding.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:

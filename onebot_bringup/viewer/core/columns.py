@@ -81,16 +81,12 @@ class ColumnMaker:
         Large arrays are not copied: do not write to ``values`` afterwards.
         """
         if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
-            array = pa.Array.from_buffers(
-                self._number, values.size, [None, pa.py_buffer(values.reshape(-1))]
-            )
+            array = pa.array(values.reshape(-1), self._number)
         else:
             array = self._numbers(values)
         return self._in_rows(array, 1, len(array) // self._width)
 
     def _numbers(self, values: NDArray[Any]) -> pa.Array:
-        if self._dtype == values.dtype:
-            return _array(self._number, values, self._dtype)
         with np.errstate(over="ignore"):  # too large for float32: infinite
             return _array(self._number, values, self._dtype)
 
@@ -110,9 +106,7 @@ class BytesMaker:
 
     def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
         """Return a column of one row of bytes; do not write to ``data`` afterwards."""
-        kind = self._rows.value_type
-        items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
-        bytes_ = _lists(kind, items, 1, len(data))
+        bytes_ = _lists(self._rows.value_type, pa.array(data), 1, len(data))
         return ReadyColumn(self._descriptor, _lists(self._rows, bytes_, 1, 1))
 
 
