@@ -5,22 +5,21 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
+from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_description.elements.description import Joint
-from tests.onebot_bringup.joints_support import BAR, SPEED, STANDING, TURNS, Arm, described
+from tests.onebot_bringup.joints_support import SPEED, STANDING, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
 from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState
-from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
-from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 STEERED = SteeredJoint("rad", 0.5, -1.0, 1.2)
@@ -77,13 +76,6 @@ def test_a_joint_reaches_its_limit_and_stays_there():
 
 
 # Robots ---------------------------------------------------------------------------------------
-
-DRIVING = urdf(
-    wheel("left", SEPARATION / 2),
-    wheel("right", -SEPARATION / 2),
-    CASTER,
-    BAR.format(name="arm", kind="revolute", parent="base_link", limits=TURNS),
-)
 
 
 @pytest.fixture(scope="module")
@@ -154,16 +146,14 @@ def test_joints_move_while_held_and_stop_when_let_go(node: Any, arm: Arm) -> Non
         assert len(arm.commands) == count, "nothing for an arm when only wheels are driven"
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGTERM])
-def test_the_arm_stops_when_the_server_does(arm: Arm, number: int) -> None:
+def test_the_arm_stops_when_the_server_does(arm: Arm) -> None:
     """Hanging, by the end of the last trajectory; after a hang it does not go on."""
     with steering(check=False) as own, opened(own) as page:
         hold(page, arm)
-        arm.stop(lambda: own.process.send_signal(number))
-        if number == signal.SIGSTOP:
-            page.silence()  # what it sent meanwhile waits
-            own.process.send_signal(signal.SIGCONT)
-            arm.rest()
+        arm.stop(lambda: own.process.send_signal(signal.SIGSTOP))
+        page.silence()  # what it sent meanwhile waits
+        own.process.send_signal(signal.SIGCONT)
+        arm.rest()
         own.process.send_signal(signal.SIGKILL)
         wait_for(lambda: page.closed, "the end of the connection")
 
@@ -209,32 +199,6 @@ def test_stop_locks_the_arm_until_a_page_moves_it(node: Any, arm: Arm) -> None:
         arm.stop(page.let_go)
 
 
-def test_an_arm_on_a_robot_that_drives(ros_domain: int, tmp_path: Path) -> None:
-    """Both move at once; Stop locks both by the lock of the robot's commands."""
-    (tmp_path / "driving.urdf").write_text(DRIVING)
-    wheels = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
-    args = [str(tmp_path / "driving.urdf"), *ros_args(**wheels)]
-    with (
-        NodeProcess("onebot_control.velocity_controller", *args),
-        described(ros_domain, DRIVING) as peer,
-        steering() as own,
-        opened(own) as page,
-    ):
-        arm, twists = Arm(peer), peer.hear(Twist, TOPIC)
-        wait_for(lambda: page.state["listeners"] == 2, "the robot")
-        page.hold(0.2, arm_joint=SPEED)
-        arm.reach(SPEED)
-        wait_for(lambda: twists and twists[-1].linear.x == 0.2, "the robot to drive")
-        arm.stop(lambda: page.send("stop"))
-        wait_for(lambda: page.state["locked"] and twists[-1].linear.x == 0.0, "the lock")
-        assert peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock") == 0
-        page.let_go()
-        page.hold(0.0, arm_joint=-SPEED)
-        arm.reach(-SPEED)
-        assert not page.state["locked"]
-        arm.stop(page.let_go)
-
-
 # Controllers of other makes ---------------------------------------------------------------------
 
 
@@ -246,6 +210,10 @@ class OtherController:
         self.commands = peer.hear(JointTrajectory, f"{name}/joint_trajectory")
         states = peer.node.create_publisher(ControllerState, f"{name}/controller_state", 10)
         self._timer = peer.node.create_timer(0.02, lambda: states.publish(self.state))
+
+    def speed(self) -> float | None:
+        """What the first joint is commanded, rad/s; None before there is a command."""
+        return self.commands[-1].points[0].velocities[0] if self.commands else None
 
     def be_at(self, *positions: float, names: Sequence[str] = ("arm_joint", "other_joint")) -> None:
         state = ControllerState(joint_names=names)
@@ -292,3 +260,28 @@ def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domai
                 assert len(mine.commands) <= commands + 1, "but for one that was on its way"
             page.let_go()
         assert other.commands == []
+
+
+def test_an_arm_on_a_robot_that_drives(ros_domain: int) -> None:
+    """Both move at once; Stop stops both, and locks them by the lock of the robot's commands."""
+    with described(ros_domain, STANDING) as peer, steering() as own:
+        arm, twists = OtherController(peer, "/arm"), peer.hear(Twist, TOPIC)
+        locks = peer.hear(Bool, f"{TOPIC}_lock")
+        arm.be_at(0.1, 0.2)
+
+        def command(speed: float, turn: float) -> bool:
+            return bool(twists) and twists[-1].linear.x == speed and arm.speed() == turn
+
+        with opened(own) as page:
+            wait_for(lambda: page.state["listeners"] == 1, "the robot")
+            page.hold(0.2, arm_joint=SPEED)
+            wait_for(lambda: command(0.2, SPEED), "both to move")
+            page.send("stop")
+            wait_for(
+                lambda: command(0.0, 0.0) and locks and locks[-1].data, "the stop, and the lock"
+            )
+            assert peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock") == 0
+            page.let_go()
+            page.hold(0.0, arm_joint=-SPEED)
+            wait_for(lambda: command(0.0, -SPEED) and not locks[-1].data, "the arm to move again")
+            page.let_go()

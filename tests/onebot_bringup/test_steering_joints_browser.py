@@ -11,7 +11,7 @@ from tests.onebot_bringup.joints_support import STANDING, UPPER, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, Steering, steering
 from tests.onebot_bringup.test_steering_page_looks import findings
 from tests.onebot_control.arm_support import MODULE
-from tests.ros_support import NodeProcess, Peer
+from tests.ros_support import NodeProcess
 from tests.steering_browser_support import Page
 from tests.support import wait_for
 
@@ -88,8 +88,11 @@ def value(page: Page, slider: str = SLIDER) -> float:
     return float(page.find(slider).get_property("value"))
 
 
-def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
-    """With that share of its speed; let go, it springs back, and the joint stops."""
+def test_a_slider_moves_its_joint_while_it_is_held(page: Page, node: Steering, arm: Arm) -> None:
+    """With that share of its speed; let go, it springs back, and the joint stops.
+
+    It shows what another page commands.
+    """
 
     def names() -> list[str]:
         labels = page.find("#joints").find_elements("css selector", "label")
@@ -107,6 +110,9 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
     words = f"{arm.positions()[0]:.3f} rad".replace("-", "\N{MINUS SIGN}")
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
+    with PageClient(node.address) as other:
+        other.hold(0.0, lift_joint=0.02)
+        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
 
 
 def test_arrow_keys_move_the_joint_with_the_focus(
@@ -170,26 +176,6 @@ def test_an_arm_that_stands_has_its_joints_only(
     stop(arm, lambda: let_go(page))
 
 
-def test_stop_and_another_page_stop_the_arm(
-    page: Page, node: Steering, arm: Arm, twists: list[Twist]
-) -> None:
-    """What is still held then does nothing; the next press unlocks."""
-    wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
-    hold(page, arm)
-    stop(arm, lambda: page.act().send_keys(" ").perform())
-    wait_for(lambda: page.text("#driver") == "Locked: drive to unlock", "the lock")
-    page.drag(20, 0)
-    arm.rest()
-    page.let_go()
-    hold(page, arm)
-    assert page.text("#driver") == "You drive"
-    with PageClient(node.address) as other:
-        stop(arm, lambda: other.hold(0.0, lift_joint=0.02))
-        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
-        assert page.body("hand") == ""
-    page.let_go()
-
-
 def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
     """On a phone, where Stop stays in sight; the system may take the touch away."""
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
@@ -234,11 +220,3 @@ def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
     hold(page, arm)
     assert findings(page) == []
     page.let_go()
-
-
-def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
-    """As for a robot that only drives."""
-    with Peer(ros_domain), steering() as node:
-        tab.open(node.address)
-        tab.wait_for_states(3)
-        assert not tab.find("[name=joints]").is_displayed()

@@ -3,7 +3,6 @@
 import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
@@ -14,18 +13,18 @@ from std_msgs.msg import String
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.steering_support import (
-    MODULE,
     Commands,
     PageClient,
+    Steering,
     Way,
-    address_of,
     cookie_of,
     raw_page,
+    requested,
     steered,
     steering,
     visited,
 )
-from tests.ros_support import LATCHED, NodeProcess, ros_args
+from tests.ros_support import LATCHED
 from tests.support import PATIENCE, wait_for
 
 
@@ -161,12 +160,9 @@ def test_a_flood_of_messages_does_not_keep_the_robot_moving(shared):
 def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
     """The status of a request, and what the answer says."""
     parts = urlsplit(address)
-    try:
-        request = Request(f"{parts.scheme}://{parts.netloc}{path}", headers=headers)
-        with urlopen(request, timeout=PATIENCE) as answer:
-            return answer.status, answer.read().decode()
-    except HTTPError as error:
-        return error.code, error.read().decode()
+    request = Request(f"{parts.scheme}://{parts.netloc}{path}", headers=headers)
+    with requested(request) as answer:
+        return answer.status, answer.read().decode()
 
 
 def test_page_is_served_with_a_strict_policy(shared):
@@ -208,7 +204,7 @@ def test_foreign_hosts_and_origins_are_refused(shared):
 def test_other_computers_need_a_token(ros_domain):
     """host:=0.0.0.0 makes one, prints it in the address, and lets in nobody without it."""
     with steering(host="0.0.0.0") as node:
-        address = address_of(node)
+        address = node.address
         token = urlsplit(address).query.removeprefix("token=")
         assert len(token) >= 22 and "/rosout" not in node.output
         local = f"http://127.0.0.1:{urlsplit(address).port}"
@@ -236,10 +232,9 @@ def test_a_wrong_parameter_is_one_clear_error(start_node):
 def test_the_address_is_printed_when_the_view_is_there(peer):
     """For that long it waits, to be the last line; the page is there before."""
     page = peer.node.create_publisher(String, "/rerun_viewer/page", LATCHED)
-    args = ros_args(port=0, open_browser="false", await_view=600.0)
-    with NodeProcess(MODULE, *args) as node:
+    with Steering(await_view=600.0) as node:
         wait_for(lambda: page.get_subscription_count(), "the node")
         peer.set_parameters("/steering_page")  # waits until it spins
         assert "open http" not in node.output
         page.publish(String(data="http://127.0.0.1:9090/?url=x"))
-        assert urlopen(address_of(node), timeout=PATIENCE).status == 200
+        assert urlopen(node.address, timeout=PATIENCE).status == 200

@@ -24,7 +24,6 @@ from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
     PageClient,
-    address_of,
     steered,
     visited,
 )
@@ -432,7 +431,7 @@ def test_the_view_comes_and_goes_with_the_viewer(shared):
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW))
         shown = wait_for(lambda: page.state["view"], "the view")
-        own = address_of(node)
+        own = node.address
         assert [urlsplit(one).netloc for one in shown] == [
             urlsplit(own.replace("127.0.0.1", name)).netloc for name in ("localhost", "127.0.0.1")
         ]

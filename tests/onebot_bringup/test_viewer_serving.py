@@ -29,6 +29,7 @@ from onebot_bringup.viewer.display_server import (
 )
 from onebot_bringup.viewer.rendering import headless_viewer, render
 from onebot_description.errors import OneBotError
+from tests.onebot_bringup.steering_support import requested
 from tests.support import PATIENCE, wait_for
 from tests.support_rendering import require_renderer
 
@@ -261,13 +262,8 @@ GRPC = {"Content-Type": "application/grpc-web+proto"}
 
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
-    try:
-        with urllib.request.urlopen(
-            urllib.request.Request(url, data, headers), timeout=PATIENCE
-        ) as r:
-            return int(r.status)
-    except urllib.error.HTTPError as error:
-        return error.code
+    with requested(urllib.request.Request(url, data, headers)) as answer:
+        return int(answer.status)
 
 
 def test_foreign_pages_get_neither_the_page_nor_the_recording(served):
