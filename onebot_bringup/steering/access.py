@@ -29,11 +29,6 @@ def other_site(host: str) -> str:
     return f"{_OTHER_NAMES[name]}{colon}{port}" if name in _OTHER_NAMES else ""
 
 
-def new_token() -> str:
-    """Return a random token."""
-    return secrets.token_urlsafe(16)
-
-
 @dataclass(frozen=True)
 class Access:
     """Checks requests to the server."""
@@ -113,6 +108,6 @@ def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
     with listen(host, port) as probe:
         address, free = probe.getsockname()[:2]
     if not token and not is_loopback(address):
-        token = new_token()
+        token = secrets.token_urlsafe(16)
     warning = f"port {port} is in use; using {free} instead" if port not in (0, free) else ""
     return BindAddress(host, free, token, warning)

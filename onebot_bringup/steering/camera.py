@@ -53,15 +53,11 @@ class _Camera:
     Attributes:
         shows: whether people can look at its pictures; None if that is not known yet.
         used: when a picture was last requested.
-        newest: the last message while it is followed.
-        received: when that was.
         drawn: cache of a message and its JPEG.
     """
 
     shows: bool | None = None
     used: float = -math.inf
-    newest: bytes | None = None
-    received: float = -math.inf
     drawn: tuple[bytes | None, bytes | None] = None, None
 
     @property
@@ -74,7 +70,7 @@ class CameraFeed:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._topics = FollowedTopics(node, 1, self._on_picture)
+        self._topics = FollowedTopics(node, 1)
         self._cameras: dict[str, _Camera] = {}
 
     @property
@@ -92,22 +88,16 @@ class CameraFeed:
         """
         names = namespace.topics(self._node, {_IMAGE})
         self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
-        followed = {
+        for name, camera in self._cameras.items():
+            data, _ = self._topics.newest(name)
+            if camera.shows is None and data is not None:
+                camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
+        followed = [
             name
             for name, camera in self._cameras.items()
             if camera.is_used or (watched and camera.shows is None)
-        }
+        ]
         self._topics.update(dict.fromkeys(followed, _IMAGE))
-        for name in self._cameras.keys() - followed:
-            self._cameras[name].newest = None
-
-    def _on_picture(self, name: str, _: str, data: bytes) -> None:
-        camera = self._cameras.get(name)
-        if camera is None:
-            return  # its publisher is gone
-        camera.newest, camera.received = data, time.monotonic()
-        if camera.shows is None:
-            camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
 
     def picture(self, name: str) -> bytes | None:
         """Return a camera's newest picture as JPEG, and follow the camera for a while.
@@ -118,8 +108,9 @@ class CameraFeed:
         if camera is None:
             return None
         camera.used = time.monotonic()
-        data, drawn = camera.newest, camera.drawn
-        if data is not None and data is not drawn[0]:
-            camera.drawn = drawn = data, jpeg(deserialize_message(data, ImageMessage))
-        is_new = time.monotonic() < camera.received + _OLD
-        return drawn[1] if data is not None and is_new else None
+        data, age = self._topics.newest(name)
+        if age > _OLD:
+            return None
+        if data is not camera.drawn[0]:
+            camera.drawn = data, jpeg(deserialize_message(data, ImageMessage))
+        return camera.drawn[1]

@@ -5,9 +5,10 @@ controllers subscribe to one topic, the strictest limits apply, since each gets 
 """
 
 import dataclasses
-import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from math import isnan
 from typing import NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
@@ -18,20 +19,19 @@ from onebot_description.ros.parameters.reader import ConfigError, read
 UNKNOWN = Velocity(2.0, 4.0)
 DEFAULT = Velocity(1.0, 2.0)  # initial limits in that case
 _NONE = Velocity()
-LINEAR, ANGULAR, TIMEOUT = "linear.x", "angular.z", "cmd_vel_timeout"
+AXES = "linear.x", "angular.z"
 _NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
-NAMES = frozenset({TIMEOUT, *(f"{axis}.{name}" for axis in (LINEAR, ANGULAR) for name in _NAMES)})
+NAMES = frozenset(f"{axis}.{name}" for axis in AXES for name in _NAMES)
 """The parameters of a controller that are read here."""
 
 
 @dataclass(frozen=True)
 class Controller:
-    """The limits and the timeout in a controller's parameters."""
+    """The limits in a controller's parameters."""
 
     node: str  # full name
     linear: SpeedLimits = SpeedLimits()
     angular: SpeedLimits = SpeedLimits()
-    timeout: float | None = None  # s without a command until it brakes; None: it never does
 
     @classmethod
     def from_parameters(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
@@ -43,27 +43,20 @@ class Controller:
             node: the node's full name.
             values: its parameters by name.
         """
-        linear, angular = _speed_limits(LINEAR, values), _speed_limits(ANGULAR, values)
+        linear, angular = (_speed_limits(axis, values) for axis in AXES)
         if "max_velocity" not in linear and "max_velocity" not in angular:
             return None
-        timeout = values.get(TIMEOUT, 0.0)
-        is_known = 0.0 < timeout < math.inf
-        return cls(
-            node, SpeedLimits(**linear), SpeedLimits(**angular), timeout if is_known else None
-        )
+        return cls(node, SpeedLimits(**linear), SpeedLimits(**angular))
 
 
 def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
-    limits = {name: values[f"{axis}.{name}"] for name in _NAMES if f"{axis}.{name}" in values}
-    return {name: value for name, value in limits.items() if _is_possible(name, value)}
-
-
-def _is_possible(name: str, value: float) -> bool:
-    try:
-        read(SpeedLimits, {name: value})
-    except ConfigError:
-        return False
-    return True
+    limits = {}
+    for name in _NAMES:
+        with suppress(KeyError, ConfigError):  # not given, or impossible
+            value = values[f"{axis}.{name}"]
+            read(SpeedLimits, {name: value})
+            limits[name] = value
+    return limits
 
 
 @dataclass(frozen=True)
@@ -125,29 +118,23 @@ def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Lim
         controllers: the controllers on the command topic.
         fixed: the page's parameters, 0 for none.
     """
-    linear = _bound([(c.node, c.linear) for c in controllers], ("max_linear", fixed.linear))
-    angular = _bound([(c.node, c.angular) for c in controllers], ("max_angular", fixed.angular))
+    linear = _bound({c.node: c.linear for c in controllers}, "max_linear", fixed.linear)
+    angular = _bound({c.node: c.angular for c in controllers}, "max_angular", fixed.angular)
     return Limits(
         linear or Bound(UNKNOWN.linear, UNKNOWN.linear, DEFAULT.linear),
         angular or Bound(UNKNOWN.angular, UNKNOWN.angular, DEFAULT.angular),
     )
 
 
-def _bound(
-    controllers: Iterable[tuple[str, SpeedLimits]], parameter: tuple[str, float]
-) -> Bound | None:
-    limited = [
-        (node, controller)
-        for node, controller in controllers
-        if not math.isnan(controller.max_velocity)
-    ]
-    limits = [(speeds.max_velocity, node) for node, speeds in limited]
-    if parameter[1]:
-        limits.append((parameter[1], parameter[0]))
+def _bound(controllers: Mapping[str, SpeedLimits], parameter: str, fixed: float) -> Bound | None:
+    speeds = {node: each for node, each in controllers.items() if not isnan(each.max_velocity)}
+    limits = [(each.max_velocity, node) for node, each in speeds.items()]
+    if fixed:
+        limits.append((fixed, parameter))
     if not limits:
         return None
     most, source = min(limits)
-    reverse = [-speeds.min_velocity for _, speeds in limited if not math.isnan(speeds.min_velocity)]
+    reverse = [-each.min_velocity for each in speeds.values() if not isnan(each.min_velocity)]
     return Bound(most, min([most, *reverse]), most, source)
 
 
@@ -157,21 +144,18 @@ class Braking:
 
     deceleration: float | None  # m/s2
     jerk: float | None  # m/s3
-    timeout: float | None  # s without a command until it brakes; None: it never does
 
 
 def braking_of(controllers: Iterable[Controller]) -> Braking | None:
     """Return the braking of the controller that brakes last; None without a controller."""
-    limiters = [(c.timeout, SpeedLimiter(c.linear)) for c in controllers]
+    limiters = [SpeedLimiter(controller.linear) for controller in controllers]
     if not limiters:
         return None
-    timeouts = [timeout for timeout, _ in limiters]
     return Braking(
-        _least(limiter.deceleration for _, limiter in limiters),
-        _least(limiter.braking_jerk for _, limiter in limiters),
-        None if None in timeouts else max(t for t in timeouts if t is not None),
+        _least(limiter.deceleration for limiter in limiters),
+        _least(limiter.braking_jerk for limiter in limiters),
     )
 
 
 def _least(values: Iterable[float]) -> float | None:
-    return min((value for value in values if not math.isnan(value)), default=None)
+    return min((value for value in values if not isnan(value)), default=None)

@@ -3,6 +3,7 @@
 import re
 import threading
 from collections.abc import Callable, Container, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -228,13 +229,11 @@ class CommandTopic:
         return sorted(names)
 
     def _create_publisher(self) -> None:
-        try:
+        # If the last publisher, of the other type, still exists, the next update tries again.
+        with suppress(RCLError):
             publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
-        except RCLError:
-            # The last publisher, of the other type, still exists; the next update tries again.
-            return
-        with self._lock:
-            self._publisher = publisher
+            with self._lock:
+                self._publisher = publisher
 
     def _destroy_publisher(self) -> None:
         publisher = self._publisher
@@ -249,8 +248,7 @@ class CommandTopic:
         self._node.destroy_publisher(publisher)
 
     def _message(self, velocity: Velocity) -> Any:
-        message = _TYPES[self.kind]()
-        twist = message
+        message = twist = _TYPES[self.kind]()
         if isinstance(message, TwistStamped):
             message.header.stamp = self._node.get_clock().now().to_msg()
             twist = message.twist

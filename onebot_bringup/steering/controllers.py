@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
-from onebot_bringup.steering.command_limits import ANGULAR, LINEAR, NAMES, TIMEOUT, Controller
+from onebot_bringup.steering.command_limits import AXES, NAMES, Controller
 
 _PERIOD = 5.0  # s between requests to a node, answered or not; less if it announces a change
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
@@ -96,7 +96,7 @@ class _Inquiry:
         now = time.monotonic()
         if now >= self.due and self._list.service_is_ready() and self._get.service_is_ready():
             self.due = now + _PERIOD
-            request = ListParameters.Request(prefixes=[LINEAR, ANGULAR, TIMEOUT])
+            request = ListParameters.Request(prefixes=AXES)
             self._send(self._list, request, self._on_names)
 
     def close(self) -> None:

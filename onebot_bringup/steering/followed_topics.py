@@ -1,6 +1,7 @@
 """Subscribes to a changing set of topics, each with the QoS that its publishers offer."""
 
 import contextlib
+import math
 from collections.abc import Callable, Collection, Container, Mapping
 from functools import partial
 from typing import Any, NamedTuple
@@ -8,6 +9,7 @@ from typing import Any, NamedTuple
 from rclpy.node import Node
 
 from onebot_bringup.introspection.transforms import FrameTree
+from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.topic_qos import compatible_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
 from onebot_description.ros.wire.interfaces import load_interface
@@ -43,13 +45,19 @@ class RobotNamespace(NamedTuple):
 
 
 class FollowedTopics:
-    """Subscribes to topics while they are needed."""
+    """Subscribes to topics while they are needed, and keeps the newest message of each.
+
+    All methods but ``update`` may be called from any thread.
+
+    Attributes:
+        topics: message types by topic name.
+    """
 
     def __init__(
         self,
         node: Node,
         depth: int,
-        received: Callable[[str, str, Any], None],
+        received: Callable[[str, str, Any], None] = lambda topic, kind, message: None,
         *,
         raw: bool = True,
     ) -> None:
@@ -58,11 +66,23 @@ class FollowedTopics:
         Args:
             node: the node that subscribes.
             depth: the queue depth.
-            received: called with the topic's name, its type and the message.
+            received: called with the topic's name, its type and each message.
             raw: receive messages as bytes.
         """
         self._node, self._depth, self._received, self._raw = node, depth, received, raw
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
+        self.topics: Mapping[str, str] = {}
+        self._newest: dict[str, tuple[Any, float]] = {}  # by topic, with its boot_time()
+
+    def newest(self, topic: str) -> tuple[Any, float]:
+        """Return the newest message of a topic, and its age in s; None and infinity for none."""
+        message, received = self._newest.get(topic, (None, -math.inf))
+        return message, boot_time() - received
+
+    def recent(self, types: Container[str], most: float) -> list[Any]:
+        """Return the newest message of each topic of some types, unless older than ``most``, s."""
+        newest = [self.newest(topic) for topic, kind in self.topics.items() if kind in types]
+        return [message for message, age in newest if age < most]
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
         """Follow exactly these topics; call this several times per second.
@@ -73,12 +93,14 @@ class FollowedTopics:
         Returns:
             The types of the topics that are no longer followed.
         """
+        self.topics = topics
         gone = self._subscriptions.keys() - topics.items()
         for topic in gone:
             self._subscriptions.pop(topic).close()
+            self._newest.pop(topic[0], None)
         for name, kind in topics.items():
             if (name, kind) not in self._subscriptions:
-                received = partial(self._received, name)
+                received = partial(self._receive, name)
                 self._subscriptions[name, kind] = TopicSubscription(
                     self._node, name, received, load_interface, raw=self._raw
                 )
@@ -88,6 +110,10 @@ class FollowedTopics:
                     qos = compatible_qos(offered, self._depth)
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}
+
+    def _receive(self, topic: str, kind: str, message: Any) -> None:
+        self._newest[topic] = message, boot_time()
+        self._received(topic, kind, message)
 
 
 class FollowedTransforms:
@@ -106,6 +132,6 @@ class FollowedTransforms:
         if self._topics.update(_TF_TOPICS if needed else {}):
             self.tree = FrameTree()
 
-    def _receive(self, name: str, _: str, data: bytes) -> None:
+    def _receive(self, topic: str, _: str, data: bytes) -> None:
         with contextlib.suppress(ValueError):  # other nodes report a bad message
-            self.tree.add(tf_arrays(data), static=name == _STATIC)
+            self.tree.add(tf_arrays(data), static=topic == _STATIC)

@@ -15,7 +15,6 @@ import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
-from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.introspection.transforms import TransformError
 from onebot_bringup.steering.followed_topics import (
@@ -74,7 +73,6 @@ class Ground:
         self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self.grid: PublishedMap | None = None
-        self._scans: dict[str, tuple[float, LaserScan]] = {}  # when each was received, by topic
 
     def update(self, namespace: RobotNamespace) -> None:
         """Follow publishers of the robot's map, or of the common map, and of its scans.
@@ -89,12 +87,9 @@ class Ground:
         self._transforms.update(bool(topics))
         if _GRID in self._topics.update(topics):
             self.grid = None
-        self._scans = {name: scan for name, scan in self._scans.items() if name in topics}
 
-    def _receive(self, topic: str, kind: str, message: Any) -> None:
-        if kind == _SCAN:
-            self._scans[topic] = time.monotonic(), message
-        else:
+    def _receive(self, _: str, kind: str, message: Any) -> None:
+        if kind == _GRID:
             grid = PublishedMap(message)
             self.grid = grid if grid.is_whole else None
 
@@ -128,10 +123,10 @@ class Ground:
     def _scan_points(self, frame: str) -> list[list[float]]:
         """Return the points that the scans hit, x and y, by their sensors' poses at that time."""
         points = []
-        for when, scan in self._scans.values():
+        for scan in self._topics.recent({_SCAN}, _OLD):
             sensor = scan.header.frame_id.removeprefix("/")
             pose = self._transforms.tree.pose(sensor, frame, nanoseconds(scan.header.stamp))
-            if pose is not None and time.monotonic() < when + _OLD:
+            if pose is not None:
                 points += Readings.from_scan(scan).points(pose)[:, :2].round(3).tolist()
         return points
 

@@ -19,7 +19,6 @@ from onebot_bringup.steering.command_topic import RobotLock
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_description.description import Description
-from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import deserialize_message
 
@@ -42,7 +41,7 @@ class JointCommands:
     def __init__(self, node: Node, locked: Callable[[bool], None]) -> None:
         """Follow nothing yet; ``locked`` is called when another node has changed the lock."""
         self._node, self._locked = node, locked
-        self._topics = FollowedTopics(node, 1, self._receive)
+        self._topics = FollowedTopics(node, 1)
         self._lock = threading.Lock()
         self._controllers: dict[str, _JointController] = {}  # controllers, by topic of the state
         self._description: Description | None = None
@@ -107,7 +106,7 @@ class JointCommands:
     def _follow(self, topics: Mapping[str, str]) -> None:
         gone = self._controllers.keys() - topics.keys()
         new = {
-            topic: _JointController(self._node, topic.removesuffix(_STATE_TOPIC))
+            topic: _JointController(self._node, self._topics, topic)
             for topic in sorted(topics.keys() - self._controllers.keys())
             if topic.endswith(f"/{_STATE_TOPIC}")
         }
@@ -128,23 +127,18 @@ class JointCommands:
         elif lock is None and has_lock:
             self._robot_lock = RobotLock(self._node, topic, self._locked)
 
-    def _receive(self, topic: str, _: str, data: bytes) -> None:
-        self._controllers[topic].receive(data)
-
 
 class _JointController:
     """A joint_trajectory_controller and the state of its joints."""
 
-    def __init__(self, node: Node, prefix: str) -> None:
-        """Prepare its publisher; the names of its topics begin with ``prefix``."""
-        self._node, self._data = node, (b"", -math.inf)
-        self._publisher = node.create_publisher(JointTrajectory, prefix + _COMMAND_TOPIC, _DEPTH)
+    def __init__(self, node: Node, topics: FollowedTopics, topic: str) -> None:
+        """Prepare its publisher; ``topic`` is that of its state."""
+        self._node, self._topics, self._topic = node, topics, topic
+        commands = topic.removesuffix(_STATE_TOPIC) + _COMMAND_TOPIC
+        self._publisher = node.create_publisher(JointTrajectory, commands, _DEPTH)
         self._names: tuple[str, ...] = ()  # its joints, in the order that pages show
         self.stopping = 0  # stop commands left to publish
         self._stop: JointTrajectory | None = None  # the stop command that is repeated
-
-    def receive(self, data: bytes) -> None:
-        self._data = data, boot_time()
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
@@ -175,8 +169,7 @@ class _JointController:
 
     def _state(self, most: float) -> tuple[Any, float] | None:
         """Return its latest state and the state's age, s; None if older than ``most``."""
-        data, received = self._data
-        age = boot_time() - received
+        data, age = self._topics.newest(self._topic)
         if age > most:
             return None
         try:

@@ -6,7 +6,6 @@ distance.
 """
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -27,7 +26,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import transformed
 from onebot_description.model.robot_model import RobotModel
 
-_SCAN, _RANGE = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"
+_SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"})
 _STRING = "std_msgs/msg/String"
 _CONE_RAYS = 9  # number of rays across the cone of a Range
 _OLD = 1.0  # s after which a scan is ignored
@@ -168,7 +167,6 @@ class Obstacles:
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
         self.robot: Description | None = None
-        self._seen: dict[str, tuple[float, str, Readings]] = {}  # time, frame and readings by topic
 
     @property
     def clearance(self) -> float | None:
@@ -179,9 +177,11 @@ class Obstacles:
             return None
         root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
         least = math.inf
-        for when, frame, readings in self._seen.values():
-            pose = self._transforms.tree.pose(frame, root)
-            if pose is not None and time.monotonic() < when + _OLD:
+        for message in self._topics.recent(_SENSORS, _OLD):
+            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), root)
+            if pose is not None:
+                is_range = isinstance(message, Range)
+                readings = (Readings.from_range if is_range else Readings.from_scan)(message)
                 points = footprint.obstacles(readings, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
@@ -199,18 +199,13 @@ class Obstacles:
             namespace: of the robot.
             watched: whether there is a page.
         """
-        sensors = namespace.topics(self._node, {_SCAN, _RANGE}) if watched else {}
+        sensors = namespace.topics(self._node, _SENSORS) if watched else {}
         description = {f"{namespace.name}/robot_description": _STRING} if watched else {}
         self._transforms.update(bool(sensors))
         if _STRING in self._topics.update(sensors | description):
             self._footprint = self.robot = None
-        self._seen = {topic: seen for topic, seen in self._seen.items() if topic in sensors}
 
-    def _receive(self, topic: str, kind: str, message: Any) -> None:
+    def _receive(self, _: str, kind: str, message: Any) -> None:
         if kind == _STRING:
             self.robot = robot = described(message.data)
             self._footprint = Footprint.from_description(robot) if robot is not None else None
-            return
-        to_readings = Readings.from_scan if kind == _SCAN else Readings.from_range
-        frame = message.header.frame_id.removeprefix("/")
-        self._seen[topic] = time.monotonic(), frame, to_readings(message)

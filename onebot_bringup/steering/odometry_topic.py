@@ -1,7 +1,6 @@
 """Finds and subscribes to the odometry of the robot that is steered."""
 
 import math
-import time
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -48,8 +47,7 @@ class OdometryTopic:
 
     def __init__(self, node: Node, fixed: str) -> None:
         self._node, self._fixed = node, fixed
-        self._topics = FollowedTopics(node, 1, self._receive)
-        self._data: tuple[bytes, float] | None = None
+        self._topics = FollowedTopics(node, 1)
         self.topic = ""  # full name; "" for none
 
     def update(
@@ -59,26 +57,24 @@ class OdometryTopic:
 
         See ``choose_odometry`` for the arguments.
         """
-        topic = self._fixed or choose_odometry(
+        self.topic = self._fixed or choose_odometry(
             self._publishers(), commands, controllers, subscribers
         )
-        if topic != self.topic:
-            self.topic, self._data = topic, None
-        self._topics.update({topic: _ODOMETRY} if topic else {})
+        self._topics.update({self.topic: _ODOMETRY} if self.topic else {})
 
     @property
     def sample(self) -> OdometrySample | None:
         """The latest odometry; None if there is none, or if it cannot be decoded."""
-        data = self._data
+        data, _ = self._topics.newest(self.topic)
         try:
-            return odometry_sample(data[0]) if data is not None else None
+            return odometry_sample(data) if data is not None else None
         except ValueError:
             return None
 
     @property
     def age(self) -> float:
         """Seconds since the latest odometry was received; infinite if there is none."""
-        return math.inf if self._data is None else time.monotonic() - self._data[1]
+        return self._topics.newest(self.topic)[1]
 
     def fields(self) -> dict[str, Any] | None:
         """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.
@@ -100,9 +96,6 @@ class OdometryTopic:
             return None
         rounded = {name: round(value, 6) for name, value in values.items()}
         return {"topic": self.topic, **rounded}
-
-    def _receive(self, _topic: str, _kind: str, data: bytes) -> None:
-        self._data = data, time.monotonic()
 
     def _publishers(self) -> dict[str, list[str]]:
         find = self._node.get_publishers_info_by_topic

@@ -1,9 +1,9 @@
-"""The messages between a steering page and its server: JSON in WebSocket text frames.
+"""The messages between a steering page and its server: JSON in WebSocket frames.
 
 A page sends the messages in ``MESSAGES``, each with its name as ``type``. The server sends
-``welcome`` (the page's ``id``, the ``rate`` of commands in Hz, ``stamp``), ``state`` ten times a
-second (see ``SteeringServer``), and ``error`` (``message``, one sentence; ``about``, the type of
-the rejected message; ``field``, its invalid field).
+``welcome`` (the page's ``id`` and ``stamp``), ``state`` ten times a second (see
+``SteeringServer``), and ``error`` (``message``, one sentence; ``about``, the type of the rejected
+message).
 """
 
 import json
@@ -23,10 +23,7 @@ _LONGEST_TOPIC = 200  # characters; DDS has a limit of 255
 class ProtocolError(OneBotError):
     """A message of a page is invalid; the text describes how."""
 
-    def __init__(self, problem: str, field: str | None = None) -> None:
-        super().__init__(problem)
-        self.field = field  # the invalid field
-        self.about: str | None = None  # the type of the message, if it has one
+    about: str | None = None  # the type of the message, if it has one
 
 
 @dataclass(frozen=True)
@@ -120,10 +117,10 @@ Check = Callable[[str, Any], Any]
 
 def number(name: str, value: Any) -> float:
     """Check that a field is a finite number, and return it."""
-    if isinstance(value, bool) or not isinstance(value, float):
-        raise ProtocolError(f"{name} must be a number", name)
+    if not isinstance(value, float):
+        raise ProtocolError(f"{name} must be a number")
     if not math.isfinite(value):
-        raise ProtocolError(f"{name} must be a finite number", name)
+        raise ProtocolError(f"{name} must be a finite number")
     return value
 
 
@@ -134,20 +131,20 @@ def _seconds(name: str, value: Any) -> float:
 def _limit(name: str, value: Any) -> float | None:
     limit = None if value is None else number(name, value)
     if limit is not None and limit <= 0.0:
-        raise ProtocolError(f"{name} must be above zero", name)
+        raise ProtocolError(f"{name} must be above zero")
     return limit
 
 
 def text(name: str, value: Any) -> str:
     """Check that a field is a non-empty text, and return it."""
     if not isinstance(value, str) or not value:
-        raise ProtocolError(f"{name} must be a text", name)
+        raise ProtocolError(f"{name} must be a text")
     return value
 
 
 def _joints(name: str, value: Any) -> dict[str, float]:
     if not isinstance(value, dict):
-        raise ProtocolError(f"{name} must have velocities by the joints' names", name)
+        raise ProtocolError(f"{name} must have velocities by the joints' names")
     velocities = {joint: number(name, velocity) for joint, velocity in value.items()}
     return {joint: velocity for joint, velocity in velocities.items() if velocity}
 
@@ -155,7 +152,7 @@ def _joints(name: str, value: Any) -> dict[str, float]:
 def _topic(name: str, value: Any) -> str:
     if isinstance(value, str) and len(value) <= _LONGEST_TOPIC and _TOPIC.fullmatch(value):
         return value
-    raise ProtocolError(f"{name} must be the name of a ROS topic, such as /cmd_vel", name)
+    raise ProtocolError(f"{name} must be the name of a ROS topic, such as /cmd_vel")
 
 
 MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
@@ -171,7 +168,7 @@ MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
 """The messages that a page may send, with the checks of their fields."""
 
 
-def parse(data: str) -> Message:
+def parse(data: str | bytes) -> Message:
     """Parse a message of a page.
 
     Raises:
@@ -212,7 +209,7 @@ def _checked(what: str, fields: Mapping[str, Any], checks: Mapping[str, Check]) 
     return {name: check(name, fields[name]) for name, check in checks.items()}
 
 
-def _json_object(data: str, most: int) -> dict[str, Any]:
+def _json_object(data: str | bytes, most: int) -> dict[str, Any]:
     if len(data) > most:
         raise ProtocolError(f"a message has at most {most} characters")
     try:

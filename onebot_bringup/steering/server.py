@@ -34,22 +34,6 @@ _HEADERS = {
 }
 
 
-@dataclass
-class ServerContext:
-    """The parts of the node that the server needs."""
-
-    arbiter: Arbiter
-    access: Access
-    view: ViewProxy
-    tools: ToolRequests
-    robot: Callable[[], Mapping[str, Any]]  # returns the node's part of a page's state
-    # Called with the names of a page and of the topic that it chose; if the topic cannot be used,
-    # reply to the page with the server's ``show_topic_error``.
-    choose_topic: Callable[[str, str], None]
-    logger: RcutilsLogger
-    rate: float  # commands per second, Hz
-
-
 @dataclass(eq=False)
 class _Page:
     socket: web.WebSocketResponse
@@ -60,14 +44,25 @@ class _Page:
     topic_error: str = ""  # unsent reason why its last choice of a topic was rejected
 
 
+@dataclass(eq=False)
 class SteeringServer:
     """The aiohttp application with the page, its WebSocket and the robot's view."""
 
-    def __init__(self, context: ServerContext) -> None:
-        self._context = context
+    arbiter: Arbiter
+    access: Access
+    view: ViewProxy
+    tools: ToolRequests
+    robot: Callable[[], Mapping[str, Any]]  # returns the node's part of a page's state
+    # Called with the names of a page and of the topic that it chose; if the topic cannot be used,
+    # reply to the page with ``show_topic_error``.
+    choose_topic: Callable[[str, str], None]
+    logger: RcutilsLogger
+
+    def __post_init__(self) -> None:
+        """Make the application."""
         self._pages: list[_Page] = []
         self._rejected = 0  # number of messages
-        self._warn = Throttled(context.logger.warning)
+        self._warn = Throttled(self.logger.warning)
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
@@ -79,8 +74,8 @@ class SteeringServer:
         self.app.router.add_get("/", self._file)
         self.app.router.add_get("/ws", self._serve_page)
         self.app.router.add_get("/static/{path:.+}", self._file)
-        context.view.add_to(self.app)
-        context.tools.add_to(self.app)
+        self.view.add_to(self.app)
+        self.tools.add_to(self.app)
 
     def notify(self) -> None:
         """Send the state to all pages now; call this in the server's thread."""
@@ -101,9 +96,9 @@ class SteeringServer:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        access = self._context.access
+        access = self.access
         host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if self._context.view.has_key(request):
+        if self.view.has_key(request):
             refusal = access.view_refusal(host, origin)
         else:
             token, cookie = request.query.get("token"), request.cookies.get(access.cookie_name)
@@ -114,7 +109,7 @@ class SteeringServer:
         return answer
 
     async def _add_headers(self, request: web.Request, answer: web.StreamResponse) -> None:
-        access = self._context.access
+        access = self.access
         for name, value in {**_HEADERS, **_policy(request, answer.status)}.items():
             answer.headers.setdefault(name, value)
         if answer.status < 400 and access.is_token(request.query.get("token")):
@@ -136,7 +131,7 @@ class SteeringServer:
         await socket.prepare(request)
         page = _Page(socket, request.host)
         self._pages.append(page)
-        self._context.arbiter.join(page.name)
+        self.arbiter.join(page.name)
         sender = asyncio.ensure_future(self._send_states(page))
         lost = "it broke off"
         try:
@@ -144,7 +139,7 @@ class SteeringServer:
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
-            self._report_end(lost, self._context.arbiter.leave(page.name))
+            self._report_end(lost, self.arbiter.leave(page.name))
             self._pages.remove(page)
             sender.cancel()
         return socket
@@ -155,9 +150,7 @@ class SteeringServer:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                 page.received += 1
-                await self._on_message(
-                    page, message.data if message.type == WSMsgType.TEXT else None
-                )
+                await self._on_message(page, message.data)
             elif isinstance(message.data, WebSocketError):
                 self._reject(page, "too large, or no WebSocket frame")
                 return ""
@@ -168,25 +161,21 @@ class SteeringServer:
             else:
                 return "it broke off"
 
-    async def _on_message(self, page: _Page, text: str | None) -> None:
+    async def _on_message(self, page: _Page, data: str | bytes) -> None:
         try:
-            if text is None:
-                raise ProtocolError("messages are text")
-            message = parse(text)
+            message = parse(data)
         except ProtocolError as error:
             self._reject(page, str(error))
-            refusal = message_text(
-                "error", message=f"Refused: {error}.", about=error.about, field=error.field
-            )
+            refusal = message_text("error", message=f"Refused: {error}.", about=error.about)
             await page.socket.send_str(refusal)
             return
         if isinstance(message, ChooseTopic):
-            self._context.choose_topic(page.name, message.topic)
+            self.choose_topic(page.name, message.topic)
         else:
-            self._context.arbiter.handle(page.name, message)
+            self.arbiter.handle(page.name, message)
 
     def _reject(self, page: _Page, problem: str) -> None:
-        drove = self._context.arbiter.reject(page.name)
+        drove = self.arbiter.reject(page.name)
         self._rejected += 1
         end = f"{problem}{_STOPPED * drove}"
         self._warn(end, f"rejected a message of a page ({self._rejected} so far): {end}")
@@ -196,21 +185,18 @@ class SteeringServer:
             text = f"lost the connection to a page: {reason}{_STOPPED * drove}"
             self._warn(text, text)
         else:
-            self._context.logger.info(f"a page was closed{_STOPPED * drove}")
+            self.logger.info(f"a page was closed{_STOPPED * drove}")
 
     async def _send_states(self, page: _Page) -> None:
         """Send the state to one page, ten times a second and whenever something changes."""
         send = page.socket.send_str
         try:
-            rate = self._context.rate
-            await send(message_text("welcome", id=page.name, rate=rate, stamp=_stamp()))
+            await send(message_text("welcome", id=page.name, stamp=_stamp()))
             while not page.socket.closed:
                 page.changed.clear()
                 if sentence := page.topic_error:
                     page.topic_error = ""
-                    await send(
-                        message_text("error", message=sentence, about="topic", field="topic")
-                    )
+                    await send(message_text("error", message=sentence, about="topic"))
                 await send(message_text("state", **self._state(page)))
                 await asyncio.sleep(_MIN_PERIOD)
                 try:
@@ -221,7 +207,7 @@ class SteeringServer:
             pass  # the page was closed, so the reader ends, too
 
     def _state(self, page: _Page) -> dict[str, Any]:
-        arbiter, view = self._context.arbiter.state, self._context.view.view
+        arbiter, view = self.arbiter.state, self.view.view
         limits = arbiter.limits
         return {
             "stamp": _stamp(),
@@ -230,7 +216,7 @@ class SteeringServer:
             "driver": arbiter.driver,  # the name of the page that drives
             "you": arbiter.driver == page.name,
             "pages": arbiter.pages,
-            **self._context.robot(),
+            **self.robot(),
             "limits": asdict(limits.in_force),
             "chosen": asdict(limits.chosen),
             "ceiling": {"linear": limits.linear.most, "angular": limits.angular.most},

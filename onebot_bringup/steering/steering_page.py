@@ -28,8 +28,8 @@ Subscribes:
     displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
-    robot_description (std_msgs/String), the first LaserScan in the robot's namespace: while there
-        is a page. Each Image there: while a page shows it, and once to read its encoding.
+    robot_description (std_msgs/String), each LaserScan and Range in the robot's namespace: while
+        there is a page. Each Image there: while a page shows it, and once to read its encoding.
     /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
@@ -79,14 +79,14 @@ from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Command, Velocity
-from onebot_bringup.steering.server import ServerContext, SteeringServer
+from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import WAKE
 from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
-from onebot_description.ros.run_node import run_node
+from onebot_description.ros.run_node import first_line, run_node
 from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.ros.throttled import Throttled
 
@@ -115,7 +115,7 @@ def _topic(node: Node, name: str, text: str) -> str:
     try:
         return str(node.resolve_topic_name(text)) if text else ""
     except Exception as error:  # rclpy raises several types, none of them public
-        reason = " ".join(str(error).split("\n")[0].split())
+        reason = first_line(error)
         raise OneBotError(f"{name}: {text} is not a valid topic name: {reason}") from None
 
 
@@ -168,16 +168,13 @@ class SteeringPage(Node):
             self._thread, self._commands, self._ground, self._cameras, publishers, self._nodes
         )
         self._page_server = server = SteeringServer(
-            ServerContext(
-                arbiter=self._arbiter,
-                access=access,
-                view=ViewProxy(self._viewer),
-                tools=tools,
-                robot=self._robot,
-                choose_topic=self._request_topic,
-                logger=self.get_logger(),
-                rate=self._settings.rate,
-            )
+            arbiter=self._arbiter,
+            access=access,
+            view=ViewProxy(self._viewer),
+            tools=tools,
+            robot=self._robot,
+            choose_topic=self._request_topic,
+            logger=self.get_logger(),
         )
         self._server = thread = ServerThread(server.app, listener, "steering")
         self._arbiter.changed = lambda: thread.call(server.notify)

@@ -199,15 +199,14 @@ def _picture(data: bytes | None, kind: str) -> web.Response:
 async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
     try:
         return web.json_response(await asyncio.to_thread(action))
-    except ProtocolError as error:
-        return web.json_response({"error": f"{error}."}, status=400)
     except OneBotError as error:
-        return web.json_response({"error": f"{error}."}, status=409)
+        status = 400 if isinstance(error, ProtocolError) else 409
+        return web.json_response({"error": f"{error}."}, status=status)
 
 
 def _values(name: str, value: Any) -> Mapping[str, str]:
     if not isinstance(value, dict) or not all(isinstance(item, str) for item in value.values()):
-        raise ProtocolError(f"{name} must have a text in YAML for each parameter", name)
+        raise ProtocolError(f"{name} must have a text in YAML for each parameter")
     return value
 
 

@@ -48,7 +48,7 @@ class Click:
 
 def _tool(name: str, value: Any) -> str:
     if not isinstance(value, str) or value not in TOOLS:
-        raise ProtocolError(f"{name} must be one of {', '.join(TOOLS)}", name)
+        raise ProtocolError(f"{name} must be one of {', '.join(TOOLS)}")
     return value
 
 

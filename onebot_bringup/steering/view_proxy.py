@@ -31,6 +31,7 @@ from onebot_bringup.steering.access import other_site
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
 
+Row = Mapping[str, Any]
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
 _POLICY = f"{content_policy()}; base-uri 'none'; form-action 'none'; sandbox {_SANDBOX}"
 _SCRIPT = Path(__file__).parent / "static" / "view_frame.js"
@@ -77,8 +78,8 @@ class Viewer:
         self._node, self._topic, self._changed = node, page_topic, changed
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
-        self._shown: list[Mapping[str, Any]] = []
-        self._legend: list[Mapping[str, str]] = []
+        self._shown: list[Row] = []
+        self._legend: list[Row] = []
         self.view: View | None = None
         self._cameras = node.create_publisher(String, f"{self._name}/page_cameras", LATCHED)
         self._published_cameras = ""
@@ -105,7 +106,7 @@ class Viewer:
         return {"viewer": self._name, "shown": self._shown}
 
     @property
-    def legend(self) -> list[Mapping[str, str]]:
+    def legend(self) -> list[Row]:
         """The trails and covariances in the view: ``kind``, ``name`` and CSS ``color`` of each."""
         return self._legend if self.view is not None else []
 
@@ -116,33 +117,34 @@ class Viewer:
         self._changed()
 
     def _on_displays(self, message: String) -> None:
-        self._shown, self._legend = shown_topics(message.data), legend_of(message.data)
+        self._shown = rows_of(message.data, "shown", shown_topic)
+        self._legend = rows_of(message.data, "legend", legend_entry)
 
 
-def shown_topics(data: str) -> list[Mapping[str, Any]]:
-    """Parse the topics in a viewer's ~/displays; empty if the message is invalid."""
+def rows_of(data: str, name: str, read: Callable[[Any], Row]) -> list[Row]:
+    """Parse one of the lists in a viewer's ~/displays; empty if it is invalid.
+
+    Args:
+        data: the message.
+        name: the list's name.
+        read: returns what the page needs of an item.
+    """
     try:
-        return [
-            {"topic": str(row["topic"]), "type": str(row["type"]), "visible": bool(row["visible"])}
-            for row in json.loads(data)["shown"]
-        ]
+        return [read(item) for item in json.loads(data)[name]]
     except (ValueError, LookupError, TypeError, RecursionError):
         return []
 
 
-def legend_of(data: str) -> list[Mapping[str, str]]:
-    """Parse the legend in a viewer's ~/displays; empty if the message is invalid."""
-    try:
-        return [
-            {
-                "kind": str(row["kind"]),
-                "name": str(row["name"]),
-                "color": "#{:02x}{:02x}{:02x}".format(*row["color"]),
-            }
-            for row in json.loads(data)["legend"]
-        ]
-    except (ValueError, LookupError, TypeError, RecursionError):
-        return []
+def shown_topic(item: Any) -> Row:
+    """Return a topic of the list ``shown``."""
+    topic, kind, visible = item["topic"], item["type"], item["visible"]
+    return {"topic": str(topic), "type": str(kind), "visible": bool(visible)}
+
+
+def legend_entry(item: Any) -> Row:
+    """Return an entry of the list ``legend``, with its colour as in CSS."""
+    color = "#{:02x}{:02x}{:02x}".format(*item["color"])
+    return {"kind": str(item["kind"]), "name": str(item["name"]), "color": color}
 
 
 class ViewProxy:

@@ -1,12 +1,31 @@
-"""The browser of the steering page's tests."""
+"""The browser of the steering page's tests, and what the tests of a file share."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
 
+from onebot_bringup.testing.domains import used_domain
+
 if TYPE_CHECKING:
+    from tests.onebot_bringup.steering_support import Steering
     from tests.steering_browser_support import Page
+
+
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    """One ROS domain for all tests of a file."""
+    with used_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="module")
+def shared(domain: int) -> "Iterator[tuple[int, Steering]]":
+    """The domain of a steering page that all tests of a file share, and its node."""
+    from tests.onebot_bringup.steering_support import steering  # imports aiohttp and rclpy
+
+    with steering() as node:
+        yield domain, node
 
 
 @pytest.fixture(scope="module")

@@ -2,15 +2,15 @@
 
 import asyncio
 import json
-import math
 import re
 import socket
 import threading
 from collections.abc import Coroutine, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import aiohttp
 from geometry_msgs.msg import Twist
@@ -28,7 +28,7 @@ class PageClient:
     def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
         self.errors: list[str] = []
-        self.refused: list[tuple[str | None, str | None]] = []  # the message and field, of each
+        self.refused: list[str | None] = []  # the type of each message that was
         self.id = ""
         self.closed = False
         self._loop = asyncio.new_event_loop()
@@ -58,7 +58,7 @@ class PageClient:
             elif fields["type"] == "state":
                 self.states.append(fields)
             else:
-                self.refused.append((fields["about"], fields["field"]))
+                self.refused.append(fields["about"])
                 self.errors.append(fields["message"])
         self.closed = True
 
@@ -67,10 +67,9 @@ class PageClient:
         """The latest."""
         return self.states[-1]
 
-    def say(self, text: str | bytes) -> None:
-        """Send text or bytes as they are."""
-        send = self._socket.send_str if isinstance(text, str) else self._socket.send_bytes
-        self._do(send(text))
+    def say(self, text: str) -> None:
+        """Send text as it is."""
+        self._do(self._socket.send_str(text))
 
     def send(self, kind: str, **fields: Any) -> None:
         """Send a message."""
@@ -136,7 +135,6 @@ class Way:
 
     def __init__(self, address: str) -> None:
         self.delay = 0.0  # s
-        self.rate = math.inf  # bytes/s
         self._server = urlsplit(address)
         self._open: set[asyncio.StreamWriter] = set()
         self._loop = asyncio.new_event_loop()
@@ -168,14 +166,10 @@ class Way:
     async def _pass(self, sent: asyncio.Queue[Any], onward: asyncio.StreamWriter) -> None:
         while (found := await sent.get())[1]:
             came, data = found
-            while data:
-                # By what holds now: a way that was slow is fast at once for all that waits.
-                size = len(data) if self.rate == math.inf else 10
-                while (wait := came + self.delay - self._loop.time()) > 0.0:
-                    await asyncio.sleep(min(wait, 0.02))
-                await asyncio.sleep(size / self.rate)
-                onward.write(data[:size])
-                data = data[size:]
+            # By what holds now: a way that was slow is fast at once for all that waits.
+            while (wait := came + self.delay - self._loop.time()) > 0.0:
+                await asyncio.sleep(min(wait, 0.02))
+            onward.write(data)
         onward.close()
 
     async def _answer(self, answers: asyncio.StreamReader, page: asyncio.StreamWriter) -> None:
@@ -230,7 +224,15 @@ class Steering(NodeProcess):
     @property
     def address(self) -> str:
         """What it prints."""
-        return address_of(self)
+
+        def printed() -> re.Match[str] | None:
+            match = re.search(r"open (http://\S+)\n", self.output)
+            assert match or self.process.poll() is None, self.output
+            return match
+
+        found = wait_for(printed, "the page's address")
+        assert found is not None
+        return found[1]
 
     @property
     def port(self) -> int:
@@ -241,7 +243,7 @@ class Steering(NodeProcess):
 def steering(check: bool = True, **parameters: object) -> Iterator[Steering]:
     """The node, once it serves."""
     with Steering(check, **parameters) as node:
-        address_of(node)
+        assert node.address
         yield node
 
 
@@ -249,7 +251,7 @@ def steering(check: bool = True, **parameters: object) -> Iterator[Steering]:
 def steered(pages: int = 1, /, **parameters: object) -> Iterator[tuple[Any, ...]]:
     """The node as ``steering`` has it, and its first pages, once they are told of the robot."""
     with steering(**parameters) as node, ExitStack() as opened:
-        address = address_of(node)
+        address = node.address
         yield node, *(opened.enter_context(PageClient(address)) for _ in range(pages))
 
 
@@ -260,23 +262,18 @@ def visited(domain: int, node: Steering, pages: int = 1) -> Iterator[tuple[Any, 
         yield peer, *(opened.enter_context(PageClient(node.address)) for _ in range(pages))
 
 
+def requested(request: Request) -> Any:
+    """The answer to a request, a refusal too; use it as a context."""
+    try:
+        return urlopen(request, timeout=PATIENCE)
+    except HTTPError as error:
+        return error
+
+
 def cookie_of(address: str) -> str:
     """The cookie that a page gets at an address with its token."""
     with urlopen(address, timeout=PATIENCE) as answer:
         return str(answer.headers["Set-Cookie"])
-
-
-def address_of(node: NodeProcess) -> str:
-    """The address that it prints."""
-
-    def printed() -> re.Match[str] | None:
-        match = re.search(r"open (http://\S+)\n", node.output)
-        assert match or node.process.poll() is None, node.output
-        return match
-
-    found = wait_for(printed, "the page's address")
-    assert found is not None
-    return found[1]
 
 
 class Commands:

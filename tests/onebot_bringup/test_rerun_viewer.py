@@ -29,7 +29,7 @@ from onebot_description.ros.parameters.reader import ConfigError, declare, read
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, stamps, while_written
 from tests.onebot_bringup.viewer_support import ARM, VIEW, viewer_node
-from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.ros_support import LATCHED, NodeProcess, Peer, spin_until
 from tests.support import lines_of_ours, wait_for
 
 NODE = "/rerun_viewer"
@@ -107,11 +107,14 @@ def test_an_edited_description_is_shown_live_and_a_broken_one_is_not(shown):
     shown.describe(ARM, 'showing "arm"')
 
 
-def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
-    """Those that the parameter names, below the node's own; one that is not there is named."""
-    file = tmp_path / "x.rrd"
-    words = {"robots": "[left, /right, later]"}
-    with viewer_node(tmp_path, VIEW, "-r", "__ns:=/r1", **words) as node, Peer(ros_domain) as it:
+def test_several_robots_are_shown_until_the_disk_is_full(ros_domain, tmp_path):
+    """Those that the parameter names, below the node's own; one that is not there is named.
+
+    A full disk is one clear error, without a traceback, Rerun's or Python's.
+    """
+    file, words = tmp_path / "x.rrd", ("-r", "__ns:=/r1")
+    names = {"robots": "[left, /right, later]"}
+    with viewer_node(tmp_path, VIEW, *words, check=False, **names) as node, Peer(ros_domain) as it:
         alike, other = Robot(it, space="r1/left/"), Robot(it, ARM.replace("arm", "leg"), "right/")
         wait_for(lambda: 'showing "arm" (2 links) in /r1/left' in node.output, "one robot")
         wait_for(lambda: 'showing "leg" (2 links) in /right' in node.output, "the other")
@@ -122,7 +125,14 @@ def test_robots_of_several_namespaces_are_shown(ros_domain, tmp_path):
         other.move()
         for entity in ("/r1/left/joints/position/0", "/right/joints/position/0"):
             wait_for(lambda: while_written(chunks, file, entity), entity)  # noqa: B023
-        assert node.interrupt() == 0
+        size = file.stat().st_size
+        resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (size, size))
+        wait_for(lambda: alike.move() or node.process.poll() is not None, "the end")
+        assert node.wait() == 1
+        limit = f"error: save:={file}: {os.strerror(errno.EFBIG)}"
+        assert lines_of_ours(node.output)[-1] == limit
+        for word in ("Traceback", "Error occurred", "ERROR", "FATAL"):
+            assert word not in node.output
 
 
 def test_no_process_outlives_the_node(ros_domain, tmp_path):
@@ -136,34 +146,17 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path):
         wait_for(lambda: not any(child.is_running() for child in children), "its children's end")
 
 
-def test_wrong_parameters_are_one_clear_error(ros_domain, tmp_path):
-    """With all that is wrong, exit code 1, no traceback."""
+def test_wrong_parameters_are_one_clear_error(start_node, tmp_path):
+    """With all that is wrong."""
     wrong = {"axes.length": -1.0, "camera.eye": "[1.0]", "panels.top": "open"}
-    with viewer_node(tmp_path, check=False, view="none", **wrong) as node:
-        assert node.wait() == 1
-        assert node.output.count("error:") == 1 and "Traceback" not in node.output
-        for sentence in (
-            "axes.length: -1 is below 0; write a number from 0",
-            "camera.eye: 1 numbers; write three metres",
-            'panels.top: no "open" (known: collapsed, expanded, hidden)',
-        ):
-            assert sentence in node.output
-
-
-def test_a_full_disk_is_one_clear_error(ros_domain, tmp_path):
-    """Without a traceback, Rerun's or Python's; of a robot in the node's namespace."""
-    file, words = tmp_path / "x.rrd", ("-r", "__ns:=/r1")
-    with viewer_node(tmp_path, VIEW, *words, check=False) as node, Peer(ros_domain) as peer:
-        robot = Robot(peer, space="r1/")
-        wait_for(lambda: 'showing "arm"' in node.output, "the robot")
-        size = file.stat().st_size
-        resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (size, size))
-        wait_for(lambda: robot.move() or node.process.poll() is not None, "the end")
-        assert node.wait() == 1
-        limit = f"error: save:={file}: {os.strerror(errno.EFBIG)}"
-        assert lines_of_ours(node.output)[-1] == limit
-        for word in ("Traceback", "Error occurred", "ERROR", "FATAL"):
-            assert word not in node.output
+    with pytest.raises(OneBotError) as error:
+        start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd", view="none", **wrong)
+    for sentence in (
+        "axes.length: -1 is below 0; write a number from 0",
+        "camera.eye: 1 numbers; write three metres",
+        'panels.top: no "open" (known: collapsed, expanded, hidden)',
+    ):
+        assert sentence in str(error.value)
 
 
 def test_the_memory_limit_is_a_size():
@@ -226,7 +219,7 @@ def test_the_page_around_the_view_says_which_pictures_it_shows(ros_domain: int) 
 
 
 def test_a_switch_is_saved(shown):
-    """RViz's check boxes; what cannot be is refused with what would be right."""
+    """RViz's check boxes, to any file; what cannot be is refused with what would be right."""
     view, peer = shown.folder / "view.yaml", shown.peer
     [refused] = peer.set_parameters(NODE, **{"camera.eye": [1.0]})
     assert not refused.successful
@@ -238,6 +231,11 @@ def test_a_switch_is_saved(shown):
         assert answer.success and str(view) in answer.message
         saved = load_view(view)
         assert saved.collision is collision and saved.camera.eye == (4.0, 0.0, 0.0)
+    for name, success in (("x.rbl", False), ("copy.yaml", True)):
+        peer.set_parameters(NODE, save_view_to=str(view.with_name(name)))
+        assert peer.call(Trigger, f"{NODE}/save_view").success is success
+        assert view.with_name(name).exists() is success
+    peer.set_parameters(NODE, save_view_to="")
 
 
 def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(shown):
@@ -266,18 +264,12 @@ def test_an_edit_of_the_file_is_shown_and_a_mistake_is_said_once(shown):
     assert node.output[before:].count("keeping the view") == 2
 
 
-def test_without_a_file_the_view_is_the_robot_s_own(ros_domain, tmp_path):
-    """Found by its name; before, there is none to save into until one is named."""
-    with viewer_node(tmp_path, None) as node, Peer(ros_domain) as peer:
-        answer = peer.call(Trigger, f"{NODE}/save_view")
-        assert not answer.success and "save_view_to" in answer.message
-        results = peer.set_parameters(NODE, save_view_to=str(tmp_path / "new.yaml"), collision=True)
-        assert all(result.successful for result in results)
-        assert peer.call(Trigger, f"{NODE}/save_view").success
-        assert load_view(tmp_path / "new.yaml").collision
-        Robot(peer, ARM.replace('name="arm"', 'name="mrm"'))
-        wait_for(lambda: "mrm_description/config/view.yaml" in node.output, "MRM's view")
-        assert peer.parameter(NODE, "joint_plot.limits") is True
+def test_without_a_file_the_view_is_the_robot_s_own(start_node, peer, tmp_path):
+    """Found by its name."""
+    node = start_node(RerunViewer, viewer="none", save=tmp_path / "x.rrd")
+    description = peer.node.create_publisher(String, "robot_description", LATCHED)
+    description.publish(String(data=ARM.replace('name="arm"', 'name="mrm"')))
+    spin_until(node, lambda: node.get_parameter("joint_plot.limits").value, "MRM's view")
 
 
 def test_refused_parameters_leave_the_recording_that_they_would_replace(start_node, tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 from onebot_bringup.serving.ports import is_loopback, listen
-from onebot_bringup.steering.access import Access, choose_bind_address, new_token
+from onebot_bringup.steering.access import Access, choose_bind_address
 from onebot_description.errors import OneBotError
 
 LOCAL = Access("", "127.0.0.1", 8080)
@@ -77,27 +77,17 @@ def test_the_right_token_or_its_cookie_is_enough():
 
 def test_new_tokens_differ_and_are_long():
     """128 bits, as text that an address can hold; one is made where it is needed."""
-    made = [choose_bind_address("0.0.0.0", 0, "").token for _ in range(2)]
-    tokens = {*made, *(new_token() for _ in range(100))}
-    assert len(tokens) == 102 and all(len(token) >= 22 and token.isascii() for token in tokens)
+    tokens = {choose_bind_address("0.0.0.0", 0, "").token for _ in range(10)}
+    assert len(tokens) == 10 and all(len(token) >= 22 and token.isascii() for token in tokens)
     assert choose_bind_address("127.0.0.1", 0, "").token == ""
     assert choose_bind_address("127.0.0.1", 0, "mine").token == "mine"
     assert choose_bind_address("0.0.0.0", 0, "mine").token == "mine"
 
 
-@pytest.mark.parametrize(
-    "address, loopback",
-    [
-        ("127.8.9.1", True),
-        ("::1", True),
-        ("localhost", True),
-        ("0.0.0.0", False),
-        ("::", False),
-    ],
-)
-def test_loopback_is_known(address, loopback):
+def test_loopback_is_known():
     """An address for all of the network is not."""
-    assert is_loopback(address) is loopback
+    assert all(map(is_loopback, ("127.8.9.1", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::")))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "0.0.0.0", ""])

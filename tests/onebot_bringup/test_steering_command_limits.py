@@ -17,12 +17,11 @@ from onebot_bringup.steering.command_limits import (
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.drive.speed_limiter import SpeedLimits
 
-FAST = Controller("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0), 0.5)
+FAST = Controller("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0))
 SLOW = Controller(
     "/slow",
     SpeedLimits(max_velocity=0.5, min_velocity=-0.25, max_acceleration=1.0),
     SpeedLimits(max_velocity=8.0),
-    0.25,
 )
 
 
@@ -70,7 +69,7 @@ def test_a_limit_of_zero_is_one():
 
 def test_a_controller_is_known_by_its_parameters():
     """A limit of velocity makes one; what cannot be a limit is none."""
-    assert {"linear.x.max_velocity", "angular.z.min_jerk", "cmd_vel_timeout"} < NAMES
+    assert {"linear.x.max_velocity", "angular.z.min_jerk"} < NAMES
     found = Controller.from_parameters(
         "/robot",
         {
@@ -78,10 +77,9 @@ def test_a_controller_is_known_by_its_parameters():
             "linear.x.min_velocity": 0.5,
             "linear.x.max_deceleration": -2.0,
             "angular.z.max_velocity": math.inf,
-            "cmd_vel_timeout": 0.25,
         },
     )
-    assert found is not None and found.linear.max_velocity == 0.5 and found.timeout == 0.25
+    assert found is not None and found.linear.max_velocity == 0.5
     assert math.isnan(found.linear.min_velocity) and math.isnan(found.angular.max_velocity)
     assert found.linear.max_deceleration == -2.0
 
@@ -90,7 +88,7 @@ def test_a_controller_is_known_by_its_parameters():
     "values",
     [
         {},
-        {"cmd_vel_timeout": 0.5, "linear.x.max_jerk": 1.0},
+        {"linear.x.max_jerk": 1.0},
         {"linear.x.max_velocity": -0.5},
         {"angular.z.max_velocity": math.inf},
     ],
@@ -98,14 +96,6 @@ def test_a_controller_is_known_by_its_parameters():
 def test_anything_else_is_no_controller(values):
     """Whatever other parameters it has."""
     assert Controller.from_parameters("/onlooker", values) is None
-
-
-@pytest.mark.parametrize("timeout", [0.0, -1.0, math.nan, math.inf])
-def test_a_controller_that_never_times_out_is_told_apart(timeout):
-    """diff_drive_controller's 0 is no timeout."""
-    values = {"linear.x.max_velocity": math.nan, "cmd_vel_timeout": timeout}
-    found = Controller.from_parameters("/robot", values)
-    assert found is not None and found.timeout is None
 
 
 @pytest.mark.parametrize(
@@ -123,12 +113,11 @@ def test_a_controller_that_never_times_out_is_told_apart(timeout):
 )
 def test_braking_is_as_the_speed_limiter_brakes(given, deceleration, jerk):
     """What is not given follows from the others; the slower direction counts."""
-    found = braking_of([Controller("/robot", SpeedLimits(**given), SpeedLimits(), 0.5)])
-    assert found == Braking(deceleration, jerk, 0.5)
+    found = braking_of([Controller("/robot", SpeedLimits(**given))])
+    assert found == Braking(deceleration, jerk)
 
 
 def test_of_several_controllers_the_one_that_brakes_last_counts():
-    """No controller, no braking; one that never times out is the last."""
+    """No controller, no braking."""
     assert braking_of([]) is None
-    assert braking_of([FAST, SLOW]) == Braking(1.0, None, 0.5)
-    assert braking_of([FAST, replace(SLOW, timeout=None)]) == Braking(1.0, None, None)
+    assert braking_of([FAST, SLOW]) == Braking(1.0, None)

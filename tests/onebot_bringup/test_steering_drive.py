@@ -8,7 +8,6 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
-from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import PageClient, steering
 from tests.onebot_control.control_support import urdf
 from tests.ros_support import NodeProcess, Peer, ros_args
@@ -17,12 +16,6 @@ from tests.support import wait_for
 WHEELS = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
 LIMITS = {"linear.x.max_velocity": 0.5}  # the others are those of control.yaml
 SPEED = 0.3  # m/s
-
-
-@pytest.fixture(scope="module")
-def domain() -> Iterator[int]:
-    with used_domain() as domain:
-        yield domain
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +56,7 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, domain):
                 wait_for(lambda: page.state["others"] == ["/script"], "the other publisher")
                 wait_for(lambda: page.state["controllers"], "the robot")
                 assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
-                braking = {"deceleration": 0.5, "jerk": None, "timeout": 0.5}
+                braking = {"deceleration": 0.5, "jerk": None}
                 assert page.state["braking"] == braking
                 wait_for(lambda: abs(_speed(odometry) - SPEED) < 0.01, "the robot to drive")
                 assert not page.state["locked"]

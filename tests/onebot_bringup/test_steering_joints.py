@@ -3,27 +3,23 @@
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
+from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
-from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
-from onebot_bringup.testing.domains import used_domain
 from onebot_description.elements.description import Joint
-from tests.onebot_bringup.joints_support import BAR, SPEED, STANDING, TURNS, Arm, described
+from tests.onebot_bringup.joints_support import SPEED, STANDING, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
 from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState
-from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
-from tests.ros_support import NodeProcess, Peer, ros_args
+from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 STEERED = SteeredJoint("rad", 0.5, -1.0, 1.2)
@@ -55,22 +51,6 @@ def test_a_joint_gets_to_its_velocity_and_ends_at_rest():
     assert short_motion(STEERED, 0.3, 0.0, 0.0, 0.1) == (0.3, 0.3, 0.3, 0.0)
 
 
-class OfLeavingRobot(JointCommands):
-    """The node's thread removes the lock right after it was looked at."""
-
-    def __init__(self) -> None:
-        self.locks = iter([SimpleNamespace(locked=True)])
-
-    @property
-    def _robot_lock(self) -> Any:
-        return next(self.locks, None)
-
-
-def test_the_lock_of_a_robot_that_leaves_can_still_be_read():
-    robot = OfLeavingRobot()
-    assert [robot.locked, robot.locked] == [True, False]
-
-
 _speed = st.floats(-2.0, 2.0)
 
 
@@ -96,33 +76,6 @@ def test_a_joint_reaches_its_limit_and_stays_there():
 
 
 # Robots ---------------------------------------------------------------------------------------
-
-DRIVING = urdf(
-    wheel("left", SEPARATION / 2),
-    wheel("right", -SEPARATION / 2),
-    CASTER,
-    BAR.format(name="arm", kind="revolute", parent="base_link", limits=TURNS),
-)
-TWO_CONTROLLERS = """
-controller_manager:
-  ros__parameters:
-    arm_controller:
-      type: joint_trajectory_controller/JointTrajectoryController
-    lift_controller:
-      type: joint_trajectory_controller/JointTrajectoryController
-arm_controller:
-  ros__parameters:
-    joints: [arm_joint]
-lift_controller:
-  ros__parameters:
-    joints: [lift_joint]
-"""
-
-
-@pytest.fixture(scope="module")
-def domain() -> Iterator[int]:
-    with used_domain() as domain:
-        yield domain
 
 
 @pytest.fixture(scope="module")
@@ -193,16 +146,14 @@ def test_joints_move_while_held_and_stop_when_let_go(node: Any, arm: Arm) -> Non
         assert len(arm.commands) == count, "nothing for an arm when only wheels are driven"
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGTERM])
-def test_the_arm_stops_when_the_server_does(arm: Arm, number: int) -> None:
+def test_the_arm_stops_when_the_server_does(arm: Arm) -> None:
     """Hanging, by the end of the last trajectory; after a hang it does not go on."""
     with steering(check=False) as own, opened(own) as page:
         hold(page, arm)
-        arm.stop(lambda: own.process.send_signal(number))
-        if number == signal.SIGSTOP:
-            page.silence()  # what it sent meanwhile waits
-            own.process.send_signal(signal.SIGCONT)
-            arm.rest()
+        arm.stop(lambda: own.process.send_signal(signal.SIGSTOP))
+        page.silence()  # what it sent meanwhile waits
+        own.process.send_signal(signal.SIGCONT)
+        arm.rest()
         own.process.send_signal(signal.SIGKILL)
         wait_for(lambda: page.closed, "the end of the connection")
 
@@ -248,56 +199,6 @@ def test_stop_locks_the_arm_until_a_page_moves_it(node: Any, arm: Arm) -> None:
         arm.stop(page.let_go)
 
 
-def test_each_controller_gets_its_own_joints(ros_domain: int, tmp_path: Path) -> None:
-    """What another one moves is left alone."""
-    (tmp_path / "standing.urdf").write_text(STANDING)
-    (tmp_path / "two.yaml").write_text(TWO_CONTROLLERS)
-    args = [str(tmp_path / "standing.urdf"), "--ros-args", "--params-file", tmp_path / "two.yaml"]
-    with (
-        NodeProcess(MODULE, *map(str, args)),
-        described(ros_domain, STANDING) as peer,
-        steering() as own,
-        opened(own) as page,
-    ):
-        arm, lift = Arm(peer, "/arm_controller"), Arm(peer, "/lift_controller")
-        wait_for(lambda: len(page.state["joints"]) == 2, "both joints")
-        hold(page, arm)
-        assert lift.commands == [] and arm.commands[-1].joint_names == ["arm_joint"]
-        arm.stop(page.let_go)
-        count = len(arm.commands)
-        page.hold(0.0, lift_joint=0.1)
-        wait_for(lambda: lift.positions()[0] > 0.02, "the lift")
-        page.let_go()
-        lift.rest()
-        assert len(arm.commands) == count
-
-
-def test_an_arm_on_a_robot_that_drives(ros_domain: int, tmp_path: Path) -> None:
-    """Both move at once; Stop locks both by the lock of the robot's commands."""
-    (tmp_path / "driving.urdf").write_text(DRIVING)
-    wheels = {"left_wheel_names": "[left_wheel_joint]", "right_wheel_names": "[right_wheel_joint]"}
-    args = [str(tmp_path / "driving.urdf"), *ros_args(**wheels)]
-    with (
-        NodeProcess("onebot_control.velocity_controller", *args),
-        described(ros_domain, DRIVING) as peer,
-        steering() as own,
-        opened(own) as page,
-    ):
-        arm, twists = Arm(peer), peer.hear(Twist, TOPIC)
-        wait_for(lambda: page.state["listeners"] == 2, "the robot")
-        page.hold(0.2, arm_joint=SPEED)
-        arm.reach(SPEED)
-        wait_for(lambda: twists and twists[-1].linear.x == 0.2, "the robot to drive")
-        arm.stop(lambda: page.send("stop"))
-        wait_for(lambda: page.state["locked"] and twists[-1].linear.x == 0.0, "the lock")
-        assert peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock") == 0
-        page.let_go()
-        page.hold(0.0, arm_joint=-SPEED)
-        arm.reach(-SPEED)
-        assert not page.state["locked"]
-        arm.stop(page.let_go)
-
-
 # Controllers of other makes ---------------------------------------------------------------------
 
 
@@ -310,8 +211,12 @@ class OtherController:
         states = peer.node.create_publisher(ControllerState, f"{name}/controller_state", 10)
         self._timer = peer.node.create_timer(0.02, lambda: states.publish(self.state))
 
-    def be_at(self, *positions: float) -> None:
-        state = ControllerState(joint_names=["arm_joint", "other_joint"])
+    def speed(self) -> float | None:
+        """What the first joint is commanded, rad/s; None before there is a command."""
+        return self.commands[-1].points[0].velocities[0] if self.commands else None
+
+    def be_at(self, *positions: float, names: Sequence[str] = ("arm_joint", "other_joint")) -> None:
+        state = ControllerState(joint_names=names)
         state.header.stamp.sec = 7
         state.reference.positions = state.feedback.positions = [*positions]
         self.state = state
@@ -321,25 +226,62 @@ def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domai
     """At its own stamp; not from one that is not finite, or incomplete.
 
     A joint that the description does not have rests; what is in a namespace is another robot's.
+    Each controller gets its own joints, and nothing while those of another one move.
     """
     with described(ros_domain, STANDING) as peer, steering() as own:
         mine, other = (OtherController(peer, f"{name}/arm") for name in ("", "/robot2"))
         for controller in (mine, other):
             controller.be_at(0.1, 0.2)
+        lift = OtherController(peer, "/lift")
+        lift.be_at(0.0, names=["lift_joint"])
         with opened(own) as page:
+            wait_for(lambda: len(page.state["joints"]) == 2, "both controllers")
+
+            def shown() -> dict[str, Any]:
+                return {joint["name"]: joint for joint in page.state["joints"]}
+
+            page.hold(0.0, lift_joint=0.1)
+            command = wait_for(lambda: lift.commands and lift.commands[-1], "the lift's")
+            assert command.joint_names == ["lift_joint"] and mine.commands == []
+            page.let_go()
             joint = {"name": "arm_joint", "unit": "rad", "most": 1.0, "position": 0.1}
-            assert page.state["joints"] == [joint]
-            page.hold(0.0, arm_joint=0.5, other_joint=0.5, lift_joint=0.5)
+            assert shown()["arm_joint"] == joint
+            page.hold(0.0, arm_joint=0.5, other_joint=0.5)
             command = wait_for(lambda: mine.commands and mine.commands[-1], "a trajectory")
             assert command.header.stamp.sec == 7
             assert command.joint_names == ["arm_joint", "other_joint"]
             assert [point.positions[1] for point in command.points] == [0.2] * 3
             assert [point.velocities[0] for point in command.points] == [0.5, 0.5, 0.0]
-            for positions, shown in (((math.nan, 0.2), None), ((0.3,), 0.3)):
+            for positions, place in (((math.nan, 0.2), None), ((0.3,), 0.3)):
                 mine.be_at(*positions)
-                wait_for(lambda at=shown: page.state["joints"][0]["position"] == at, "the state")
+                wait_for(lambda at=place: shown()["arm_joint"]["position"] == at, "the state")
                 commands, states = len(mine.commands), len(page.states)
                 wait_for(lambda past=states: len(page.states) > past + 5, "half a second")
                 assert len(mine.commands) <= commands + 1, "but for one that was on its way"
             page.let_go()
         assert other.commands == []
+
+
+def test_an_arm_on_a_robot_that_drives(ros_domain: int) -> None:
+    """Both move at once; Stop stops both, and locks them by the lock of the robot's commands."""
+    with described(ros_domain, STANDING) as peer, steering() as own:
+        arm, twists = OtherController(peer, "/arm"), peer.hear(Twist, TOPIC)
+        locks = peer.hear(Bool, f"{TOPIC}_lock")
+        arm.be_at(0.1, 0.2)
+
+        def command(speed: float, turn: float) -> bool:
+            return bool(twists) and twists[-1].linear.x == speed and arm.speed() == turn
+
+        with opened(own) as page:
+            wait_for(lambda: page.state["listeners"] == 1, "the robot")
+            page.hold(0.2, arm_joint=SPEED)
+            wait_for(lambda: command(0.2, SPEED), "both to move")
+            page.send("stop")
+            wait_for(
+                lambda: command(0.0, 0.0) and locks and locks[-1].data, "the stop, and the lock"
+            )
+            assert peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock") == 0
+            page.let_go()
+            page.hold(0.0, arm_joint=-SPEED)
+            wait_for(lambda: command(0.0, -SPEED) and not locks[-1].data, "the arm to move again")
+            page.let_go()

@@ -2,18 +2,16 @@
 
 import signal
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
 from selenium.webdriver.common.keys import Keys
 
-from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.joints_support import STANDING, UPPER, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, Steering, steering
 from tests.onebot_bringup.test_steering_page_looks import findings
 from tests.onebot_control.arm_support import MODULE
-from tests.ros_support import NodeProcess, Peer
+from tests.ros_support import NodeProcess
 from tests.steering_browser_support import Page
 from tests.support import wait_for
 
@@ -23,14 +21,10 @@ SLIDER, LIFT = "#joint-0", "#joint-1"
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+def arm(domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     model = tmp_path_factory.mktemp("robot") / "standing.urdf"
     model.write_text(STANDING)
-    with (
-        used_domain() as domain,
-        NodeProcess(MODULE, str(model)),
-        described(domain, STANDING) as peer,
-    ):
+    with NodeProcess(MODULE, str(model)), described(domain, STANDING) as peer:
         yield Arm(peer)
 
 
@@ -94,8 +88,11 @@ def value(page: Page, slider: str = SLIDER) -> float:
     return float(page.find(slider).get_property("value"))
 
 
-def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None:
-    """With that share of its speed; let go, it springs back, and the joint stops."""
+def test_a_slider_moves_its_joint_while_it_is_held(page: Page, node: Steering, arm: Arm) -> None:
+    """With that share of its speed; let go, it springs back, and the joint stops.
+
+    It shows what another page commands.
+    """
 
     def names() -> list[str]:
         labels = page.find("#joints").find_elements("css selector", "label")
@@ -113,6 +110,9 @@ def test_a_slider_moves_its_joint_while_it_is_held(page: Page, arm: Arm) -> None
     assert page.find(SLIDER).get_attribute("aria-valuetext") == "0.00 rad/s"
     words = f"{arm.positions()[0]:.3f} rad".replace("-", "\N{MINUS SIGN}")
     wait_for(lambda: page.text("#joint-0-position") == words, "where it is")
+    with PageClient(node.address) as other:
+        other.hold(0.0, lift_joint=0.02)
+        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
 
 
 def test_arrow_keys_move_the_joint_with_the_focus(
@@ -136,29 +136,16 @@ def test_arrow_keys_move_the_joint_with_the_focus(
     assert len(arm.commands) == count
 
 
-@pytest.mark.parametrize("leave", ["blur", "hide", "reload", "close panel", "menu"])
-def test_leaving_stops_the_arm(tab: Page, node: Steering, arm: Arm, leave: str) -> None:
-    """The window or the tab, the panel of joints, or a menu that takes the pointer."""
-    first = tab.driver.current_window_handle
-    tab.driver.switch_to.new_window("tab")
-    own = tab.driver.current_window_handle
-    page = opened(tab, node)
+@pytest.mark.parametrize(
+    "leave",
+    ["window.dispatchEvent(new Event('blur'))", "document.querySelector('[name=joints]').click()"],
+    ids=["blur", "close panel"],
+)
+def test_leaving_stops_the_arm(page: Page, arm: Arm, leave: str) -> None:
+    """As any control, when the window loses the focus; and when the panel of joints is closed."""
     hold(page, arm)
-    ends: dict[str, Callable[[], Any]] = {
-        "blur": lambda: page.driver.execute_script("window.dispatchEvent(new Event('blur'))"),
-        "hide": lambda: page.driver.switch_to.window(first),
-        "reload": page.driver.refresh,
-        "close panel": lambda: page.driver.execute_script(
-            "document.querySelector('[name=joints]').click()"
-        ),
-        "menu": lambda: page.driver.execute_script(
-            "document.body.dispatchEvent(new Event('contextmenu', { bubbles: true }))"
-        ),
-    }
-    stop(arm, ends[leave])
-    page.driver.switch_to.window(own)
-    page.driver.close()
-    page.driver.switch_to.window(first)
+    stop(arm, lambda: page.driver.execute_script(leave))
+    page.let_go()
 
 
 def test_a_dead_server_stops_the_arm(tab: Page, arm: Arm) -> None:
@@ -187,26 +174,6 @@ def test_an_arm_that_stands_has_its_joints_only(
     assert page.text("#driver") == "Locked: drive to unlock"
     hold(page, arm)
     stop(arm, lambda: let_go(page))
-
-
-def test_stop_and_another_page_stop_the_arm(
-    page: Page, node: Steering, arm: Arm, twists: list[Twist]
-) -> None:
-    """What is still held then does nothing; the next press unlocks."""
-    wait_for(lambda: page.find("#pad").is_displayed(), "the wheels")
-    hold(page, arm)
-    stop(arm, lambda: page.act().send_keys(" ").perform())
-    wait_for(lambda: page.text("#driver") == "Locked: drive to unlock", "the lock")
-    page.drag(20, 0)
-    arm.rest()
-    page.let_go()
-    hold(page, arm)
-    assert page.text("#driver") == "You drive"
-    with PageClient(node.address) as other:
-        stop(arm, lambda: other.hold(0.0, lift_joint=0.02))
-        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
-        assert page.body("hand") == ""
-    page.let_go()
 
 
 def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
@@ -253,11 +220,3 @@ def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
     hold(page, arm)
     assert findings(page) == []
     page.let_go()
-
-
-def test_without_joints_there_is_no_panel(tab: Page, ros_domain: int) -> None:
-    """As for a robot that only drives."""
-    with Peer(ros_domain), steering() as node:
-        tab.open(node.address)
-        tab.wait_for_states(3)
-        assert not tab.find("[name=joints]").is_displayed()

@@ -1,19 +1,21 @@
 """How far the robot that is steered can go until it meets what its sensors see."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
+from std_msgs.msg import String
 
-from onebot_bringup.steering.obstacles import Footprint, Readings, described
+from onebot_bringup.steering.followed_topics import RobotNamespace
+from onebot_bringup.steering.obstacles import Footprint, Obstacles, Readings, described
+from onebot_bringup.steering.odometry_topic import OdometryTopic
+from onebot_bringup.steering.protocol import Velocity
 from onebot_description.geometry.quaternions import from_rpy, to_matrix
-from tests.onebot_bringup.steering_support import steered
-from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
-from tests.onebot_control.test_sensor_topics import HALF, room
-from tests.ros_support import NodeProcess, Peer, ros_args
+from onebot_description.ros.wire.interfaces import TFMessage
+from tests.ros_support import LATCHED, Peer
 from tests.support import wait_for
 
 ROBOT = """<robot name="box">
@@ -103,69 +105,48 @@ def test_frames_have_the_prefix_of_the_robot(footprint):
     assert Footprint.from_description(described('<robot name="x"><link name="a"/></robot>')) is None
 
 
-def sensor(topic: str, kind: str, place: str, rays: int, half: float) -> str:
-    """A link at a place, and a sensor of Gazebo classic there."""
-    return f"""
-  <link name="{topic}_link"/>
-  <joint name="{topic}_joint" type="fixed"><parent link="base_link"/><child link="{topic}_link"/>
-    <origin {place}/></joint>
-  <gazebo reference="{topic}_link"><sensor type="ray" name="{topic}"><update_rate>10</update_rate>
-    <ray><scan><horizontal><samples>{rays}</samples><min_angle>{-half}</min_angle>
-      <max_angle>{half}</max_angle></horizontal></scan>
-      <range><min>0.02</min><max>10</max></range></ray>
-    <plugin name="{topic}_plugin" filename="libgazebo_ros_ray_sensor.so">
-      <ros><remapping>~/out:={topic}</remapping></ros>
-      <output_type>sensor_msgs/{kind}</output_type></plugin></sensor></gazebo>"""
+def mounted(child: str, pitch: float, yaw: float) -> TransformStamped:
+    """A sensor in the robot's middle, turned."""
+    found = TransformStamped(child_frame_id=child)
+    found.header.frame_id, turn = "base", found.transform.rotation
+    turn.x, turn.y, turn.z, turn.w = from_rpy((0.0, pitch, yaw)).tolist()
+    return found
 
 
-FRONT = sensor("scan", "LaserScan", 'xyz="0 0 0.1"', 61, 0.7)
-REAR = 'xyz="0 0 0.1" rpy="0 0 3.141592653589793"'
-CLIFF = sensor("cliff", "LaserScan", 'xyz="0.08 0 0.02" rpy="0 1.5707963267948966 0"', 1, 0.01)
+def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
+    """By its frame, and as long as it measures; a cliff sensor sees the ground, no obstacle."""
+    node, command = peer.node, [Velocity()]
+    odometry = OdometryTopic(node, "/odom")
+    obstacles = Obstacles(node, odometry, lambda: command[0])
+    create = node.create_publisher
+    create(String, "/robot_description", LATCHED).publish(String(data=ROBOT))
+    frames = create(TFMessage, "/tf_static", LATCHED)
+    mounts = ("front", 0.0, 0.0), ("rear", 0.0, math.pi), ("cliff", math.pi / 2, 0.0)
+    frames.publish(TFMessage(transforms=[mounted(*mount) for mount in mounts]))
+    messages = {
+        "/odom": Odometry(child_frame_id="base"),
+        "/front": LaserScan(angle_increment=0.1, range_max=9.0, ranges=[1.2]),
+        "/rear": Range(field_of_view=0.02, max_range=9.0, range=2.2),
+        "/cliff": LaserScan(angle_increment=0.1, range_max=9.0, ranges=[0.05]),
+    }
+    for topic in ("/front", "/rear", "/cliff"):
+        messages[topic].header.frame_id = topic[1:]
+    publishers = {topic: create(type(one), topic, 10) for topic, one in messages.items()}
+    messages["/odom"].twist.twist.linear.x = -0.5
 
+    def clearance() -> float | None:
+        odometry.update("/cmd_vel", (), ())
+        obstacles.update(RobotNamespace("", ()), watched=True)
+        for topic, publisher in publishers.items():
+            publisher.publish(messages[topic])
+        found = obstacles.clearance
+        return found if found is None else round(found, 3)
 
-@pytest.mark.parametrize(
-    ("sensors", "speed"),
-    [
-        pytest.param(sensor("b_scan", "LaserScan", REAR, 61, 0.7), 0.3, id="the front scanner"),
-        pytest.param(sensor("sonar", "Range", REAR, 5, 0.1), -0.3, id="a sonar at the rear"),
-    ],
-)
-def test_every_sensor_counts_in_the_direction_driven(
-    peer: Peer, tmp_path: Path, sensors: str, speed: float
-) -> None:
-    """In a room, on the wire: the way to the wall, until the robot pushes it.
-
-    A cliff sensor sees the ground, which is no obstacle.
-    """
-    sides = SEPARATION / 2
-    model = str(tmp_path / "bot.urdf")
-    robot = urdf(wheel("left", sides), wheel("right", -sides), CASTER, FRONT, sensors, CLIFF)
-    Path(model).write_text(robot)
-    simulated = ros_args(world=room(tmp_path), sensor_noise=False)
-    footprint = Footprint.from_description(described(robot))
-    reach = footprint.high[0] if speed > 0.0 else -footprint.low[0]
-    with (
-        NodeProcess("onebot_description.robot_state_publisher", model),
-        NodeProcess("onebot_control.velocity_controller", model, *simulated),
-        steered() as (_, page),
-    ):
-        truth = peer.hear(Odometry, "/velocity_controller/ground_truth")
-
-        def gap() -> float:
-            x = truth[-1].pose.pose.position.x
-            return float(HALF - math.copysign(1.0, speed) * x - reach)
-
-        def told() -> float:
-            obstacle = page.state["obstacle"]
-            return math.inf if obstacle is None else obstacle
-
-        def tells(most: float) -> bool:
-            return gap() < most and abs(told() - gap()) < 0.15
-
-        wait_for(lambda: truth and page.state["listeners"] == 1, "the robot")
-        page.hold(speed)
-        wait_for(lambda: tells(1.6), "the way to the wall")
-        wait_for(lambda: tells(0.7), "less of it")
-        wait_for(lambda: gap() < 0.02, "the robot to push the wall")
-        wait_for(lambda: told() < 0.1, "the wall")
-        page.let_go()
+    command[0] = Velocity(0.3, 0.0)
+    wait_for(lambda: clearance() == 1.0, "the wall ahead")
+    command[0] = Velocity(-0.3, 0.0)
+    wait_for(lambda: clearance() == 2.0, "the wall behind")
+    command[0] = Velocity()
+    assert clearance() == 2.0, "it still rolls back"
+    del publishers["/rear"]
+    wait_for(lambda: clearance() is None, "the end of what was measured")

@@ -7,24 +7,23 @@ import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PointStamped, PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from sensor_msgs.msg import Image, LaserScan
 from std_msgs.msg import Bool, String
 
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
-from onebot_description.description import load_description
 from onebot_description.elements.packages import package_share
 from onebot_description.geometry.poses import yaw_of
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.steering_support import PageClient, Steering, Way, steering
-from tests.onebot_control.test_sensor_topics import HALF, room
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.steering_browser_support import Page
 from tests.support import wait_for
 from tests.support_browser import hosts_reached
@@ -79,6 +78,12 @@ def wait_to_stop(page: Page, heard: list[Twist]) -> None:
     assert heard[count:] == [STILL] * len(heard[count:]) and len(heard) <= count + 2
 
 
+def let_go(page: Page, heard: list[Twist]) -> None:
+    """Release the mouse, and see that this stops the robot."""
+    page.let_go()
+    wait_to_stop(page, heard)
+
+
 def wait_for_zero(page: Page, heard: list[Twist]) -> None:
     """Wait until nobody drives; a page that is late for a moment stops the robot, too."""
     wait_for(lambda: page.body("driver") == "nobody" and heard[-1] == STILL, "the stop")
@@ -101,6 +106,7 @@ def test_it_loads_from_its_own_port_only(tab: Page, node: Steering) -> None:
 
     resources = wait_for(loaded, "the page with one connection")
     assert "No view of the robot yet" in tab.text("#view")
+    assert not tab.find("[name=joints]").is_displayed(), "it has none"
     assert hosts_reached(tab.driver) == {"127.0.0.1"}
     assert len(resources) > 9
     assert all(name.startswith(f"http://127.0.0.1:{node.port}/static/") for name in resources)
@@ -123,8 +129,7 @@ def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
         # Without the dead zone of 6 % on each axis; a pixel is 1 % of the radius.
         assert linear == pytest.approx(0.5 * (0.7 - 0.06) / 0.94, abs=0.015)
         assert angular == pytest.approx(1.0 * (0.6 - 0.06) / 0.94, abs=0.03)
-        page.let_go()
-        wait_to_stop(page, heard)
+        let_go(page, heard)
         wait_for(lambda: abs(page.number("linear-measured")) < 0.01, "rest")
         assert page.number("x") != 0.0 and page.number("yaw") != 0.0
 
@@ -135,8 +140,7 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
     """It sends a release, also for a pad held beyond it; what another page took counts no more."""
     assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
     releases = page.said().count("release")
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
     page.drive_until(
         lambda: (page.hold_pad(0.0, 0.5), page.drag(-600, 0)),
@@ -144,8 +148,7 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
         lambda: heard and heard[-1].angular.z > 0.8,
         "the pad, held over the view",
     )
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     with PageClient(node.address) as other:
         page.drive_by_pad(0.0, 1.5, moving(heard))
         other.hold(-0.25)
@@ -158,28 +161,26 @@ def test_letting_go_stops_at_once_and_another_page_takes_control(
         page.let_go()
 
 
-@pytest.mark.parametrize("leave", ["reload", "blur", "hide"])
-def test_leaving_the_page_stops(tab: Page, node: Steering, heard: list[Twist], leave: str) -> None:
+BLUR = "window.dispatchEvent(new Event('blur'))"  # as of a window of another program in front
+LEAVE = {
+    "reload": lambda driver: driver.refresh(),
+    "blur": lambda driver: driver.execute_script(BLUR),
+    "hide": lambda driver: driver.switch_to.new_window("tab"),
+}
+
+
+@pytest.mark.parametrize("leave", LEAVE)
+def test_leaving_the_page_stops(page: Page, heard: list[Twist], leave: str) -> None:
     """The tab left or loaded anew, or the window without focus, while the pad is held."""
-    first = tab.driver.current_window_handle
-    tab.driver.switch_to.new_window("tab")
-    tab.open(node.address)
-    tab.drive_by_pad(0.0, 0.5, moving(heard))
-    if leave == "reload":
-        tab.driver.refresh()
-    elif leave == "blur":
-        # A window of another program in front: the page hears just this.
-        tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
-    else:
-        tab.driver.switch_to.window(first)
+    own = page.driver.current_window_handle
+    page.drive_by_pad(0.0, 0.5, moving(heard))
+    LEAVE[leave](page.driver)
     wait_for(lambda: heard[-1] == STILL, "the stop")
-    if leave in ("blur", "hide"):
-        wait_for(lambda: tab.sent()[-1]["type"] == "release", "the page to let go")
-    for handle in tab.driver.window_handles:
-        if handle != first:
-            tab.driver.switch_to.window(handle)
-            tab.driver.close()
-    tab.driver.switch_to.window(first)
+    if leave != "reload":
+        wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
+    if leave == "hide":
+        page.driver.close()
+        page.driver.switch_to.window(own)
     assert heard[-1] == STILL
 
 
@@ -243,7 +244,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[
     with steering(**LIMITS) as node, Way(node.address) as way:
         tab.open(way.address)
         tab.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
-        way.rate = 80.0  # more than half a second for a single command
+        way.delay = 0.8
         wait_for(lambda: "too slow to drive" in said(), "word of it")
         first = len(tab.sent())
 
@@ -257,14 +258,39 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[
         state = wait_for(late, "late commands")
         assert state["late"] and len(tab.sent()) - state["received"] <= 8
         assert heard[-1] == STILL and tab.body("hand") == "joystick"
-        way.rate = math.inf
+        way.delay = 0.0
         wait_for(lambda: said() == "" and heard[-1] != STILL, "it to drive again")
-        tab.let_go()
-        wait_to_stop(tab, heard)
+        let_go(tab, heard)
 
 
-def test_arrows_and_letters_drive_while_they_are_down(page: Page, heard: list[Twist]) -> None:
-    """Together too, at half speed with Shift; not what is typed into a field."""
+# What a browser gives of a gamepad, whose hardware no test has.
+GAMEPAD = """
+window.stick = { x: 0, y: 0, there: true, stop: false };
+navigator.getGamepads = () => window.stick.there ? [{
+  index: 0, id: "pad", connected: true, mapping: "standard", timestamp: performance.now(),
+  axes: [window.stick.x, window.stick.y, 0, 0],
+  buttons: [{ pressed: false }, { pressed: window.stick.stop }],
+}] : [null];
+"""
+
+
+@pytest.fixture
+def gamepad(tab: Page, request: pytest.FixtureRequest) -> Iterator[None]:
+    """Pages that are opened after it have one, or what the test's parameter makes of it."""
+    source = getattr(request, "param", GAMEPAD)
+    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=source)
+    yield
+    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+
+
+@pytest.mark.parametrize("gamepad", ["navigator.getGamepads = undefined"], indirect=True)
+def test_arrows_and_letters_drive_while_they_are_down(
+    gamepad: None, page: Page, heard: list[Twist]
+) -> None:
+    """Together too, at half speed with Shift; not what is typed into a field.
+
+    Also without gamepads, of which Firefox has none at the address of another computer.
+    """
     for keys, wanted in {
         (Keys.ARROW_UP,): (0.5, 0.0),
         (Keys.ARROW_DOWN, Keys.ARROW_LEFT): (-0.5, 1.0),
@@ -357,19 +383,16 @@ def test_the_sliders_drive_while_held_and_spring_back(page: Page, heard: list[Tw
     up = -linear.size["height"]  # beyond its end
     page.drive_by_mouse("#linear input", 0, up, at(heard, 0.5, 0.0))
     assert page.body("hand") == "sliders"
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     right = angular.size["width"]
     page.drive_by_mouse("#angular input", right, 0, at(heard, 0.0, -1.0))
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
     assert float(linear.get_property("value")) == float(angular.get_property("value")) == 0.0
     begin = len(heard)
     page.drive_by_mouse("#angular [name=plus]", 0, 0, at(heard, 0.0, 1.0))
     first = next(m for m in heard[begin:] if m != STILL)
     assert 0.0 < first.angular.z < 1.0
-    page.let_go()
-    wait_to_stop(page, heard)
+    let_go(page, heard)
 
 
 def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
@@ -618,45 +641,64 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
         assert row("parameters", "lights").is_displayed()
 
 
-def test_it_shows_what_the_sensors_see(peer: Peer, page: Page, tmp_path: Path) -> None:
-    """In a room: the walls on the map, the camera, and an obstacle that is too near for braking.
+def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
+    """The walls on the map, the camera, and an obstacle that is too near for braking.
 
     The camera is subscribed to while its picture is shown.
     """
-    urdf = load_description(ONEBOT, {"sensors_enabled": "true"}).urdf
-    (tmp_path / "onebot.urdf").write_text(urdf)
-    robot = str(tmp_path / "onebot.urdf"), *ros_args(world=room(tmp_path), x=1.6)
-    camera = "/camera/image_raw"
-    with (
-        NodeProcess("onebot_description.robot_state_publisher", robot[0]),
-        NodeProcess("onebot_control.velocity_controller", *robot),
-    ):
-        # The page replaces the element with each picture: an element found once is soon stale.
-        picture = "const i = document.querySelector('#camera img'); return [i.naturalWidth, i.alt]"
-        wait_for(lambda: page.driver.execute_script(picture) == [160, camera], "a picture")
-        page.driver.execute_script("document.querySelector('#camera').open = false")
-        wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
+    for name in ("linear.x.max_velocity", "linear.x.max_acceleration"):
+        peer.node.declare_parameter(name, 0.5)
+    camera, walls = "/camera/image_raw", [3.0, 0.2, 1.0, 2.0]  # m to the left, right, top, bottom
+    right, top, left, bottom = (walls[side] for side in (1, 2, 0, 3))
+    scan = LaserScan(angle_increment=math.pi / 2, range_max=9.0, ranges=[right, top, left, bottom])
+    odometry, frame = Odometry(child_frame_id="base"), TransformStamped(child_frame_id="base")
+    odometry.header.frame_id = frame.header.frame_id = "odom"
+    scan.header.frame_id = "base"
+    picture = Image(width=160, height=1, step=160, encoding="mono8", data=bytes(160))
+    messages = {"/scan": scan, "/velocity_controller/odom": odometry, camera: picture}
+    for topic, message in {
+        "/tf_static": TFMessage(transforms=[frame]),
+        "/robot_description": String(data=ROBOT),
+    }.items():
+        peer.node.create_publisher(type(message), topic, LATCHED).publish(message)
+    publishers = {
+        peer.node.create_publisher(type(message), topic, 1): message
+        for topic, message in messages.items()
+    }
+    timer = peer.node.create_timer(0.05, lambda: [p.publish(m) for p, m in publishers.items()])
 
-        page.find("[name=map]").click()
-        for _ in range(2):  # the whole room
-            page.find("[name=farther]").click()
-        wanted = pytest.approx([HALF + 1.6, HALF - 1.6, HALF, HALF], abs=0.1)
-        wait_for(lambda: page.driver.execute_script(WALLS) == wanted, "the walls of the room")
-        page.find("[name=map]").click()
+    # The page replaces the element with each picture: an element found once is soon stale.
+    picture_shown = (
+        "const i = document.querySelector('#camera img'); return [i.naturalWidth, i.alt]"
+    )
+    wait_for(lambda: page.driver.execute_script(picture_shown) == [160, camera], "a picture")
+    page.driver.execute_script("document.querySelector('#camera').open = false")
+    wait_for(lambda: not peer.node.count_subscribers(camera), "the camera to be left")
 
-        distance = page.find("#braking output")
+    page.find("[name=map]").click()
+    for _ in range(2):  # all of it
+        page.find("[name=farther]").click()
+    wanted = pytest.approx(walls, abs=0.1)
+    wait_for(lambda: page.driver.execute_script(WALLS) == wanted, "the walls")
+    page.find("[name=map]").click()
 
-        def redness() -> int:
-            red, green, blue = re.findall(r"\d+", distance.value_of_css_property("color"))[:3]
-            return int(red) - max(int(green), int(blue))
+    distance = page.find("#braking output")
 
-        wait_for(lambda: "m" in page.text("#braking output"), "the braking distance")
-        assert redness() < 30 and not page.text("#braking small")
-        page.drive_by_keys("w", lambda: page.text("#braking small").startswith("obstacle at"))
-        wait_for(lambda: redness() > 60, "red")
-        page.release_keys("w")
+    def redness() -> int:
+        red, green, blue = re.findall(r"\d+", distance.value_of_css_property("color"))[:3]
+        return int(red) - max(int(green), int(blue))
+
+    wait_for(lambda: page.text("#braking output") == "0.25 m", "the braking distance")
+    assert redness() < 30 and not page.text("#braking small")
+    page.drive_by_keys("w", lambda: page.text("#braking small") == "obstacle at 0.10 m")
+    wait_for(lambda: redness() > 60, "red")
+    page.release_keys("w")
+    peer.destroy(peer.node.destroy_timer, timer)
 
 
+ROBOT = """<robot name="box"><link name="base">
+  <visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>
+</link></robot>"""
 # The farthest dots to the left, right, top and bottom of the robot, m: at 80 pixels a metre; each
 # press of a button is a factor of 1.5.
 WALLS = """
@@ -710,25 +752,6 @@ def at_rest(page: Page, heard: list[Twist]) -> Iterator[None]:
     page.wait_for_states(5)
     assert [pair(m) for m in heard[begin:] if m != STILL] == []
     assert page.body("hand") == ""
-
-
-# What a browser gives of a gamepad, whose hardware no test has.
-GAMEPAD = """
-window.stick = { x: 0, y: 0, there: true, stop: false };
-navigator.getGamepads = () => window.stick.there ? [{
-  index: 0, id: "pad", connected: true, mapping: "standard", timestamp: performance.now(),
-  axes: [window.stick.x, window.stick.y, 0, 0],
-  buttons: [{ pressed: false }, { pressed: window.stick.stop }],
-}] : [null];
-"""
-
-
-@pytest.fixture
-def gamepad(tab: Page) -> Iterator[None]:
-    """Pages that are opened after it have one."""
-    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
-    yield
-    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
 def test_a_pressed_stop_keeps_the_robot_stopped(
@@ -793,18 +816,6 @@ def test_a_gamepad_that_is_plugged_in_has_to_be_at_rest_first(
     _drive_by_stick(page, at(heard, 0.5, 0.0), y=-1.0)
     _stick(page)
     wait_to_stop(page, heard)
-
-
-def test_a_browser_without_gamepads_drives(tab: Page, heard: list[Twist], node: Steering) -> None:
-    """Firefox has none at the address of another computer."""
-    source = "navigator.getGamepads = undefined"
-    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=source)
-    tab.open(node.address)
-    tab.drive_by_keys("w", at(heard, 0.5, 0.0))
-    tab.driver.execute_script("window.dispatchEvent(new Event('blur'))")
-    wait_for_zero(tab, heard)
-    tab.act().key_up("w").perform()
-    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
 def _drive_by_stick(page: Page, reached: Callable[[], bool], **axis: float) -> None:

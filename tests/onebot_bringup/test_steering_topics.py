@@ -17,18 +17,14 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from onebot_bringup.steering.command_limits import LINEAR, TIMEOUT
 from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.odometry_topic import choose_odometry
-from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import (
     TOPIC,
     Commands,
     PageClient,
-    address_of,
     steered,
-    steering,
     visited,
 )
 from tests.ros_support import LATCHED, Peer
@@ -37,13 +33,6 @@ from tests.support import PATIENCE, wait_for
 STAMPED = "geometry_msgs/msg/TwistStamped"
 ONLOOKED = "/base/cmd_vel"
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-@pytest.fixture(scope="module")
-def shared():
-    """The domain of a node that several tests share, and the node."""
-    with used_domain() as domain, steering() as node:
-        yield domain, node
 
 
 @contextmanager
@@ -149,7 +138,7 @@ def test_a_topic_of_another_type_is_refused(shared):
             assert page.state["topic"] == TOPIC and page.state["you"]
             assert not _holds_twist(peer, topic)
         assert len(page.errors) == 2 and other.errors == [] and texts == []
-        assert page.refused == [("topic", "topic")] * 2
+        assert page.refused == ["topic", "topic"]
         page.let_go()
         robot.come_to_rest()
 
@@ -283,12 +272,12 @@ def test_onlookers_change_nothing(shared):
             assert page.state["controllers"] == [] and page.state["limits"] == _pair(1.0, 2.0)
             other = estimator.node.create_publisher(Odometry, "/base/odom", 10)
             own = robot.node.create_publisher(Odometry, "/base/wheels", 10)
-            _declare(robot, 0.25, 0.5, **{"linear.x.max_jerk": 2.0, "cmd_vel_timeout": 0.0})
+            _declare(robot, 0.25, 0.5, **{"linear.x.max_jerk": 2.0})
             commands = Commands(robot, page, ONLOOKED, TwistStamped)
             _waited(page, "controllers", ["/z_robot"])
             assert page.state["limits"] == page.state["ceiling"] == _pair(0.25, 0.5)
             assert page.state["ceiling_from"] == _pair("/z_robot", "/z_robot")
-            assert page.state["braking"] == {"deceleration": None, "jerk": 2.0, "timeout": None}
+            assert page.state["braking"] == {"deceleration": None, "jerk": 2.0}
             _waited(page, "topic_type", STAMPED)
             page.hold(1.0)
             commands.reach(0.25)
@@ -341,7 +330,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
     mute = rclpy.create_node("robot", context=context, start_parameter_services=False)
 
     def die(request: Any, answer: Any) -> Any:
-        assert request.prefixes == [LINEAR, "angular.z", TIMEOUT]
+        assert request.prefixes == ["linear.x", "angular.z"]
         raise _Dies
 
     mute.create_service(ListParameters, "/robot/list_parameters", die)
@@ -442,7 +431,7 @@ def test_the_view_comes_and_goes_with_the_viewer(shared):
         viewer = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=VIEW))
         shown = wait_for(lambda: page.state["view"], "the view")
-        own = address_of(node)
+        own = node.address
         assert [urlsplit(one).netloc for one in shown] == [
             urlsplit(own.replace("127.0.0.1", name)).netloc for name in ("localhost", "127.0.0.1")
         ]

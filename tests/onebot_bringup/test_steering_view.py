@@ -4,7 +4,6 @@ import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
@@ -14,7 +13,13 @@ from selenium.webdriver.common.by import By
 from std_msgs.msg import String
 
 from onebot_bringup.steering.view_proxy import View
-from tests.onebot_bringup.steering_support import PageClient, Way, address_of, cookie_of, steering
+from tests.onebot_bringup.steering_support import (
+    PageClient,
+    Way,
+    cookie_of,
+    requested,
+    steering,
+)
 from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page
@@ -119,8 +124,8 @@ def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
         browser(tmp_path / "profile", SMALL, webgl=True) as driver,
     ):
         commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
-        own = urlsplit(address_of(node))
-        with Way(address_of(node)) as tunnel:
+        own = urlsplit(node.address)
+        with Way(node.address) as tunnel:
             page = Page(driver)
             _read_the_note_on_a_shared_process(page, f"http://127.0.0.1:{own.port}/?{own.query}")
             # Rerun takes long to load: the frame is busy before it has.
@@ -195,7 +200,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         Peer(ros_domain, "robot") as robot,
         steering() as node,
         browser(tmp_path / "profile", SMALL, webgl=True) as driver,
-        Way(address_of(node)) as tunnel,
+        Way(node.address) as tunnel,
     ):
         page = Page(driver).open(f"{tunnel.address}/")
         wait_for(lambda: _runs(page), "Rerun's page", DRAWING_PATIENCE)
@@ -273,11 +278,8 @@ def _lose_the_connection(page: Page, node: NodeProcess) -> None:
 
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
-    try:
-        with urlopen(Request(url, data, headers), timeout=PATIENCE) as answer:
-            return int(answer.status)
-    except HTTPError as error:
-        return error.code
+    with requested(Request(url, data, headers)) as answer:
+        return int(answer.status)
 
 
 def test_the_view_is_guarded_and_for_looking_only(ros_domain):
@@ -286,7 +288,7 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
     A token of one's own is kept and asked for, with characters that an address writes otherwise.
     """
     with _viewer(ros_domain) as viewer, steering(token="a b&c/+") as node:
-        address = address_of(node)
+        address = node.address
         own = "token=a%20b%26c%2F%2B"
         assert address.endswith(f"/?{own}") and _status(address) == 200
         assert _status(address.partition("?")[0]) == 403

@@ -143,22 +143,28 @@ def test_large_messages_count_by_their_size():
 def _path(length):
     message = Path(poses=[PoseStamped(), PoseStamped()])
     message.header.frame_id = "base"
-    message.poses[1].pose.position.x = length
+    message.poses[1].pose.position.x = float(length)
     return message
+
+
+def flood(tmp_path, monkeypatch, topic, messages):
+    """Send more than there is time for; returns the file, and what is said."""
+    for name in ("_SHARE", "_SAVED"):
+        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
+    now, said = [0.0], []
+    shown = Shown(tmp_path, live=True, clock=lambda: now[0])
+    for number, message in enumerate(messages, 1):
+        shown.send(topic, message)
+        if number % 100 == 0:
+            now[0] = float(number)
+            said += shown.tick(START_NS + number * 10**9)
+    return shown.end(), said
 
 
 def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     """It is said once, and the last message is shown."""
-    for name in ("_SHARE", "_SAVED"):
-        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
-    now = [0.0]
-    shown, said = Shown(tmp_path, live=True, clock=lambda: now[0]), []
-    for number in range(400):
-        shown.send("/plan", _path(float(number)))
-        if number % 100 == 99:
-            now[0] = float(number)
-            said += shown.tick(START_NS + number * 10**9)
-    lines = column(shown.end(), "/path/plan", "LineStrips3D:strips")
+    file, said = flood(tmp_path, monkeypatch, "/plan", map(_path, range(400)))
+    lines = column(file, "/path/plan", "LineStrips3D:strips")
     assert len(lines) < 400 and lines[-1][0][1][0] == 399.0
     assert [sentence for sentence in said if "dropped" in sentence] == [
         "path: more comes than can be shown without delay: old messages are dropped"
@@ -167,27 +173,19 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
 
 def test_of_a_flood_of_single_markers_none_is_dropped(tmp_path, monkeypatch):
     """Each is one of many, or deletes another; they are drawn later, together."""
-    for name in ("_SHARE", "_SAVED"):
-        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
-    now = [0.0]
-    shown = Shown(tmp_path, live=True, clock=lambda: now[0])
-    for number in range(400):
-        marker = Marker(id=number, type=Marker.SPHERE)
+    markers = [Marker(id=number, type=Marker.SPHERE) for number in range(400)]
+    for marker in markers:
         marker.header.frame_id = "base"
         marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
-        shown.send("/marks", marker)
-        if number % 100 == 99:
-            now[0] = float(number)
-            assert shown.tick(START_NS + number * 10**9) == []
-    centers = column(shown.end(), "/marker/marks/spheres", "InstancePoses3D:translations")
-    assert len(centers) < 400 and len(centers[-1]) == 400
+    file, said = flood(tmp_path, monkeypatch, "/marks", markers)
+    centers = column(file, "/marker/marks/spheres", "InstancePoses3D:translations")
+    assert len(centers) < 400 and len(centers[-1]) == 400 and said == []
 
 
 def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
     """The oldest are dropped, and a warning says so; a single large message is kept."""
     monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MOST_BYTES", 1000)
-    now = [0.0]
-    shown = Shown(tmp_path, live=True, clock=lambda: now[0])
+    shown = Shown(tmp_path, live=True, clock=lambda: 0.0)
     for number in range(10):
         shown.send("/marks", Marker(text="x" * 2000, id=number))
     assert any("marker: more comes" in sentence for sentence in shown.tick())

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,12 +23,14 @@ from onebot_bringup.serving.rerun_messages import SERVICE
 from onebot_bringup.viewer.display_server import (
     Child,
     DisplayServer,
+    Recording,
     WebPage,
     open_recording,
 )
 from onebot_bringup.viewer.rendering import headless_viewer, render
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
+from tests.onebot_bringup.steering_support import requested
 from tests.support import PATIENCE, wait_for
 from tests.support_rendering import require_renderer
 
@@ -197,44 +200,62 @@ def test_a_port_in_use_is_said_and_replaced():
     assert warning.startswith(f"web_port {port} is in use; using ")
 
 
+@pytest.fixture
+def served() -> Iterator[tuple[Recording, WebPage]]:
+    """A recording, and its page."""
+    recording = open_recording(0)
+    with page_of(recording.uri, recording.server) as page:
+        yield recording, page
+        recording.close()
+    assert not answers(recording.port)
+
+
+@contextlib.contextmanager
+def page_of(uri: str, server: tuple[str, int]) -> Iterator[WebPage]:
+    """The page of a recording, once it is up."""
+    page = WebPage(0, uri, server)
+    try:
+        wait_for(lambda: page.ready, "the page")
+        yield page
+    finally:
+        page.stop()
+    assert not answers(page.port)
+
+
+NO_SERVER = "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1)
+
+
 def _get(url: str) -> urllib.request.addinfourl:
     return urllib.request.urlopen(url, timeout=PATIENCE)
 
 
-def test_the_page_is_served_with_an_order_to_stay_on_this_machine():
+def test_the_page_is_served_with_an_order_to_stay_on_this_machine(served):
     """The short address leads to the viewer; nobody on the network can look or write."""
-    recording = open_recording(0)
-    page = WebPage(0, recording.uri, recording.server)
-    try:
-        wait_for(lambda: page.ready, "the page")
-        listening = [
-            connection.laddr
-            for process in (psutil.Process(), psutil.Process(page._child.pid))
-            for connection in process.net_connections("tcp")
-            if connection.status == psutil.CONN_LISTEN
-        ]
-        assert {recording.port, page.port} <= {address.port for address in listening}
-        assert all(ipaddress.ip_address(address.ip).is_loopback for address in listening)
-        hidden = [address.ip for address in listening if address.ip != "127.0.0.1"]
-        assert hidden == [recording.server[0]]
-        with _get(page.url) as response:
-            assert f"url=rerun%2Bhttp://127.0.0.1:{page.port}/proxy" in response.url
-            assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in page.address
-            policy = response.headers["Content-Security-Policy"]
-            html = response.read().decode()
-        assert "connect-src 'self' data: blob:;" in policy and "frame-ancestors 'none'" in policy
-        assert "http" not in policy and "fonts.googleapis" not in html
-        assert "<title>Rerun Viewer</title>" in html
-        assert 0 < html.find("requestAnimationFrame") < html.find("re_viewer.js")
-        with _get(f"{page.url}/re_viewer_bg.wasm") as response:
-            assert response.headers["Content-Type"] == "application/wasm"
-            assert len(response.read()) > 1_000_000
-        with pytest.raises(urllib.error.HTTPError, match="404"):
-            _get(f"{page.url}/nothing")
-    finally:
-        page.stop()
-        recording.close()
-    assert not answers(page.port)
+    recording, page = served
+    listening = [
+        connection.laddr
+        for process in (psutil.Process(), psutil.Process(page._child.pid))
+        for connection in process.net_connections("tcp")
+        if connection.status == psutil.CONN_LISTEN
+    ]
+    assert {recording.port, page.port} <= {address.port for address in listening}
+    assert all(ipaddress.ip_address(address.ip).is_loopback for address in listening)
+    hidden = [address.ip for address in listening if address.ip != "127.0.0.1"]
+    assert hidden == [recording.server[0]]
+    with _get(page.url) as response:
+        assert f"url=rerun%2Bhttp://127.0.0.1:{page.port}/proxy" in response.url
+        assert f"url=rerun%2Bhttp://127.0.0.1:{recording.port}/proxy" in page.address
+        policy = response.headers["Content-Security-Policy"]
+        html = response.read().decode()
+    assert "connect-src 'self' data: blob:;" in policy and "frame-ancestors 'none'" in policy
+    assert "http" not in policy and "fonts.googleapis" not in html
+    assert "<title>Rerun Viewer</title>" in html
+    assert 0 < html.find("requestAnimationFrame") < html.find("re_viewer.js")
+    with _get(f"{page.url}/re_viewer_bg.wasm") as response:
+        assert response.headers["Content-Type"] == "application/wasm"
+        assert len(response.read()) > 1_000_000
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        _get(f"{page.url}/nothing")
 
 
 READ, WRITE = (f"/{SERVICE}/{method}Messages" for method in ("Read", "Write"))
@@ -242,44 +263,32 @@ GRPC = {"Content-Type": "application/grpc-web+proto"}
 
 
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
-    try:
-        with urllib.request.urlopen(
-            urllib.request.Request(url, data, headers), timeout=PATIENCE
-        ) as r:
-            return int(r.status)
-    except urllib.error.HTTPError as error:
-        return error.code
+    with requested(urllib.request.Request(url, data, headers)) as answer:
+        return int(answer.status)
 
 
-def test_foreign_pages_get_neither_the_page_nor_the_recording():
+def test_foreign_pages_get_neither_the_page_nor_the_recording(served):
     """Of another site, or of a name that was made to lead here; and nobody writes."""
-    recording = open_recording(0)
-    page = WebPage(0, recording.uri, recording.server)
-    try:
-        wait_for(lambda: page.ready, "the page")
-        own, data = page.url, b"\0" * 5
-        local = own.replace("127.0.0.1", "localhost")
-        for url in (own, local):
-            assert _status(url) == 200 and _status(url, Origin=url) == 200
-            assert _status(url + READ, data, Origin=url, **GRPC) == 200
-            assert _status(url + WRITE, data, Origin=url, **GRPC) == 403
-        for foreign in (
-            {"Origin": "http://evil.example"},
-            {"Origin": "null"},
-            {"Sec-Fetch-Site": "cross-site"},
-            {"Origin": own.replace(str(page.port), "1")},
-            {"Host": "evil.example"},
-            {"Host": f"evil.example:{page.port}", "Origin": f"http://evil.example:{page.port}"},
-        ):
-            assert _status(own, **foreign) == _status(own + "/re_viewer.js", **foreign) == 403
-            assert _status(own + READ, data, **GRPC, **foreign) == 403
-        known = f"http://127.0.0.1:{recording.port}"
-        for path, body in (("/", None), (READ, data), (WRITE, data)):
-            assert _status(known + path, body, **GRPC) == 403
-    finally:
-        page.stop()
-        recording.close()
-    assert not answers(recording.port)
+    recording, page = served
+    own, data = page.url, b"\0" * 5
+    local = own.replace("127.0.0.1", "localhost")
+    for url in (own, local):
+        assert _status(url) == 200 and _status(url, Origin=url) == 200
+        assert _status(url + READ, data, Origin=url, **GRPC) == 200
+        assert _status(url + WRITE, data, Origin=url, **GRPC) == 403
+    for foreign in (
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Origin": own.replace(str(page.port), "1")},
+        {"Host": "evil.example"},
+        {"Host": f"evil.example:{page.port}", "Origin": f"http://evil.example:{page.port}"},
+    ):
+        assert _status(own, **foreign) == _status(own + "/re_viewer.js", **foreign) == 403
+        assert _status(own + READ, data, **GRPC, **foreign) == 403
+    known = f"http://127.0.0.1:{recording.port}"
+    for path, body in (("/", None), (READ, data), (WRITE, data)):
+        assert _status(known + path, body, **GRPC) == 403
 
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
@@ -318,9 +327,7 @@ def test_native_viewers_get_through_to_the_recording(caplog):
 
 def test_the_page_responds_by_the_rules_of_http():
     """HEAD has no body, nothing is written; a Rerun server that died is a 502, until it is back."""
-    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
-    try:
-        wait_for(lambda: page.ready, "the page")
+    with page_of(*NO_SERVER) as page:
         whole = urllib.request.Request(f"{page.url}/re_viewer_bg.wasm", method="HEAD")
         with urllib.request.urlopen(whole, timeout=PATIENCE) as response:
             assert int(response.headers["rerun-final-length"]) > 1_000_000
@@ -335,28 +342,21 @@ def test_the_page_responds_by_the_rules_of_http():
         page.restart()
         wait_for(lambda: page.ready, "the page again")
         assert _get(page.url).status == 200
-    finally:
-        page.stop()
 
 
 def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd):
     """One idles, one does not read what it asked for: both connections are closed, silently."""
-    page = WebPage(0, "rerun+http://127.0.0.1:1/proxy", ("127.0.0.1", 1))
     with socket.socket() as idle, socket.socket() as slow:
-        try:
-            wait_for(lambda: page.ready, "the page")
+        with page_of(*NO_SERVER) as page:
             for browser, path in ((idle, "/re_viewer.js"), (slow, "/re_viewer_bg.wasm")):
                 browser.settimeout(PATIENCE)
                 browser.connect(("127.0.0.1", page.port))
                 browser.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
                 assert browser.recv(12).startswith(b"HTTP/1.1 ")
-        finally:
-            page.stop()
         for browser in (idle, slow):
             with contextlib.suppress(ConnectionResetError):
                 while browser.recv(1 << 20):
                     pass
-    assert not answers(page.port)
     assert capfd.readouterr().err == ""
 
 

@@ -137,7 +137,7 @@ def test_a_mesh_that_is_not_there_is_named(tmp_path):
     path = tmp_path / "a b.stl"
     box().export(path)
     gone = _mesh(path.as_uri())
-    assert file_state(gone).path == path
+    assert file_state(gone)[0] == path
     path.unlink()
     with pytest.raises(OneBotError, match="a b.stl: No such file"):
         file_state(gone)

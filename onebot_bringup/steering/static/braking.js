@@ -1,6 +1,6 @@
 /** The distance that the robot needs to stop, from full speed with the limits in force. */
 
-import { write } from "./settings.js";
+import { write } from "./elements.js";
 
 /**
  * The way from a speed to rest, in m; 0 if nothing limits the braking.

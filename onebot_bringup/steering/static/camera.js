@@ -1,5 +1,6 @@
 /** The picture of a camera of the robot: the newest one only, and none while nobody looks. */
 
+import { fill } from "./elements.js";
 import { toolAddress } from "./requests.js";
 
 export class Camera {
@@ -8,7 +9,6 @@ export class Camera {
     this.pane = pane;
     this.select = pane.querySelector("select");
     this.select.addEventListener("change", () => this.select.blur()); // the keys drive again
-    this.offered = "";
     this.busy = false;
     this.number = 0;
   }
@@ -38,10 +38,8 @@ export class Camera {
   offer(cameras) {
     this.pane.hidden = cameras.length === 0;
     this.select.hidden = cameras.length < 2;
-    if (cameras.join() === this.offered) return;
     const shown = this.select.value;
-    this.select.replaceChildren(...cameras.map((topic) => new Option(topic)));
+    if (!fill(this.select, cameras, (topic) => new Option(topic))) return;
     this.select.value = cameras.includes(shown) ? shown : (cameras[0] ?? "");
-    this.offered = cameras.join();
   }
 }

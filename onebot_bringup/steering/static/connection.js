@@ -5,6 +5,8 @@
  * even where the network says nothing.
  */
 
+import { serverAddress } from "./requests.js";
+
 const SILENCE_MS = 2000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
@@ -52,11 +54,8 @@ export class Connection {
   open() {
     clearTimeout(this.retry);
     this.retry = null;
-    const address = new URL("ws", document.baseURI);
+    const address = serverAddress("ws");
     address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
-    // The cookie says it too, but one of another server on this host may have replaced it.
-    const token = new URLSearchParams(location.search).get("token");
-    if (token) address.searchParams.set("token", token);
     const socket = (this.socket = new WebSocket(address));
     socket.onmessage = (event) => this.receive(JSON.parse(event.data));
     socket.onclose = () => this.lose();

@@ -3,9 +3,9 @@
  * held, by a pointer or by the arrow keys, and springs back to zero.
  */
 
+import { make, write } from "./elements.js";
 import { PRESSED_MS, REPEATED_MS } from "./keys.js";
 import { fixed } from "./readout.js";
-import { write } from "./settings.js";
 import { HeldRange } from "./sliders.js";
 
 const SIGNS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
@@ -121,8 +121,4 @@ class JointSlider extends HeldRange {
     this.input.drive();
     this.seen(PRESSED_MS);
   }
-}
-
-function make(tag, properties) {
-  return Object.assign(document.createElement(tag), properties);
 }

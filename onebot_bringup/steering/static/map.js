@@ -6,7 +6,7 @@
  */
 
 import { get, toolAddress } from "./requests.js";
-import { write } from "./settings.js";
+import { write } from "./elements.js";
 
 const PERIOD_MS = 200;
 const ZOOM = 1.5; // of a button's press

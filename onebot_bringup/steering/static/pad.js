@@ -1,13 +1,13 @@
 /** The joystick pad, for mouse and touch: nipplejs draws it and follows the pointer. */
 
 import { PointerHold } from "./pointer_hold.js";
+import { SETTLE_MS } from "./sliders.js";
 import nipplejs from "./vendor/nipplejs/index.mjs";
 
 // Of the pad's radius, on each axis: an almost straight input does not turn.
 const DEAD = 0.06;
 // Of the zone: where the thumb's middle can go, so that the thumb stays within the rim.
 const TRAVEL = 0.68;
-const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
 
 export class Pad {
   /**
@@ -22,7 +22,6 @@ export class Pad {
     // Before nipplejs sees it: only a free pad, the first finger and the main button count.
     zone.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
     this.hand = new PointerHold((held) => (held ? sender.seen(this) : this.cancel()));
-    zone.addEventListener("contextmenu", (event) => event.preventDefault());
     new ResizeObserver(() => this.draw()).observe(zone);
     this.draw();
   }

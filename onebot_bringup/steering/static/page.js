@@ -3,6 +3,7 @@
 import { Braking } from "./braking.js";
 import { Camera } from "./camera.js";
 import { Connection } from "./connection.js";
+import { write } from "./elements.js";
 import { Gamepads } from "./gamepad.js";
 import { Joints } from "./joints.js";
 import { Keys } from "./keys.js";
@@ -10,11 +11,11 @@ import { GroundMap } from "./map.js";
 import { Displays, Parameters } from "./panels.js";
 import { Pad } from "./pad.js";
 import { Readout, share } from "./readout.js";
-import { Limits, nameOf, Robot, Topic, write } from "./settings.js";
+import { Limits, nameOf, Robot, Topic } from "./settings.js";
 import { Sliders } from "./sliders.js";
 import { Stop } from "./stop.js";
 import { Tools } from "./tools.js";
-import { Legend, View } from "./view.js";
+import { showLegend, View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
@@ -40,7 +41,6 @@ const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking"));
 const camera = new Camera(element("camera"));
 const view = new View(element("view"), stop);
-const legend = new Legend(element("legend"));
 const map = new GroundMap(element("ground"), (tool, place) => tools.publish(tool, place));
 const panels = {
   displays: new Displays(element("displays")),
@@ -59,6 +59,12 @@ document.addEventListener("freeze", letGo);
 window.addEventListener(
   "keydown",
   (event) => (event.altKey || event.metaKey || event.code === "F10") && letGo(),
+  { capture: true },
+);
+// A finger that rests on a control asks for a menu, which would end the press.
+window.addEventListener(
+  "contextmenu",
+  (event) => event.target.closest?.("#pad, #stop, .axis") && event.preventDefault(),
   { capture: true },
 );
 // Nor while a menu, a list or a drag has the keys; where its default is prevented, none opens.
@@ -143,7 +149,7 @@ function receive(message) {
     if (message.joints.length === 0 && joints.isOpen) tools.toggle("");
     showWhetherItStands(message);
     view.show(message.view);
-    legend.show(message.legend);
+    showLegend(element("legend"), message.legend);
     camera.show(message);
     showDriver(message);
     showSlow(message.late || connection.overdue);

@@ -1,7 +1,7 @@
 /** What can be shown in the view, as check boxes, and the parameters of any node. */
 
+import { fill, make, onEnterLeave, write } from "./elements.js";
 import { get, post } from "./requests.js";
-import { onEnterLeave, write } from "./settings.js";
 
 const PERIOD_MS = 3000;
 // The viewer's booleans that show something; others say how it looks.
@@ -135,9 +135,7 @@ export class Parameters extends Panel {
   async load() {
     const { nodes } = await get("nodes");
     const node = nodes.includes(this.chosen) ? this.chosen : nodes[0];
-    if (nodes.join() !== [...this.select.options].map(({ value }) => value).join()) {
-      this.select.replaceChildren(...nodes.map((name) => new Option(name)));
-    }
+    fill(this.select, nodes, (name) => new Option(name));
     this.select.value = node ?? "";
     if (!node) return "No node has parameters.";
     const { parameters } = await get("parameters", { node });
@@ -164,14 +162,11 @@ class Field {
     this.name = name;
     this.input = inputs[0];
     this.input.id = `field-${(count += 1)}`;
-    this.element = make("div", "row");
-    const title = make("label", "", label ?? name);
-    title.htmlFor = this.input.id;
-    const about = make("p", "about", [description, rule].filter(Boolean).join("; "));
-    this.hint = make("p", "hint");
-    this.hint.setAttribute("aria-live", "polite");
-    about.id = `${this.input.id}-about`;
-    this.hint.id = `${this.input.id}-hint`;
+    this.element = make("div", { className: "row" });
+    const title = make("label", { textContent: label ?? name, htmlFor: this.input.id });
+    const about = make("p", { className: "about", id: `${this.input.id}-about` });
+    about.textContent = [description, rule].filter(Boolean).join("; ");
+    this.hint = make("p", { className: "hint", id: `${this.input.id}-hint`, ariaLive: "polite" });
     this.input.setAttribute("aria-describedby", `${about.id} ${this.hint.id}`);
     this.element.append(title, ...inputs, about, this.hint);
   }
@@ -184,8 +179,7 @@ class Field {
 
 class CheckBox extends Field {
   constructor(row, set) {
-    const box = make("input");
-    box.type = "checkbox";
+    const box = make("input", { type: "checkbox" });
     super(row, [box]);
     box.addEventListener("change", () => set(this, String(box.checked)));
     // The space bar stops the robot; and after a click the keys drive it again.
@@ -201,8 +195,7 @@ class CheckBox extends Field {
 
 class TextField extends Field {
   constructor(row, set) {
-    const input = make("input");
-    Object.assign(input, { type: "text", autocomplete: "off", spellcheck: false });
+    const input = make("input", { type: "text", autocomplete: "off", spellcheck: false });
     if (row.type === "double" || row.type === "integer") input.inputMode = "decimal";
     const slider = makeSlider(row);
     super(row, slider ? [input, slider] : [input]);
@@ -226,14 +219,9 @@ class TextField extends Field {
 /** A slider for a number between two that are not far apart; null for others. */
 function makeSlider({ name, type, range }) {
   if (!range || !(range[1] - range[0] <= WIDEST)) return null;
-  const slider = make("input");
   const step = type === "integer" ? 1 : (range[1] - range[0]) / STEPS;
-  Object.assign(slider, { type: "range", min: range[0], max: range[1], step });
-  slider.setAttribute("aria-label", `${name}, slider`);
+  const [min, max] = range;
+  const slider = make("input", { type: "range", min, max, step, ariaLabel: `${name}, slider` });
   slider.addEventListener("pointerup", () => slider.blur());
   return slider;
-}
-
-function make(tag, className = "", text = "") {
-  return Object.assign(document.createElement(tag), { className, textContent: text });
 }

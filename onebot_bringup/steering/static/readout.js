@@ -1,6 +1,6 @@
 /** The commanded and the measured speeds, in numbers and bars, and the odometry. */
 
-import { write } from "./settings.js";
+import { write } from "./elements.js";
 
 const OLD_S = 1.0; // odometry that was received longer ago is no longer live
 const UNITS = { linear: "m/s", angular: "rad/s" };

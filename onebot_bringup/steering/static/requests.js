@@ -1,14 +1,19 @@
 /** Requests of the tools and panels to the robot's server: JSON both ways. */
 
-/** The address of what the server has below tools/, with the token of the page's own address. */
-export function toolAddress(path, query = {}) {
-  const address = new URL(`tools/${path}`, document.baseURI);
+/**
+ * The address of what the server has, with the token of the page's own address. The cookie says it
+ * too, but one of another server on this host may have replaced it.
+ */
+export function serverAddress(path, query = {}) {
+  const address = new URL(path, document.baseURI);
   const token = new URLSearchParams(location.search).get("token");
   for (const [name, value] of Object.entries(token ? { ...query, token } : query)) {
     address.searchParams.set(name, value);
   }
   return address;
 }
+
+export const toolAddress = (path, query) => serverAddress(`tools/${path}`, query);
 
 /** @throws {Error} with the server's sentence, or one that says that there is none. */
 async function ask(address, options) {

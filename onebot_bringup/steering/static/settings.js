@@ -1,5 +1,7 @@
 /** The fields that say what is steered and how fast: the robot, its topic and the limits. */
 
+import { fill, onEnterLeave, write } from "./elements.js";
+
 const UNITS = { linear: "m/s", angular: "rad/s" };
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const CONFIRM_MS = 1000; // after an entry; later the server's states have it
@@ -27,13 +29,9 @@ export class Robot {
   show({ topic, robots }) {
     const known = robots.some((robot) => robot.topic === topic);
     const offered = known ? robots : [...robots, { name: topic, topic }];
-    const text = JSON.stringify(offered);
-    if (text === this.offered && topic === this.topic) return;
-    if (text !== this.offered) {
-      this.select.replaceChildren(...offered.map(({ name, topic }) => new Option(name, topic)));
-    }
+    const isNew = fill(this.select, offered, ({ name, topic }) => new Option(name, topic));
+    if (!isNew && topic === this.topic) return;
     this.group.hidden = offered.length < 2;
-    this.offered = text;
     this.topic = this.select.value = topic;
   }
 
@@ -81,11 +79,7 @@ export class Topic {
   show(state) {
     this.known = state.topic;
     if (document.activeElement !== this.input) this.input.value = state.topic;
-    const offered = state.topics.join("\n");
-    if (offered !== this.offered) {
-      this.offered = offered;
-      this.list.replaceChildren(...state.topics.map((topic) => new Option("", topic)));
-    }
+    fill(this.list, state.topics, (topic) => new Option("", topic));
     const type = state.topic_type.split("/").pop();
     const subscribers = ["no subscriber", "1 subscriber"][state.listeners];
     write(this.note, `${type}, ${subscribers ?? `${state.listeners} subscribers`}`);
@@ -233,18 +227,6 @@ function save(chosen) {
   }
 }
 
-/** Enter applies the value, as leaving the field does, and gives the keys back to driving. */
-export function onEnterLeave(input) {
-  input.addEventListener("keydown", (event) => {
-    if (event.key === "Enter") input.blur();
-  });
-}
-
 function text(value) {
   return String(Number(value.toPrecision(6)));
-}
-
-/** Set an element's text, if it is another one: screen readers speak every change. */
-export function write(element, words) {
-  if (element.textContent !== words) element.textContent = words;
 }

@@ -8,7 +8,7 @@ import { PointerHold } from "./pointer_hold.js";
 
 const STEP = 0.1; // of the limit
 const STEP_MS = 150;
-const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
+export const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
 
 export class Sliders {
   /**
@@ -56,8 +56,6 @@ export class HeldRange {
     this.settled = 0;
     range.addEventListener("pointerdown", (event) => this.hold(event));
     range.addEventListener("input", () => this.slide());
-    // A finger that rests asks for a menu, which would end the press.
-    range.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
   get value() {
@@ -113,7 +111,6 @@ class Axis extends HeldRange {
       button.addEventListener("keydown", (event) => this.key(event, sign));
       button.addEventListener("keyup", () => this.letGo());
       button.addEventListener("blur", () => this.letGo());
-      button.addEventListener("contextmenu", (event) => event.preventDefault());
     }
   }
 

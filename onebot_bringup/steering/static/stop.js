@@ -21,7 +21,6 @@ export class Stop {
     // Any pointer: a second finger and a mouse that is not yet released make no click.
     button.addEventListener("pointerdown", (event) => this.point(event));
     button.addEventListener("lostpointercapture", (event) => this.release(event.pointerId));
-    button.addEventListener("contextmenu", (event) => event.preventDefault());
     // Assistive technology makes a click and nothing else.
     button.addEventListener("click", () => sender.stop());
     window.addEventListener("pointerdown", (event) => this.release(event.pointerId), {

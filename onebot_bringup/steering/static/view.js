@@ -3,6 +3,8 @@
  * this page and its controls go on. What the frame reports comes from view_frame.js.
  */
 
+import { fill, make } from "./elements.js";
+
 const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
 const RELOAD_AFTER = 2000; // ms
 const ISOLATES_SANDBOXES = /Chrome\/(?!.*Mobile)/; // other browsers isolate sites at most
@@ -21,29 +23,20 @@ const KINDS = {
   covariance: (name) => `${name}: covariance, an ellipse of place, a sector of heading`,
 };
 
-/** What the lines in the view are; Rerun has legends in its plots only. */
-export class Legend {
-  /** @param {HTMLUListElement} list */
-  constructor(list) {
-    this.list = list;
-    this.shown = "";
-  }
-
-  /** @param {{kind: string, name: string, color: string}[]} entries */
-  show(entries) {
-    const text = JSON.stringify(entries);
-    if (text === this.shown) return;
-    this.shown = text;
-    this.list.hidden = entries.length === 0;
-    this.list.replaceChildren(...entries.map(legendItem));
-  }
+/**
+ * Say what the lines in the view are; Rerun has legends in its plots only.
+ * @param {HTMLUListElement} list
+ * @param {{kind: string, name: string, color: string}[]} entries
+ */
+export function showLegend(list, entries) {
+  list.hidden = entries.length === 0;
+  fill(list, entries, legendItem);
 }
 
 function legendItem({ kind, name, color }) {
-  const item = document.createElement("li");
-  item.className = kind;
+  const textContent = KINDS[kind]?.(name) ?? `${name}: ${kind}`;
+  const item = make("li", { className: kind, textContent });
   item.style.setProperty("--color", color);
-  item.textContent = KINDS[kind]?.(name) ?? `${name}: ${kind}`;
   return item;
 }
 

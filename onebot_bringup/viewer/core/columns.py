@@ -7,6 +7,7 @@ Times are the messages', on the timeline ``ros_time``.
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -80,26 +81,19 @@ class ColumnMaker:
         Large arrays are not copied: do not write to ``values`` afterwards.
         """
         if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
-            array = pa.Array.from_buffers(
-                self._number, values.size, [None, pa.py_buffer(values.reshape(-1))]
-            )
+            array = pa.array(values.reshape(-1), self._number)
         else:
             array = self._numbers(values)
         return self._in_rows(array, 1, len(array) // self._width)
 
     def _numbers(self, values: NDArray[Any]) -> pa.Array:
-        if self._dtype == values.dtype:
-            return _array(self._number, values, self._dtype)
         with np.errstate(over="ignore"):  # too large for float32: infinite
             return _array(self._number, values, self._dtype)
 
     def _in_rows(self, array: pa.Array, rows: int, each: int) -> ReadyColumn:
         if self._vector is not None:
             array = pa.Array.from_buffers(self._vector, rows * each, [None], children=[array])
-        buffers = [None, _offsets(rows, each)]
-        return ReadyColumn(
-            self._descriptor, pa.Array.from_buffers(self._rows, rows, buffers, children=[array])
-        )
+        return ReadyColumn(self._descriptor, _lists(self._rows, array, rows, each))
 
 
 class BytesMaker:
@@ -112,11 +106,8 @@ class BytesMaker:
 
     def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
         """Return a column of one row of bytes; do not write to ``data`` afterwards."""
-        kind = self._rows.value_type
-        items = pa.Array.from_buffers(kind.value_type, len(data), [None, pa.py_buffer(data)])
-        bytes_ = pa.Array.from_buffers(kind, 1, [None, _offsets(1, len(data))], children=[items])
-        array = pa.Array.from_buffers(self._rows, 1, [None, _offsets(1, 1)], children=[bytes_])
-        return ReadyColumn(self._descriptor, array)
+        bytes_ = _lists(self._rows.value_type, pa.array(data), 1, len(data))
+        return ReadyColumn(self._descriptor, _lists(self._rows, bytes_, 1, 1))
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
@@ -128,9 +119,7 @@ def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]
 
 def _one_row(batch: Any) -> ReadyColumn:
     array = batch.as_arrow_array()
-    rows = pa.Array.from_buffers(
-        pa.list_(array.type), 1, [None, _offsets(1, len(array))], children=[array]
-    )
+    rows = _lists(pa.list_(array.type), array, 1, len(array))
     return ReadyColumn(batch.component_descriptor(), rows)
 
 
@@ -140,19 +129,13 @@ def joinable(
     """Group consecutive rows of the same columns; a large row is a group of its own."""
     if len(rows) == 1:
         return [[*rows]]
-    groups: list[list[tuple[int, Sequence[ReadyColumn]]]] = []
-    last_kinds = None
-    for row in rows:
-        kinds = [column.component_descriptor() for column in row[1]]
+
+    def kind(row: tuple[int, Sequence[ReadyColumn]]) -> object:
         if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
-            last_kinds = None
-        elif kinds == last_kinds:
-            groups[-1].append(row)
-            continue
-        else:
-            last_kinds = kinds
-        groups.append([row])
-    return groups
+            return object()  # equals no other
+        return [column.component_descriptor() for column in row[1]]
+
+    return [[*group] for _, group in groupby(rows, kind)]
 
 
 def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
@@ -205,6 +188,11 @@ def _array(kind: pa.DataType, values: NDArray[Any], dtype: np.dtype[Any]) -> pa.
     memory = pa.allocate_buffer(values.size * dtype.itemsize)
     np.frombuffer(memory, dtype).reshape(values.shape)[...] = values
     return pa.Array.from_buffers(kind, values.size, [None, memory])
+
+
+def _lists(kind: pa.DataType, items: pa.Array, rows: int, each: int) -> pa.Array:
+    """Return an array of ``rows`` lists with ``each`` of the items in every one."""
+    return pa.Array.from_buffers(kind, rows, [None, _offsets(rows, each)], children=[items])
 
 
 @lru_cache(maxsize=64)

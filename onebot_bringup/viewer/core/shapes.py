@@ -45,16 +45,11 @@ class ShapeAsset(NamedTuple):
     colored: bool  # has its own colours, which override the URDF's, as in RViz
 
 
-class FileState(NamedTuple):
-    """A mesh file's state when it was read; it may change while the URDF stays the same."""
-
-    path: Path
-    modified: int  # ns
-    size: int
+FileState = tuple[Path, int, int]  # path, time of the last change in ns, and size
 
 
 def file_state(shape: Shape) -> FileState | None:
-    """Return the state of a mesh's file; None for other shapes.
+    """Return the state of a mesh's file, which may change; None for other shapes.
 
     Raises:
         OneBotError: there is no such file.
@@ -67,7 +62,7 @@ def file_state(shape: Shape) -> FileState | None:
         status = shape.path.stat()
     except OSError as error:
         raise OneBotError(f"mesh {shape.path}: {error.strerror}") from error
-    return FileState(shape.path, status.st_mtime_ns, status.st_size)
+    return shape.path, status.st_mtime_ns, status.st_size
 
 
 def load_shape(shape: Shape) -> ShapeAsset:
@@ -84,7 +79,8 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
     if not isinstance(shape, Mesh):
         return _asset(_with_normals(trimesh.Scene(_mesh(shape))), colored=False)
     assert file is not None
-    path, suffix = file.path, file.path.suffix.lower()
+    path, *_ = file
+    suffix = path.suffix.lower()
     try:
         scene = mesh_scene(shape)
     except OneBotError as error:
@@ -157,15 +153,9 @@ def _shade(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
-    normals = np.repeat(mesh.face_normals, 3, axis=0)
-    corners = mesh.triangles.reshape(-1, 3)
-    flat = trimesh.Trimesh(corners, faces, vertex_normals=normals, process=False)
-    if mesh.visual.kind == "texture":
-        uv = mesh.visual.uv[mesh.faces].reshape(-1, 2) if _is_textured(mesh) else None
-        flat.visual = trimesh.visual.TextureVisuals(uv=uv, material=mesh.visual.material)
-    elif mesh.visual.defined:
-        flat.visual.vertex_colors = mesh.visual.vertex_colors[mesh.faces].reshape(-1, 4)
+    flat = mesh.copy()
+    flat.unmerge_vertices()
+    flat.vertex_normals = np.repeat(flat.face_normals, 3, axis=0)
     return flat
 
 

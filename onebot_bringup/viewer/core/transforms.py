@@ -50,10 +50,6 @@ def _usable(translations: Floats, rotations: Floats) -> NDArray[np.bool_]:
         return usable
 
 
-def _sane(stamps: NDArray[np.int64], instead: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.where((stamps == 0) | (stamps > instead + OTHER_CLOCK_NS), instead, stamps)
-
-
 @lru_cache(maxsize=32)
 def _name_columns(parents: tuple[str, ...], children: tuple[str, ...]) -> Sequence[ReadyColumn]:
     """Return columns with the frame of each row, and its parent."""
@@ -144,8 +140,8 @@ class TransformStream:
             return self.flush()
         latest = max(stamp_ns for stamp_ns, _ in pending) + OTHER_CLOCK_NS
         if not stamps.all() or stamps.max() > latest:
-            instead = [np.full(len(item.children), stamp_ns) for stamp_ns, item in pending]
-            stamps = _sane(stamps, np.concatenate(instead))
+            sent = np.repeat([when for when, _ in pending], [len(item.children) for item in batch])
+            stamps = np.where((stamps == 0) | (stamps > sent + OTHER_CLOCK_NS), sent, stamps)
         parents = tuple(chain.from_iterable(item.parents for item in batch))
         children = tuple(chain.from_iterable(item.children for item in batch))
         self._send(stamps, translations, rotations, parents, children)
