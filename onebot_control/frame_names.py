@@ -16,3 +16,8 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
         return frame
     words = (prefix or namespace).removesuffix("/").removeprefix("/")
     return f"{words}/{frame}" if words else frame
+
+
+def namespace_prefix(namespace: str) -> str:
+    """Return what a namespace puts before frames by default: "robot1/" for "/robot1"."""
+    return prefixed("", True, "", namespace)

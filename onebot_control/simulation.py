@@ -492,7 +492,7 @@ class SimulatedRobot:
         if problems:
             raise OneBotError("\n".join(problems))
         for arm, goal in goals:
-            arm.start(goal, held=set(arm.names) - set(positions), absolute=True)
+            arm.start(goal, from_command=set(arm.names) - set(positions), absolute=True)
 
     @property
     def moving(self) -> bool:

@@ -22,7 +22,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_control.frame_names import prefixed
+from onebot_control.frame_names import namespace_prefix
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.elements.description import Mesh
@@ -196,7 +196,7 @@ def running_robots(session: Session) -> list[RobotToShow]:
     for topic in topics:
         space, prefix = topic.rpartition("/")[0], frame_prefix(session, session.publishers(topic))
         if prefix is None:  # if there are several robots, each has a different one
-            prefix = prefixed("", len(topics) > 1, "", space)
+            prefix = namespace_prefix(space) if len(topics) > 1 else ""
         robots.append(RobotToShow(space, prefix, plotted=len(topics) == 1))
     return robots
 

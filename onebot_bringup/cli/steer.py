@@ -32,7 +32,7 @@ from onebot_bringup.launch.nodes import (
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
-from onebot_control.frame_names import prefixed
+from onebot_control.frame_names import namespace_prefix
 from onebot_description.errors import UsageError
 from onebot_description.ros.names import absolute
 from onebot_description.ros.signals import KeyboardInterrupts
@@ -143,7 +143,7 @@ def robot_parameters(session: Session) -> dict[str, object]:
     if len(topics) > 1:
         return {"robots": [topic.rpartition("/")[0] for topic in topics]}
     if not topics:
-        return {"frame_prefix": prefixed("", True, "", session.space)}
+        return {"frame_prefix": namespace_prefix(session.space)}
     prefix = frame_prefix(session, session.publishers(topics[0]))
     return {"frame_prefix": prefix or ""}
 

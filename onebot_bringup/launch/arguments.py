@@ -16,7 +16,7 @@ from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
-from onebot_control.frame_names import prefixed
+from onebot_control.frame_names import namespace_prefix
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError, did_you_mean, printable
 from onebot_description.joints.config import JointsConfig
@@ -502,7 +502,7 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     for name in values.keys() & set(_INPUT_FILES):
         values[name] = os.path.expanduser(values[name])  # shells leave it in ``name:=~/x``
     if "frame_prefix" not in given:
-        values["frame_prefix"] = prefixed("", True, "", values["namespace"])
+        values["frame_prefix"] = namespace_prefix(values["namespace"])
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from onebot_control.frame_names import prefixed
+from onebot_control.frame_names import namespace_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.reader import parameter
 from onebot_description.ros.parameters.values import MAX_PORT
@@ -98,7 +98,7 @@ class ViewerParameters:
             if space not in spaces:
                 raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
         robots = [
-            RobotToShow(space, prefixed("", True, "", space), plotted=space in plotted)
+            RobotToShow(space, namespace_prefix(space), plotted=space in plotted)
             for space in spaces
         ]
         return robots or [RobotToShow(frame_prefix=self.frame_prefix)]

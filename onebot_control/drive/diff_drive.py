@@ -51,8 +51,9 @@ class DiffDriveController:
 
     Attributes:
         odometry: the robot's pose and twist by its wheels, in the time of the cycles.
-        pace: seconds of cycles per second that passed, over velocity_rolling_window_size
-            durations. A velocity times the pace is the change of position per change of stamp.
+        pace: how many seconds of cycles ran per second of time, averaged over
+            velocity_rolling_window_size cycles: 1, or less if cycles were late. A velocity times
+            the pace is the change of position per change of stamp.
     """
 
     def __init__(self, config: ControlConfig, kinematics: DiffDriveKinematics) -> None:
@@ -83,7 +84,7 @@ class DiffDriveController:
         self.odometry.noise = config.left_wheel_noise**2, config.right_wheel_noise**2
 
     def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
-        """Command a velocity.
+        """Command a velocity, unless it is not finite or too old.
 
         Args:
             linear: forward, m/s; clamped to +-1e6.

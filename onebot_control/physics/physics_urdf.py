@@ -38,11 +38,11 @@ _REPAIRED = 0.25  # a moment of inertia too great by up to this fraction is lowe
 
 @dataclass(frozen=True)
 class SkidAxle(Joint):
-    """The joint of a skidding wheel, on a hub that can slide along the axle, held by a motor.
+    """The joint of a skidding wheel, whose hub can slide along the axle against a motor.
 
-    PyBullet's friction opposes the sliding of a contact in each direction only as far as the bodies
-    resist there. A wheel gives way in the direction in which it rolls; unless it gives way sideways
-    too, friction would not oppose the actual sliding.
+    PyBullet computes friction in two directions apart, each as strong as the bodies resist there. A
+    wheel resists little in the direction in which it rolls. With a fixed hub it would resist fully
+    sideways, and the friction would not oppose the actual sliding; so the hub gives way, too.
     """
 
 

@@ -8,7 +8,7 @@
 - A joint that mimics a wheel stays where it starts in the physics; only its published position
   follows the wheel.
 
-For friction and contacts see ``contacts``.
+For friction and contacts see ``friction``.
 """
 
 import math

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.sensing.noise import bias, noise_of
+from onebot_control.sensing.noise import bias, noise_generator
 from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.rays import Hits, Rays, cast
 from onebot_control.sensing.surroundings import LinkPose, Placed, SensedRobot
@@ -108,12 +108,12 @@ class Instrument(ABC, Generic[M]):
     @cached_property
     def offsets(self) -> Floats:
         """The constant offsets of the noises."""
-        once = noise_of(self._name, -1, self._seed)
+        once = noise_generator(self._name, -1, self._seed)
         return np.array([bias(noise, once) for noise in self.noises])
 
     def generator(self, frame: Frame) -> "np.random.Generator | None":
         """Return the generator of the noise in a frame; None for no noise."""
-        return noise_of(self._name, frame.tick, self._seed) if self._noisy else None
+        return noise_generator(self._name, frame.tick, self._seed) if self._noisy else None
 
     def reseed(self, seed: int) -> None:
         """Use another seed for all noise from now on."""

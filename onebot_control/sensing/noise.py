@@ -14,7 +14,7 @@ T = TypeVar("T", np.float32, np.float64)
 _NONE = Noise()
 
 
-def noise_of(sensor: str, tick: int, seed: int = 0) -> "np.random.Generator":
+def noise_generator(sensor: str, tick: int, seed: int = 0) -> "np.random.Generator":
     """Return the random generator of a sensor's noise in one control cycle.
 
     Each cycle has its own (Philox: Salmon et al., "Parallel Random Numbers: As Easy as 1, 2, 3",
@@ -45,7 +45,7 @@ def add_noise(
         values: of any shape.
         noise: its parameters, in the unit of the values.
         offset: the result of ``bias``.
-        generator: of this control cycle; see ``noise_of``.
+        generator: of this control cycle; see ``noise_generator``.
     """
     if noise == _NONE:
         return values

@@ -162,7 +162,7 @@ class TrajectoryFollower(GoalHolder):
         goal: TrajectoryGoal,
         token: object | None = None,
         tolerances: TolerancesGiven | None = None,
-        held: Collection[str] = (),
+        from_command: Collection[str] = (),
         *,
         absolute: bool = False,
     ) -> Outcome | None:
@@ -173,15 +173,15 @@ class TrajectoryFollower(GoalHolder):
             token: identifies an action goal in ``active`` and in its outcome; None for a message
                 of the topic, which leaves an active goal active: the new trajectory decides it.
             tolerances: those of an action goal; None for the defaults.
-            held: joints that begin at rest at the last command instead of the measured motion, so
-                that a finger that presses on something keeps pressing.
+            from_command: joints that begin at rest at their last command; the others begin with
+                their measured motion. A finger that presses on something keeps pressing so.
             absolute: continuous joints make whole turns to the goal's positions; otherwise they
                 take the shortest way to its first one, as joint_trajectory_controller's.
 
         Returns:
             The outcome of the action goal that this one replaces; None if there is none.
         """
-        self._next = partial(self._follow_goal, goal, held, absolute)
+        self._next = partial(self._follow_goal, goal, from_command, absolute)
         if token is None:
             return None
         preempted = self._ended(PREEMPTED)
@@ -332,15 +332,15 @@ class TrajectoryFollower(GoalHolder):
     def _follow_goal(
         self,
         goal: TrajectoryGoal,
-        held: Collection[str],
+        from_command: Collection[str],
         absolute: bool,
         measured: JointMotion,
         now: int,
     ) -> None:
         """Follow ``goal`` from the joints' motion; see ``start``."""
         start = self._command() if self._config.begins_at_command else self._state(measured)
-        if held:
-            start = self._with_commands(start, held)
+        if from_command:
+            start = self._with_commands(start, from_command)
         time = (now - goal.stamp) / NS_PER_S if goal.stamp else 0.0
         points = self._points(goal)
         turns: tuple[float, ...] = (0.0,) * len(self.joints)
@@ -370,13 +370,13 @@ class TrajectoryFollower(GoalHolder):
             measured.accelerations if "acceleration" in interfaces else (),
         )
 
-    def _with_commands(self, start: JointMotion, held: Collection[str]) -> JointMotion:
-        """Return ``start`` with the joints that are ``held`` at rest at their last command."""
+    def _with_commands(self, start: JointMotion, names: Collection[str]) -> JointMotion:
+        """Return ``start`` with the joints ``names`` at rest at their last command."""
         zeros = (0.0,) * len(self.joints)
         at_rest = JointMotion(self._command().positions, zeros, zeros)
         values = [
             tuple(
-                command if name in held else value
+                command if name in names else value
                 for name, command, value in zip(self.names, commands, row or zeros, strict=True)
             )
             for commands, row in zip(at_rest, start, strict=True)

@@ -50,8 +50,8 @@ class Trajectory:
         """Interpolate from ``start`` through ``points``.
 
         Args:
-            start: the motion at the beginning; its time may be negative. Derivatives that only the
-                first point has are 0 at the start. Ignored if the first point is in its past.
+            start: the motion at the beginning; its time may be negative. It is ignored if the
+                first point is not later. Derivatives that only the first point has are 0 in it.
             points: one or more, in ascending order of time.
             splines: False to step: the start is held until the time of the first point, and at the
                 time of each point the motion jumps to the next one.

@@ -164,9 +164,9 @@ def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     np.testing.assert_allclose(measured(0.0), 2 / np.cos(across) / np.cos(up), atol=1e-5)
     assert (measured(1.7)[across == 0] == -np.inf).all()  # nearer than the least range
     assert (measured(4.0)[up > 0] == np.inf).all()  # nothing ahead, and the ground behind
-    noisy = measured(0.0, noise.noise_of("a", 3))
+    noisy = measured(0.0, noise.noise_generator("a", 3))
     assert 0.02 < np.abs(noisy - measured(0.0)).mean() < 0.3
-    assert (measured(1.4999, noise.noise_of("a", 3)) >= 0.5).all()
+    assert (measured(1.4999, noise.noise_generator("a", 3)) >= 0.5).all()
     points = lidar.cloud(sensor, fan, measured(0.0), HERE)
     assert points.shape == (4, 3) and points.dtype.itemsize == 32
     np.testing.assert_allclose(points["x"], 2.0, atol=1e-5)
@@ -359,7 +359,7 @@ def test_noise_depends_on_sensor_and_time_only():
     model = Noise(0.5, 0.2)
 
     def drawn(name: str, tick: int, model: Noise = model):
-        return noise.add_noise(given, model, 0.0, noise.noise_of(name, tick))
+        return noise.add_noise(given, model, 0.0, noise.noise_generator(name, tick))
 
     first = drawn("a", 7)
     assert first.tobytes() == drawn("a", 7).tobytes()
@@ -368,7 +368,9 @@ def test_noise_depends_on_sensor_and_time_only():
     assert first.std() == pytest.approx(0.2, rel=0.02)
     steps = drawn("a", 7, Noise(0.0, 0.2, precision=0.25)) / 0.25
     np.testing.assert_array_equal(steps, np.round(steps))
-    offsets = [noise.bias(Noise(0, 0, 1.0, 0.1), noise.noise_of(str(n), -1)) for n in range(400)]
+    offsets = [
+        noise.bias(Noise(0, 0, 1.0, 0.1), noise.noise_generator(str(n), -1)) for n in range(400)
+    ]
     assert np.abs(offsets).mean() == pytest.approx(1.0, abs=0.03)
     assert 0.4 < (np.array(offsets) > 0).mean() < 0.6
 

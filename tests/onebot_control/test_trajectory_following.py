@@ -188,7 +188,7 @@ def test_a_joint_may_be_held_at_the_last_command() -> None:
     arm = Arm()
     arm.offset = 0.01
     arm.cycle()
-    arm.follower.start(goal(Waypoint(1.0, (0.0, 1.0), REST, REST)), held=["elbow"])
+    arm.follower.start(goal(Waypoint(1.0, (0.0, 1.0), REST, REST)), from_command=["elbow"])
     arm.cycle()
     assert arm.follower.desired == JointMotion((0.0, 0.01), (0.0, 1.0), REST)
     for _ in range(110):
@@ -203,7 +203,9 @@ def test_a_joint_that_moves_is_held_where_it_is() -> None:
     arm.follower.start(goal(Waypoint(1.0, (1.0, 0.0), REST, REST)))
     arm.cycles(50)
     at = arm.follower.reference(PERIOD)[0]
-    arm.follower.start(TrajectoryGoal(("wrist",), (Waypoint(2.0, (1.0,), (0.0,)),)), held=["elbow"])
+    arm.follower.start(
+        TrajectoryGoal(("wrist",), (Waypoint(2.0, (1.0,), (0.0,)),)), from_command=["elbow"]
+    )
     for _ in range(220):
         arm.cycle()
         assert arm.follower.reference(PERIOD)[0] == pytest.approx(at, abs=1e-12)

@@ -58,7 +58,7 @@ class TopicSettings:
 
 
 class Drawing(Generic[S]):
-    """Draws the messages of one topic, each in place of the previous one."""
+    """Draws the messages of one topic; unless a kind says otherwise, each replaces the last."""
 
     # Which messages to draw:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
@@ -151,7 +151,7 @@ class Drawing(Generic[S]):
     def flush(self) -> None:
         """Log the messages that can be shown now, or repeat the last one after a long time.
 
-        The others wait for a transform until a newer message is shown.
+        A message without a transform to its frame waits for it until a newer message is shown.
         """
         pending, self._pending = self._pending, []
         if not pending and self._last is not None and self.repeat_when_silent:

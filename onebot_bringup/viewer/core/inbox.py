@@ -36,9 +36,12 @@ class MessageType(Generic[T]):
     # message, whose result is None. Displays that use the same object share its results.
     decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
     stamp_ns: Callable[[T], int]  # returns the header's stamp, nanoseconds; 0 for none
-    # Stamps are close to the sending time; False for types that are latched for long, such as plans
+    # Stamps are close to the sending time; False for types such as maps and plans, which are often
+    # latched: a late subscriber gets them long after their stamp.
     stamped_when_sent: bool = True
-    replaces_previous: bool = True  # False: messages build on earlier ones, so none may be dropped
+    # False for types such as map updates and markers, which change what earlier messages have
+    # shown: none may be dropped.
+    replaces_previous: bool = True
 
 
 @lru_cache(maxsize=256)

@@ -27,7 +27,7 @@ from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.parameters.reader import REQUIRED
 from onebot_description.ros.wire.schema import Message, Table
 
-S = TypeVar("S", bound="SpeedSettings | CurveSettings")
+S = TypeVar("S")
 C = TypeVar("C", bound="SpeedsSettings | CurvesSettings")
 
 _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
