@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import pytest
 
 from onebot_control import RobotSetup, Simulation
-from onebot_control.physics.engine import engine
 from onebot_description.description import Description, load_description, parse_description
 from tests.benchmarks.measuring import BARE_STEP, MODEL, WrongAnswer, fastest, in_turn, over
 from tests.benchmarks.report import Report, Result
@@ -133,8 +132,8 @@ def _moved(simulation: Simulation, ends: list[dict[str, float]]) -> Taken:
     cycles = round(_SECONDS / simulation.period)
     world = simulation._fleet.world
     with pytest.MonkeyPatch.context() as patch:
-        bare, step = Timed(engine.stepSimulation), Timed(world.step)
-        patch.setattr(engine, "stepSimulation", bare)
+        bare, step = Timed(world.bullet.stepSimulation), Timed(world.step)
+        patch.setattr(world.bullet, "stepSimulation", bare)
         patch.setattr(world, "step", step)
         began = time.thread_time()
         simulation.run(_SECONDS)
