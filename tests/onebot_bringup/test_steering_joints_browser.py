@@ -176,6 +176,22 @@ def test_an_arm_that_stands_has_its_joints_only(
     stop(arm, lambda: let_go(page))
 
 
+def test_stop_and_another_page_stop_the_arm(page: Page, node: Steering, arm: Arm) -> None:
+    """What is still held then does nothing; the next press unlocks."""
+    hold(page, arm)
+    stop(arm, lambda: page.act().send_keys(" ").perform())
+    wait_for(lambda: page.text("#driver").startswith("Locked"), "the lock")
+    page.drag(20, 0)
+    arm.rest()
+    page.let_go()
+    hold(page, arm)
+    with PageClient(node.address) as other:
+        stop(arm, lambda: other.hold(0.0, lift_joint=0.02))
+        wait_for(lambda: value(page, LIFT) == 0.1, "what the other page commands")
+        assert page.body("hand") == ""
+    page.let_go()
+
+
 def test_fingers_move_two_joints_at_once(tab: Page, node: Steering, arm: Arm) -> None:
     """On a phone, where Stop stays in sight; the system may take the touch away."""
     tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
