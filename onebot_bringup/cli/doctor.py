@@ -86,7 +86,7 @@ def _required() -> list[str]:
 
 
 def dependencies(required: Iterable[str]) -> Verdict:
-    """Check that the required packages are installed; pip, if it is, compares their versions."""
+    """Check that the required packages are installed, and by pip that their versions are right."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not _is_installed(name)]:

@@ -186,7 +186,7 @@ def _numbers(
 
 
 positive = _numbers(float, lambda value: 0.0 < value < math.inf, "above zero")
-not_negative = _numbers(float, lambda value: 0.0 <= value < math.inf, "a number from zero on")
+not_negative = _numbers(float, lambda value: 0.0 <= value < math.inf, "zero or more")
 count = _numbers(int, lambda value: value > 0, "above zero")
 natural = _numbers(int, lambda value: value >= 0, "zero or more")
 

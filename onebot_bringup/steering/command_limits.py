@@ -127,14 +127,14 @@ def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Lim
 
 
 def _bound(controllers: Mapping[str, SpeedLimits], parameter: str, fixed: float) -> Bound | None:
-    speeds = {node: each for node, each in controllers.items() if not isnan(each.max_velocity)}
-    limits = [(each.max_velocity, node) for node, each in speeds.items()]
+    speeds = {node: speed for node, speed in controllers.items() if not isnan(speed.max_velocity)}
+    limits = [(speed.max_velocity, node) for node, speed in speeds.items()]
     if fixed:
         limits.append((fixed, parameter))
     if not limits:
         return None
     most, source = min(limits)
-    reverse = [-each.min_velocity for each in speeds.values() if not isnan(each.min_velocity)]
+    reverse = [-speed.min_velocity for speed in speeds.values() if not isnan(speed.min_velocity)]
     return Bound(most, min([most, *reverse]), most, source)
 
 

@@ -72,7 +72,7 @@ class FollowedTopics:
         self._node, self._depth, self._received, self._raw = node, depth, received, raw
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
         self.topics: Mapping[str, str] = {}
-        self._newest: dict[str, tuple[Any, float]] = {}  # by topic, with its boot_time()
+        self._newest: dict[str, tuple[Any, float]] = {}  # message and boot_time(), by topic
 
     def newest(self, topic: str) -> tuple[Any, float]:
         """Return the newest message of a topic, and its age in s; None and infinity for none."""

@@ -303,7 +303,7 @@ class _Executor(SingleThreadedExecutor):
             return False
         # Events, of QoS, can wait until a message comes.
         waitables = [waitable for node in nodes for waitable in node.waitables]
-        actions = [each for each in waitables if not isinstance(each, EventHandler)]
+        actions = [action for action in waitables if not isinstance(action, EventHandler)]
         handles = {
             kind: [entity.handle for node in nodes for entity in getattr(node, f"{kind}s")]
             for kind in _KINDS

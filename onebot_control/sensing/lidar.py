@@ -102,7 +102,7 @@ class LidarInstrument(Instrument[Lidar]):
         outputs = dict[str, Any]()
         if "scan" in wanted:
             rows = lidar.vertical.samples
-            outputs["scan"] = measured.reshape(rows, -1)[rows // 2]  # of two, the upper one
+            outputs["scan"] = measured.reshape(rows, -1)[rows // 2]  # the upper one of two
         if "range" in wanted:
             outputs["range"] = measured.min()
         for output in wanted & {"points", "point_cloud"}:

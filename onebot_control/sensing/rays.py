@@ -293,7 +293,7 @@ class Surface:
         self._round_of = np.append(solid.round_of, -1)
         self._caster: _Caster | None = None
         if len(solid.faces):
-            self._caster = _embree(solid) if HAS_EMBREE else _Bullet(solid)
+            self._caster = _embree(solid) if HAS_EMBREE else _BulletRays(solid)
 
     @cached_property
     def normals(self) -> Singles:
@@ -371,7 +371,7 @@ def _embree(solid: Solid) -> _Caster:
     return caster
 
 
-class _Bullet:
+class _BulletRays:
     """Casts rays with PyBullet, which takes 20 times as long and does not report the face hit."""
 
     def __init__(self, solid: Solid) -> None:

@@ -129,7 +129,7 @@ class TrajectoryFollower(GoalHolder):
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        self._decelerations = [own.max_deceleration_on_cancel for own in own_constraints]
+        self._decelerations = [joint.max_deceleration_on_cancel for joint in own_constraints]
 
     @property
     def scaling(self) -> float:

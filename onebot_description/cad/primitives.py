@@ -168,10 +168,10 @@ def weigh_box(mass: float, center: NDArray[np.float64], size: Triple) -> MassPro
 
 def total(bodies: Sequence[MassProperties]) -> MassProperties:
     """Return the mass properties of bodies fixed to each other."""
-    whole = Body("")
+    assembly = Body("")
     for body in bodies:
-        whole.add_mass(body.mass, body.center, body.inertia)
-    return MassProperties(whole.mass, whole.center, whole.inertia)
+        assembly.add_mass(body.mass, body.center, body.inertia)
+    return MassProperties(assembly.mass, assembly.center, assembly.inertia)
 
 
 def weigh_all(

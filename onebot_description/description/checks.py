@@ -99,7 +99,7 @@ def check_tree(
             above[child] = joint
     parents = {child: ends[joint][0] for child, joint in above.items()}
     for loop in cycles(parents):
-        loop.reverse()  # from parent to child
+        loop.reverse()  # parents are before their children now
         names = " -> ".join([*loop, loop[0]])
         findings.error(
             joints[above[loop[0]]], f"the links {names} form a loop; remove one of its joints"
