@@ -97,14 +97,15 @@ class Peer:
         )
         return publisher
 
-    def destroy(self, destroy: Callable[[Any], Any], entity: Any) -> None:
-        """Call a node's ``destroy_...`` in the thread that spins.
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function returns that runs in the thread that spins.
 
-        In any other thread it may end the one that spins: rclpy's executor adds the events of a
-        publisher to what it waits for without a look whether they still exist.
+        In another one, rclpy's executor may wait for what was just destroyed, and its action client
+        may receive an answer before it has noted whose it is.
         """
-        task = self._executor.create_task(destroy, entity)
-        wait_for(task.done, "the node to destroy it")
+        task = self._executor.create_task(function, *arguments)
+        wait_for(task.done, f"the node to run {function}")
+        return task.result()
 
     def call(self, kind: Any, name: str, **request: Any) -> Any:
         """The answer of a service, which is asked again where its answer is lost.

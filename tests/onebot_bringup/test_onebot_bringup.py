@@ -52,7 +52,8 @@ def test_a_twist_drives_it_where_the_command_says(peer, tmp_path):
         )
         tf, joints = peer.hear(TFMessage, "/tf"), peer.hear(JointState, "/joint_states")
         described = peer.hear(String, "/robot_description", LATCHED)
-        publisher = peer.publisher(Twist, CMD_VEL, subscribers=2)
+        # It keeps all of them for a subscriber that discovers it late.
+        publisher = peer.publisher(Twist, CMD_VEL, 1000, subscribers=2)
         wait_for(lambda: odom and truth and joints and described, "all topics")
         assert _position(odom[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
         command = Twist()
@@ -65,7 +66,6 @@ def test_a_twist_drives_it_where_the_command_says(peer, tmp_path):
             return odom[-1].pose.pose.position.x > 0.4
 
         wait_for(far_enough, "0.4 m of driving")
-        # A subscriber that discovers the publisher late gets them with the next heartbeat.
         assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
         wait_for(lambda: abs(odom[-1].twist.twist.linear.x) < 1e-3, "braking after the timeout")
         moving = [m for m in odom if m.twist.twist.linear.x > 0.199]

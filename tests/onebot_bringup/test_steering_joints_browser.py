@@ -46,7 +46,7 @@ def twists(arm: Arm) -> Iterator[list[Twist]]:
     node = arm.peer.node
     wheels = node.create_subscription(Twist, TOPIC, heard.append, 100)
     yield heard
-    arm.peer.destroy(node.destroy_subscription, wheels)
+    arm.peer.run(node.destroy_subscription, wheels)
 
 
 def opened(tab: Page, node: Steering) -> Page:

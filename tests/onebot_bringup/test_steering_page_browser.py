@@ -348,7 +348,7 @@ def test_what_takes_the_keys_lets_go(peer: Peer, page: Page, heard: list[Twist])
         wait_to_stop(page, heard)
         page.let_go()
     for robot in robots:
-        peer.destroy(peer.node.destroy_subscription, robot)
+        peer.run(peer.node.destroy_subscription, robot)
 
 
 def test_the_space_bar_stops_and_the_held_key_does_not_resume(
@@ -584,7 +584,7 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page)
         # The page of the test before may have lost its server.
         logged = [entry["message"] for entry in tab.driver.get_log("browser")]
         assert [message for message in logged if f":{node.port}/" in message] == []
-    peer.destroy(peer.node.destroy_timer, timer)
+    peer.run(peer.node.destroy_timer, timer)
 
 
 def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, tab: Page) -> None:
@@ -693,7 +693,7 @@ def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
     page.drive_by_keys("w", lambda: page.text("#braking small") == "obstacle at 0.10 m")
     wait_for(lambda: redness() > 60, "red")
     page.release_keys("w")
-    peer.destroy(peer.node.destroy_timer, timer)
+    peer.run(peer.node.destroy_timer, timer)
 
 
 ROBOT = """<robot name="box"><link name="base">

@@ -62,7 +62,7 @@ def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Steering]:
             latched = peer.node.create_publisher(String, f"/rerun_viewer/{topic}", LATCHED)
             latched.publish(String(data=text))
         yield node
-        peer.destroy(peer.node.destroy_timer, timer)
+        peer.run(peer.node.destroy_timer, timer)
 
 
 @contextmanager

@@ -432,7 +432,7 @@ def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
             wait_for(lambda: request.raw(asked)[0] == 200, "the picture of the rear")
             assert Image.open(io.BytesIO(request.raw(asked)[1])).format == "JPEG"
             assert not peer.node.count_subscribers(front)
-    peer.destroy(peer.node.destroy_timer, timer)
+    peer.run(peer.node.destroy_timer, timer)
 
 
 @pytest.mark.slow

@@ -436,7 +436,7 @@ def test_the_view_comes_and_goes_with_the_viewer(shared):
             urlsplit(own.replace("127.0.0.1", name)).netloc for name in ("localhost", "127.0.0.1")
         ]
         assert all("/proxy&theme=dark&" in one for one in shown)
-        peer.destroy(peer.node.destroy_publisher, viewer)
+        peer.run(peer.node.destroy_publisher, viewer)
         wait_for(lambda: page.state["view"] is None, "the view to go")
         peer.publisher(String, "/rerun_viewer/page", LATCHED).publish(String(data=VIEW))
         again = wait_for(lambda: page.state["view"], "the view again")

@@ -207,7 +207,7 @@ class WireArm:
     """A controller of joints in a process of its own, on real DDS."""
 
     def __init__(self, peer: Peer, controller: str = CONTROLLER) -> None:
-        self.feedback: list[Any] = []
+        self.peer, self.feedback = peer, list[Any]()
         name = f"{controller}/follow_joint_trajectory"
         self._action = ActionClient(peer.node, FollowJointTrajectory, name)
         wait_for(self._action.server_is_ready, f"the action {name}")
@@ -220,7 +220,7 @@ class WireArm:
                 goal, lambda each: self.feedback.append(each.feedback)
             )
 
-        return answered(send, "the answer to a goal", self.before_again)
+        return answered(self.peer, send, "the answer to a goal", self.before_again)
 
     def before_again(self) -> None:
         """Do what is needed before a goal is sent again that may have been followed already."""
@@ -229,11 +229,11 @@ class WireArm:
         """The future of the result of a goal, which is accepted."""
         handle = self.ask(goal)
         assert handle.accepted
-        return handle.get_result_async()
+        return self.peer.run(handle.get_result_async)
 
 
 def answered(
-    ask: Callable[[], Any], what: str, before_again: Callable[[], object] = lambda: None
+    peer: Peer, ask: Callable[[], Any], what: str, before_again: Callable[[], object] = lambda: None
 ) -> Any:
     """The answer to a request, which is sent again where it is lost, as ``Peer.call`` does."""
     start, futures = time.monotonic(), list[Any]()
@@ -242,7 +242,7 @@ def answered(
         if time.monotonic() >= start + _LOST * len(futures):
             if futures:
                 before_again()
-            futures.append(ask())
+            futures.append(peer.run(ask))
         return next((future.result() for future in futures if future.done()), None)
 
     return wait_for(answer, what)

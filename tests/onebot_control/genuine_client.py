@@ -55,7 +55,6 @@ class Arm(WireArm):
 
     def __init__(self, peer: Peer) -> None:
         super().__init__(peer, CONTROLLER)
-        self.peer = peer
         self.states = peer.hear(ControllerState, f"{CONTROLLER}/controller_state")
         self.joints = peer.hear(JointState, "/joint_states")
         self.gripper = ActionClient(
@@ -213,6 +212,7 @@ def test_the_gripper_closes(arm: Arm) -> None:
     def grip(*positions: float) -> Any:
         request = ParallelGripperCommand.Goal(command=JointState(position=positions))
         return answered(
+            arm.peer,
             lambda: arm.gripper.send_goal_async(
                 request, lambda each: feedback.append(each.feedback.state)
             ),
@@ -222,7 +222,7 @@ def test_the_gripper_closes(arm: Arm) -> None:
     assert not grip(0.01, 0.02).accepted
     handle = grip(0.0)
     assert handle.accepted
-    ended = answered(handle.get_result_async, "the goal to end")
+    ended = answered(arm.peer, handle.get_result_async, "the goal to end")
     assert flags(ended) == (SUCCEEDED, True, False)
     assert feedback
     for state in (*feedback, ended.result.state):

@@ -94,7 +94,7 @@ class Driver:
     def leave(self) -> None:
         """Stop, and be no publisher of the topic any more."""
         self.stop()
-        self._peer.destroy(self._peer.node.destroy_publisher, self._publisher)
+        self._peer.run(self._peer.node.destroy_publisher, self._publisher)
 
 
 def twist(linear: float, angular: float = 0.0) -> Twist:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -292,9 +293,10 @@ def test_the_node_has_the_controllers_of_its_file(peer: Peer, tmp_path: Path) ->
         gripper = ActionClient(peer.node, ParallelGripperCommand, "gripper_controller/gripper_cmd")
         assert gripper.wait_for_server(20.0)
         request = ParallelGripperCommand.Goal(command=JointState(position=[0.0]))
-        handle = answered(lambda: gripper.send_goal_async(request), "the goal to be answered")
+        send = partial(gripper.send_goal_async, request)
+        handle = answered(peer, send, "the goal to be answered")
         assert handle.accepted
-        ended = answered(handle.get_result_async, "the goal to end")
+        ended = answered(peer, handle.get_result_async, "the goal to end")
         assert flags(ended) == (SUCCEEDED, True, False)
         assert 0.018 <= ended.result.state.position[0] < 0.02
 
