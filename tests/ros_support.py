@@ -2,16 +2,13 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from unittest.mock import patch
 
 import rclpy
@@ -23,9 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from onebot_description.ros import run_node
 from onebot_description.ros.discovery import configure_discovery
-from tests.support import PATIENCE, wait_for
-
-P = TypeVar("P", bound="RunningProcess")
+from tests.support import PATIENCE, RunningProcess, wait_for
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _LOST = 20.0  # s without an answer of a service
@@ -136,62 +131,6 @@ class Peer:
         """The value of a parameter of another node."""
         [value] = self.call(GetParameters, f"{node}/get_parameters", names=[name]).values
         return parameter_value_to_python(value)
-
-
-class RunningProcess:
-    """A process with its output kept; stopped with Ctrl-C at the end."""
-
-    def __init__(self, words: Sequence[str], folder: Path | None = None, check: bool = True):
-        self._log = Path(tempfile.mkstemp(suffix=".log")[1])
-        self._check = check
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                cwd=folder,
-                start_new_session=True,
-                env={**os.environ, "PYTHONFAULTHANDLER": "1"},
-            )
-
-    @property
-    def output(self) -> str:
-        """All it has printed so far."""
-        return self._log.read_text()
-
-    def wait(self, timeout: float = PATIENCE) -> int:
-        """The exit code, once it ends by itself."""
-        return self.process.wait(timeout)
-
-    def interrupt(self, timeout: float = PATIENCE) -> int:
-        """Press Ctrl-C, which all processes of a terminal's foreground get; the exit code."""
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGINT)
-        return self.process.wait(timeout)
-
-    def __enter__(self: P) -> P:
-        return self
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        try:
-            if kind is not None and self.process.poll() is None:
-                self.process.send_signal(signal.SIGCONT)  # the test may have stopped it
-            code = self.interrupt()
-        except subprocess.TimeoutExpired:
-            self.process.send_signal(signal.SIGABRT)  # its stacks go to its output
-            self.process.wait(PATIENCE)
-            print(f"--- output of the process, which hung:\n{self.output}")
-            raise
-        finally:
-            if self.process.poll() is None:
-                self.process.kill()
-        if kind is not None:
-            print(f"--- output of the process:\n{self.output}")
-        elif self._check:
-            assert code == 0, self.output
-            assert "Traceback" not in self.output, self.output
-        self._log.unlink()
 
 
 class NodeProcess(RunningProcess):

@@ -2,9 +2,11 @@
 
 import os
 import shutil
+import signal
 import subprocess
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +14,7 @@ from typing import Any, TypeVar
 import pytest
 
 T = TypeVar("T")
+P = TypeVar("P", bound="RunningProcess")
 
 # Seconds that a failing test waits: with a load of 20 a process is ten times as slow.
 PATIENCE = 180.0
@@ -65,6 +68,94 @@ def run_to_end(
 ) -> subprocess.CompletedProcess[str]:
     """Run a command, with the options of ``subprocess.run``; its exit code and what it printed."""
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
+
+
+class RunningProcess:
+    """A process with its output kept; stopped with Ctrl-C at the end.
+
+    With ``check``, it has to end with exit code 0 and without a traceback.
+    """
+
+    def __init__(
+        self,
+        words: Sequence[str],
+        folder: Path | None = None,
+        environment: Mapping[str, str] | None = None,
+        *,
+        check: bool = True,
+    ) -> None:
+        self._check = check
+        self._output = tempfile.TemporaryDirectory()
+        self._out, self._err = (Path(self._output.name, name) for name in ("out", "err"))
+        with self._out.open("w") as out, self._err.open("w") as err:
+            self.process = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                cwd=folder,
+                start_new_session=True,
+                env={**os.environ, "PYTHONFAULTHANDLER": "1", **(environment or {})},
+            )
+
+    @property
+    def out(self) -> str:
+        """What it has written to standard output so far."""
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        """What it has written to standard error so far."""
+        return self._err.read_text()
+
+    @property
+    def output(self) -> str:
+        """All it has written so far."""
+        return self.out + self.err
+
+    def says(self, text: str) -> None:
+        """Wait until it has written ``text``."""
+
+        def condition() -> bool:
+            ended = self.process.poll() is not None
+            found = text in self.output
+            assert found or not ended, self.output
+            return found
+
+        wait_for(condition, f"{text!r} in the output")
+
+    def wait(self, timeout: float = PATIENCE) -> int:
+        """The exit code, once it ends by itself."""
+        return self.process.wait(timeout)
+
+    def interrupt(self, timeout: float = PATIENCE) -> int:
+        """Press Ctrl-C, which all processes of a terminal's foreground get; the exit code."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGINT)
+        return self.process.wait(timeout)
+
+    def __enter__(self: P) -> P:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            if kind is not None and self.process.poll() is None:
+                self.process.send_signal(signal.SIGCONT)  # the test may have stopped it
+            code = self.interrupt()
+        except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # its stacks go to its output
+            self.process.wait(PATIENCE)
+            print(f"--- output of the process, which hung:\n{self.output}")
+            raise
+        finally:
+            if self.process.poll() is None:
+                self.process.kill()
+        if kind is not None:
+            print(f"--- output of the process:\n{self.output}")
+        elif self._check:
+            assert code == 0, self.output
+            assert "Traceback" not in self.output, self.output
+        self._output.cleanup()
 
 
 def lines_of_ours(output: str) -> list[str]:

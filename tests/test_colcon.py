@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.onebot_bringup.bringup_support import Transforms, stop, wait_for_robot
-from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import PATIENCE, require, require_program, run_to_end
+from tests.onebot_bringup.bringup_support import Transforms, wait_for_robot
+from tests.support import PATIENCE, RunningProcess, require, require_program, run_to_end
 
 pytestmark = pytest.mark.slow
 
@@ -120,13 +119,9 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
     used = _run(sourced, tmp_path, sys.executable, "-c", code)
     assert used.stdout.startswith(str(tmp_path / "install/tf2_msgs")), used.stderr
     command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
-    running = RunningCommand(tmp_path, command, sourced)
-    try:
-        with Transforms(ros_domain) as listener:
-            assert wait_for_robot(running, listener, "link1")
-            stop(running)
-    finally:
-        running.close()
+    process = RunningProcess(command, tmp_path, sourced)
+    with process as running, Transforms(ros_domain) as listener:
+        assert wait_for_robot(running, listener, "link1")
 
 
 def _left_out(folder: str, names: list[str]) -> set[str]:

@@ -10,8 +10,8 @@ from nav_msgs.msg import Odometry
 
 from tests import readme
 from tests.readme import CHECKOUT
-from tests.ros_support import Peer, RunningProcess
-from tests.support import PATIENCE, run_to_end, wait_for
+from tests.ros_support import Peer
+from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 TEXTS = {

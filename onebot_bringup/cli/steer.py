@@ -1,7 +1,6 @@
 """``onebot steer``: serves a page in the browser to drive a robot from, with its 3D view."""
 
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -25,11 +24,11 @@ from onebot_bringup.launch.nodes import (
     AWAIT_VIEW,
     STEERING_PAGE,
     VIEWER,
-    Parameters,
     RosNodes,
-    page_address,
 )
+from onebot_bringup.launcher.child import temporary_folder
 from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.serving.ports import listen
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.frame_names import namespace_prefix
@@ -81,20 +80,17 @@ def run(argv: Sequence[str]) -> int:
         return 0
     values = complete(_ARGUMENTS, words)
     _check(values)
-    address = page_address(values)
     os.environ.update(environment(values, forced="discovery" in words))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder behind
-        tempfile.TemporaryDirectory(prefix="onebot-") as folder,
+        temporary_folder("launch") as folder,
     ):
-        return _launch(Path(folder), values, address, arguments.ros_args)
+        return _launch(Path(folder), values, arguments.ros_args)
 
 
-def _launch(
-    folder: Path, values: Mapping[str, str], address: Parameters, ros_args: Sequence[str]
-) -> int:
+def _launch(folder: Path, values: Mapping[str, str], ros_args: Sequence[str]) -> int:
     topic, view = _found(values, ros_args)
-    page = node_parameters(_ARGUMENTS, values, STEERING_PAGE.name) | address
+    page = node_parameters(_ARGUMENTS, values, STEERING_PAGE.name)
     page |= {
         "topic": topic,
         "viewer_page": f"{VIEWER.name if view is None else _VIEWER}/page",
@@ -108,7 +104,7 @@ def _launch(
     nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
     with Launcher("onebot steer") as launcher:
-        return launcher.run(nodes, started_message=hint, temporary=folder)
+        return launcher.run(nodes, started_message=hint)
 
 
 def _found(
@@ -177,5 +173,6 @@ def page_answers(address: str) -> bool:
 def _check(values: Mapping[str, str]) -> None:
     """Check values that depend on each other or on files."""
     view_file(values["view"])
+    listen(values["host"], int(values["port"])).close()  # an error before anything starts
     if values["view"] and values["viewer"] == "none":
         raise UsageError("viewer:=none shows nothing, so leave out view:=")

@@ -212,7 +212,7 @@ def split(argv: Sequence[str]) -> Arguments:
         if separator and not name.startswith("-"):
             if not name:
                 raise UsageError(f'"{word}" has no name; write name:=value')
-            assignments[name] = value
+            assignments[name] = os.path.expanduser(value)  # shells leave the ~ of ``name:=~/x``
         elif word.startswith("-") and word != "-":
             options.add(_OPTIONS.get(word) or _refuse_option(word))
         else:
@@ -340,7 +340,6 @@ _AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _OF_SIMULATION = ("params_file", "nav2_topics")  # besides parameters of the controllers
 _OF_JOINTS = ("joints", "joint_states")
-_INPUT_FILES = ("joints", "params_file", "robots")  # other files are expanded where they are read
 _STEERING_PAGE = "steering_page"
 # Arguments that cannot be combined with robots:=, and why.
 _PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
@@ -499,8 +498,6 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     diff_drive_controller, unless ``frame_prefix`` is given (even if empty).
     """
     values = complete(declared, given)
-    for name in values.keys() & set(_INPUT_FILES):
-        values[name] = os.path.expanduser(values[name])  # shells leave it in ``name:=~/x``
     if "frame_prefix" not in given:
         values["frame_prefix"] = namespace_prefix(values["namespace"])
     prefix = values["frame_prefix"]

@@ -2,7 +2,6 @@
 
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence, Set
 from functools import partial
@@ -29,9 +28,9 @@ from onebot_bringup.launch.nodes import (
     Launch,
     command_topic,
     given_params_files,
-    output_path,
     world_frame,
 )
+from onebot_bringup.launcher.child import temporary_folder
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
@@ -147,7 +146,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
-        tempfile.TemporaryDirectory(prefix="onebot-") as folder,
+        temporary_folder("launch") as folder,
         Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
@@ -165,11 +164,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
             robots,
             controller=command.controller,
         )
-        return launcher.run(
-            launch.nodes(),
-            started_message=summary_text(description, values, robots),
-            temporary=Path(folder),
-        )
+        summary = summary_text(description, values, robots)
+        return launcher.run(launch.nodes(), started_message=summary)
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
@@ -193,12 +189,12 @@ def _check_names(command: Bringup, given: Mapping[str, str], own_names: Set[str]
 
 
 def _check_files(values: Mapping[str, str]) -> None:
-    """Reject missing input files, recordings that cannot be written, and an invalid world."""
+    """Reject missing files, recordings that cannot be written, an invalid world or page address."""
     view_file(values["view"])
     for name in ("joints", "params_file"):
         if values.get(name):
             require_file(name, Path(values[name]), "")
-    if values["save"] and output_path(values["save"]).suffix != ".rrd":
+    if values["save"] and Path(values["save"]).suffix != ".rrd":
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
     for name in ("save", "record"):
         if values[name]:
@@ -207,11 +203,15 @@ def _check_files(values: Mapping[str, str]) -> None:
         from onebot_description.description.loading import load_world
 
         load_world(values["world"])
+    if values["steer"] == "true":
+        from onebot_bringup.serving.ports import listen
+
+        listen(values["host"], int(values["port"])).close()
 
 
 def _check_output(name: str, value: str) -> None:
     """Reject a recording that cannot be written: a file, or with ``record:=`` a new folder."""
-    path, is_folder = output_path(value), name == "record"
+    path, is_folder = Path(value).absolute(), name == "record"
     if not path.parent.is_dir():
         raise OneBotError(f"{name}:={value}: the folder {path.parent} does not exist")
     if is_folder and path.exists():
@@ -369,16 +369,7 @@ def summary_text(
     """Return what is running, where to find it and how to stop it."""
     space = absolute(values["namespace"])
     lines = _robots(robots, values, space) if robots else _robot(description, values, space)
-    if values.get("world"):
-        lines.insert(1, f"  world    {values['world']}")
-    if values.get("steer") == "true":
-        nobody = "" if values["sim"] == "true" else "; nothing simulated listens to it"
-        lines.append(f"  steer    in the browser; steering_page prints its address{nobody}")
-    lines.append(f"  viewer   {_viewer_hint(values)}")
-    if values["record"]:
-        lines.append(f"  record   all topics to {values['record']}")
-    lines.append(f"  {UP}")
-    return "\n".join(lines)
+    return "\n".join([*lines, f"  {UP}"])
 
 
 def _robot(description: "Description", values: Mapping[str, str], space: str) -> list[str]:
@@ -416,14 +407,3 @@ def _robots(robots: Sequence["PlacedRobot"], values: Mapping[str, str], space: s
         f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",
         f"  drive    onebot teleop {f'{space}/'[1:]}{first}, or a Twist on {drive}",
     ]
-
-
-def _viewer_hint(values: Mapping[str, str]) -> str:
-    steered = values.get("steer") == "true"
-    hints = {
-        "web": "on that page" if steered else "in the browser; rerun_viewer prints its address",
-        "native": "in a window of its own",
-        "none": "none",
-    }
-    saved = f"; recorded to {values['save']}" if values["save"] else ""
-    return hints[values["viewer"]] + saved

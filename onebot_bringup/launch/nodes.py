@@ -5,7 +5,6 @@ Nodes get their parameters in ROS parameter files, where any text and length is 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -213,12 +212,11 @@ def _viewer_parameters(launch: Launch) -> Parameters:
 
 
 def _page_parameters(launch: Launch) -> Parameters:
-    values = launch.values
-    parameters = page_address(values)
-    if values["viewer"] == "web":
+    parameters: Parameters = {}
+    if launch.values["viewer"] == "web":
         parameters["await_view"] = AWAIT_VIEW
     if launch.robots:
-        parameters["topic"] = command_topic(values, f"{launch.robots[0].name}/")
+        parameters["topic"] = command_topic(launch.values, f"{launch.robots[0].name}/")
     return parameters
 
 
@@ -228,28 +226,12 @@ def command_topic(values: Mapping[str, str], space: str = "") -> str:
     return space + (_NAV2_TOPICS[topic] if values.get("nav2_topics") == "true" else topic)
 
 
-def page_address(values: Mapping[str, str]) -> Parameters:
-    """Return host, port and token of the steering page; warn if the port differs from the given.
-
-    They are chosen here, so that open pages find the server again after a crash.
-
-    Raises:
-        OneBotError: the page cannot be served there.
-    """
-    from onebot_bringup.steering.access import choose_bind_address  # seldom needed
-
-    address = choose_bind_address(values["host"], int(values["port"]), values["token"])
-    if address.warning:
-        print(f"warning: {address.warning}", file=sys.stderr)
-    return {"host": address.host, "port": address.port, "token": address.token}
-
-
 NODES = (
     # The recorder comes first, so that it misses as little as possible of the others.
     NodeRow(
         "bag_recorder",
         "onebot_bringup.bags.bag_recorder",
-        lambda launch: {"folder": str(output_path(launch.values["record"]))},
+        lambda launch: {"folder": launch.values["record"]},
         starts=lambda launch: bool(launch.values["record"]),
         on_exit="ignore",
     ),
@@ -295,7 +277,7 @@ NODES = (
         "onebot_bringup.steering.steering_page",
         _page_parameters,
         starts=lambda launch: launch.is_true("steer"),
-        on_exit="restart",
+        on_exit="ignore",
     ),
 )
 
@@ -304,11 +286,6 @@ BRINGUPS = {
     "mrm_bringup": "mrm_description.launch.mrm_bringup",
 }
 """The modules of the bringup commands, by name."""
-
-
-def output_path(text: str) -> Path:
-    """Return the path of a file or folder to write; shells do not expand ~ in ``name:=~/x``."""
-    return Path(text).expanduser().absolute()
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Makes the content of ``ros2 launch`` files: a bringup's arguments, and its script to run.
 
 ros2 launch only starts the script and not the nodes: the script checks arguments, files and
-description before any node starts, and supervises, restarts and stops the nodes by rules that ros2
-launch does not have. It also avoids a second list of nodes.
+description before any node starts, and supervises and stops the nodes by rules that ros2 launch
+does not have. It also avoids a second list of nodes.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""The launcher: starts nodes, shows their output, restarts them, and stops them together."""
+"""The launcher: starts nodes, shows their output, and stops them together."""
 
 import asyncio
 import os
@@ -8,17 +8,9 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from onebot_bringup.launcher.console import Console
-from onebot_bringup.launcher.guard import Guard
-from onebot_bringup.launcher.process import (
-    NodeProcess,
-    Restart,
-    RunningProcess,
-    describe_exit,
-    spawn,
-)
+from onebot_bringup.launcher.process import NodeProcess, RunningProcess, describe_exit, spawn
 from onebot_description.ros.signals import stop_signals
 
 # Exit codes that are normal for a node that was asked to stop; shells report SIGINT as 130.
@@ -38,27 +30,6 @@ class Grace:
     give_up: float = 4.6  # return even if killed nodes have not disappeared yet
 
 
-class Restarts:
-    """Counts the restarts of a node that keeps ending."""
-
-    def __init__(self, policy: Restart) -> None:
-        self._policy = policy
-        self.count = 0  # restarts in a row, including the one planned last
-
-    def next_wait(self, lived: float) -> float | None:
-        """Return the seconds until the next restart of a node that ``lived`` for a time, s.
-
-        It is None if the limit is reached.
-        """
-        if lived > self._policy.healthy_after:
-            self.count = 0
-        if self.count >= self._policy.limit:
-            return None
-        self.count += 1
-        policy = self._policy
-        return float(min(policy.first_wait * 2.0 ** (self.count - 1), policy.longest_wait))
-
-
 class Launcher:
     """Runs nodes until Ctrl-C, or until a node that matters has ended.
 
@@ -74,29 +45,19 @@ class Launcher:
         self._failed: dict[str, str] = {}  # how each node that failed for good ended
 
     def __enter__(self) -> "Launcher":
-        """Open the event loop and start the guard."""
+        """Open the event loop."""
         self._loop = asyncio.new_event_loop()
-        self._guard = Guard()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave no process behind."""
         self._loop.close()
-        self._guard.close()
 
-    def run(
-        self,
-        nodes: Sequence[NodeProcess],
-        *,
-        started_message: str = "",
-        temporary: Path | None = None,
-    ) -> int:
+    def run(self, nodes: Sequence[NodeProcess], *, started_message: str = "") -> int:
         """Start the nodes in this order, and return when everything has ended.
 
         Args:
             nodes: the nodes, with different names.
             started_message: printed once all processes have been started.
-            temporary: a folder to remove if the launcher is killed; otherwise the caller has to.
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
@@ -105,8 +66,6 @@ class Launcher:
             printed names it.
         """
         names = [node.name for node in nodes]
-        if temporary is not None:
-            self._guard.remove_later(temporary)
         stop = partial(self._loop.call_soon_threadsafe, self._stop)
         self._console = Console(self._name, names, stop)
         self._loop.run_until_complete(self._run(nodes, started_message))
@@ -159,7 +118,7 @@ class Launcher:
         console = self._console
         out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
         try:
-            process = await spawn(node, self._guard, out, err)
+            process = await spawn(node, out, err)
         except OSError as error:
             self._console.warn(f"{node.name} cannot be started: {error}")
             return None
@@ -169,23 +128,22 @@ class Launcher:
         return process
 
     async def _supervise(self, node: NodeProcess, process: RunningProcess | None) -> None:
-        """Return when ``node`` has ended for good; ``process`` is None if it did not start."""
-        restarts = Restarts(node.restart)
-        while True:
-            lived, code = (0.0, None) if process is None else await self._until_end(node, process)
-            if self._stopping.is_set():
-                return
-            wait = self._after_end(node, restarts, lived, code)
-            if wait is None or await _is_set_within(wait, self._stopping):
-                return
-            self._console.info(f"starting {node.name} again")
-            process = await self._start(node)
+        """Report the end of ``node`` and apply its policy; ``process`` is None if not started."""
+        code = None if process is None else await self._until_end(node, process)
+        if self._stopping.is_set():
+            return
+        if node.on_exit == "ignore":
+            self._console.warn(f"going on without {node.name}")
+        if code != 0 or node.on_exit != "ignore":
+            self._failed[node.name] = "not started" if code is None else describe_exit(code)
+        if node.on_exit != "ignore":
+            if self._running:
+                self._console.warn("stopping the others")
+            self._stop()
 
-    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> tuple[float, int]:
-        """Wait for the end of ``process`` and report it; return its lifetime, s, and exit code."""
-        began = self._loop.time()
+    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> int:
+        """Wait for the end of ``process`` and report it; return its exit code."""
         code = await process.ended
-        lived = self._loop.time() - began
         if code in _STOPPED:
             await _is_set_within(_SAME_SIGNAL, self._stopping)
         if self._stopping.is_set():
@@ -200,35 +158,12 @@ class Launcher:
             process.signal_all(signal.SIGKILL)  # its children are left without an owner
             await self._close_process(process)
             self._console.warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
-        return lived, code
+        return code
 
     async def _close_process(self, process: RunningProcess) -> None:
         """Show the rest of a process's output, and drop it from the running ones."""
         await process.close()
-        self._guard.discard(process.group)
         self._running.pop(process, None)
-
-    def _after_end(
-        self, node: NodeProcess, restarts: Restarts, lived: float, code: int | None
-    ) -> float | None:
-        """Apply the node's policy; return the seconds until its restart, or None for none."""
-        wait = None
-        if node.on_exit == "ignore":
-            self._console.warn(f"going on without {node.name}")
-        elif node.on_exit == "restart":
-            wait = restarts.next_wait(lived)
-            count = f"{restarts.count} of {node.restart.limit}"
-            if wait is None:
-                self._console.warn(f"{node.name} was restarted {count} times, giving up")
-            else:
-                self._console.warn(f"starting {node.name} again in {wait:g} s (attempt {count})")
-        if wait is None and (code != 0 or node.on_exit != "ignore"):
-            self._failed[node.name] = "not started" if code is None else describe_exit(code)
-        if wait is None and node.on_exit != "ignore" and not self._stopping.is_set():
-            if self._running:
-                self._console.warn("stopping the others")
-            self._stop()
-        return wait
 
     # Stopping
 

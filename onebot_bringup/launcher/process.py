@@ -9,27 +9,19 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
-from onebot_bringup.launcher.guard import Guard, group_alive, signal_group
+from onebot_bringup.launcher.child import die_with_this_thread
 from onebot_description.ros.process_start import blas_variables
 
-OnExit = Literal["shutdown", "restart", "ignore"]
+OnExit = Literal["shutdown", "ignore"]
 
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
 _LONGEST_LINE = 65536  # bytes; longer lines are split
 _LAST_OUTPUT = 0.25  # seconds to wait for it, since another process may hold the pipe for ever
+_DEAD = frozenset("ZX")  # states in /proc
 _POLL = 0.05  # seconds; nothing reports the end of a process that is not a child
-
-
-@dataclass(frozen=True)
-class Restart:
-    """How often and how fast a node that ended is restarted."""
-
-    limit: int = 5  # restarts in a row before the launcher gives up
-    first_wait: float = 1.0  # s before the first restart, doubled for each further one
-    longest_wait: float = 10.0  # s, upper limit of the wait
-    healthy_after: float = 30.0  # s after which the count of a running node's restarts is reset
 
 
 @dataclass(frozen=True)
@@ -38,11 +30,9 @@ class NodeProcess:
 
     name: str  # the prefix of its output lines
     command: tuple[str, ...]  # the program and its arguments
-    # What to do if it ends unexpectedly: "shutdown" stops everything, "restart" starts it again,
-    # "ignore" goes on without it.
+    # What to do if it ends unexpectedly: "shutdown" stops everything, "ignore" goes on without it.
     on_exit: OnExit = "shutdown"
     environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
-    restart: Restart = Restart()  # for on_exit="restart"
     hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready
     nice: int = 0  # 0 to 19; higher values yield to other processes (see nice(2))
 
@@ -102,6 +92,38 @@ class Lines:
         if self._rest:
             self._sink(self._rest)
             self._rest = b""
+
+
+def signal_group(group: int, number: int) -> None:
+    """Send a signal to each process of ``group``; it is not an error if they are already gone."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, number)
+
+
+def group_alive(group: int) -> bool:
+    """Return whether a process of ``group`` still runs; zombies do not count."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return not sys.platform.startswith("linux") or _any_running(group)
+
+
+def _any_running(group: int) -> bool:
+    """Look for running processes in /proc; unreaped zombies of orphans stay in the group."""
+    return any(_runs_in(stat, group) for stat in Path("/proc").glob("[0-9]*/stat"))
+
+
+def _runs_in(stat: Path, group: int) -> bool:
+    """Return whether the process of this /proc file is in ``group`` and not a zombie."""
+    try:
+        # proc(5): "pid (comm) state ppid pgrp ..."; comm may itself hold spaces and parentheses.
+        state, _, process_group = stat.read_text(errors="replace").rpartition(")")[2].split()[:3]
+    except (OSError, ValueError):
+        return False  # it has just ended
+    return int(process_group) == group and state not in _DEAD
 
 
 class RunningProcess(asyncio.SubprocessProtocol):
@@ -168,27 +190,24 @@ class RunningProcess(asyncio.SubprocessProtocol):
             lines.close()
 
 
-async def spawn(node: NodeProcess, guard: Guard, out: Sink, err: Sink) -> RunningProcess:
-    """Start a node, which ``guard`` ends if the launcher is killed; the sinks take its output."""
+async def spawn(node: NodeProcess, out: Sink, err: Sink) -> RunningProcess:
+    """Start a node, which is killed with this thread; the sinks take its output."""
     _, process = await asyncio.get_running_loop().subprocess_exec(
         partial(RunningProcess, out, err),
         *node.command,
         stdin=subprocess.DEVNULL,
         env={**os.environ, **node.environment},
         start_new_session=True,
-        preexec_fn=partial(_set_up_child, node, guard),
+        preexec_fn=partial(_set_up_child, node, die_with_this_thread()),
     )
     return process
 
 
-def _set_up_child(node: NodeProcess, guard: Guard) -> None:
-    """Prepare a child between fork and exec.
-
-    The child itself registers with the guard, since the launcher may be killed at any moment.
-    """
+def _set_up_child(node: NodeProcess, die_with_parent: Callable[[], None]) -> None:
+    """Prepare a child between fork and exec."""
+    die_with_parent()
     if node.hold_interrupt:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    guard.add(os.getpid())
     os.nice(node.nice)
 
 

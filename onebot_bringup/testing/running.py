@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 from onebot_bringup.launch.bringup import UP
 from onebot_bringup.launch.nodes import BRINGUPS
-from onebot_bringup.launcher.guard import Guard, signal_group
+from onebot_bringup.launcher.child import die_with_this_thread
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.discovery import configure_discovery
 
@@ -43,7 +43,6 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
             raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
         self._folder = TemporaryDirectory(prefix="onebot-test-")
         self._log = Path(self._folder.name) / "output"
-        self._guard = Guard()
         has_viewer = any(word.startswith("viewer:=") for word in words)
         arguments = [*words] if has_viewer else ["viewer:=none", *words]
         with self._log.open("w") as log:
@@ -53,8 +52,8 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                preexec_fn=die_with_this_thread(),
             )
-        self._guard.add(self._process.pid)
         try:
             self._await_robots()
         except BaseException:
@@ -69,15 +68,12 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
     def stop(self) -> int:
         """Stop the bringup as by Ctrl-C, and wait for its end; return the exit code."""
         if self._process.poll() is None:
-            signal_group(self._process.pid, signal.SIGINT)
+            self._process.send_signal(signal.SIGINT)
         try:
             return self._process.wait(_STOP)
         except subprocess.TimeoutExpired:
-            signal_group(self._process.pid, signal.SIGKILL)
+            self._process.kill()
             return self._process.wait()
-        finally:
-            self._guard.discard(self._process.pid)
-            self._guard.close()
 
     def __exit__(self, *_: object) -> None:
         self.stop()

@@ -1,16 +1,13 @@
 """Opens the recording, and the page or window that shows it."""
 
-import ctypes
 import fcntl
 import os
 import re
-import shutil
-import signal
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from io import FileIO
@@ -21,6 +18,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
+from onebot_bringup.launcher.child import die_with_this_thread, temporary_folder
 from onebot_bringup.serving.grpc_gate import GrpcGate
 from onebot_bringup.serving.ports import (
     LOOPBACK,
@@ -36,10 +34,8 @@ from onebot_description.errors import OneBotError
 
 # Rerun's own program, run as a child process that never outlives us, however we end.
 
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 # Rerun's crash message with a few lines before it; a trace and a request for a bug report follow.
 _CRASH = re.compile(r"(?:(?!.*XDG_RUNTIME_DIR).*\n+){0,8}.*(?:panicked at|caught a signal).*")
-_LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
 
 def program() -> Path:
@@ -53,36 +49,18 @@ def program() -> Path:
     return path
 
 
-_SCRATCH = "onebot-rerun-"  # prefix of temporary folders; the id of their process follows
-
-
-def _scratch_folder() -> tempfile.TemporaryDirectory[str]:
-    """Make a temporary folder for Rerun's program, which does not remove its temporary files.
-
-    Folders of processes that were killed are removed.
-    """
-    for left in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
-        process = left.name.removeprefix(_SCRATCH).partition("-")[0]
-        if not Path("/proc", process).exists():
-            shutil.rmtree(left, ignore_errors=True)
-    return tempfile.TemporaryDirectory(
-        prefix=f"{_SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True
-    )
-
-
 class Child:
     """A running Rerun program."""
 
     def __init__(self, arguments: Sequence[str], environment: dict[str, str] | None = None) -> None:
         """Start the program; it listens on 127.0.0.1 only, and dies with this process.
 
-        Call this from the main thread: Linux delivers the death signal when the *thread* that
-        started the child ends.
+        Call this from the main thread: the program ends with the thread that has started it.
         """
         self._output: IO[bytes] = tempfile.TemporaryFile()
         variables = {**os.environ, "RUST_LOG": "warn", "NO_COLOR": "1"}
         variables["CI"] = "true"  # keeps Rerun from sending usage statistics
-        self._scratch = _scratch_folder()
+        self._scratch = temporary_folder("rerun")  # the program leaves files there
         variables["TMPDIR"] = self._scratch.name
         variables.update(environment or {})
         self._process = subprocess.Popen(
@@ -92,7 +70,7 @@ class Child:
             stderr=subprocess.STDOUT,
             env=variables,
             start_new_session=True,  # Ctrl-C is for us; we end the child ourselves
-            preexec_fn=_die_with(os.getpid()),
+            preexec_fn=die_with_this_thread(),
         )
 
     @property
@@ -129,15 +107,6 @@ class Child:
                 self._process.wait()
         self._output.close()
         self._scratch.cleanup()
-
-
-def _die_with(parent: int) -> Callable[[], None]:
-    def arrange() -> None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # the parent died before the call above
-            os._exit(1)
-
-    return arrange
 
 
 # What the user looks at: the page in a browser, or the native window.

@@ -1,21 +1,18 @@
 """MRM from the command that users type to transforms in another process, and back to nothing."""
 
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from onebot_description.elements.packages import package_share
-from tests.onebot_bringup.bringup_support import (
-    Transforms,
-    bringups,
-    stop,
-    wait_for_robot,
-)
-from tests.onebot_bringup.launcher_support import RunningCommand
-from tests.support import wait_for
+from tests.onebot_bringup.bringup_support import Transforms, wait_for_robot
+from tests.orphans import marked
+from tests.support import RunningProcess, wait_for
 
-Start = Callable[..., RunningCommand]
+Start = Callable[..., RunningProcess]
 
 JOINTS = """/**/joint_state_publisher:
   ros__parameters:
@@ -33,9 +30,16 @@ def transforms(ros_domain: int) -> Iterator[Transforms]:
 
 @pytest.fixture
 def start(tmp_path: Path, ros_domain: int) -> Iterator[Start]:
-    """Start ``mrm_bringup`` with arguments; without a viewer unless they say otherwise."""
-    with bringups(tmp_path, "mrm_description.launch.mrm_bringup", "viewer:=none") as make:
+    """Start ``mrm_bringup`` with arguments, without a viewer; nothing may be left of it."""
+    with ExitStack() as stack:
+
+        def make(*arguments: str) -> RunningProcess:
+            words = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
+            mark = {"ONEBOT_TEST_MARK": str(tmp_path)}
+            return stack.enter_context(RunningProcess([*words, *arguments], tmp_path, mark))
+
         yield make
+    assert marked(str(tmp_path)) == []
 
 
 def write_joints(folder: Path, position: float) -> str:
@@ -52,7 +56,6 @@ def test_the_command_alone_moves_mrm(start: Start, transforms: Transforms) -> No
     assert abs(first[0] - 0.5) < 1e-9  # m, the top of the base
     wait_for(lambda: transforms.of("link1") != first, "a movement")
     assert 'Robot "mrm"' in running.out and "Ctrl-C stops everything" in running.out
-    stop(running)
 
 
 def test_edits_of_the_joints_and_of_the_xacro_change_the_robot(
@@ -92,4 +95,3 @@ def test_edits_of_the_joints_and_of_the_xacro_change_the_robot(
     model.write_text(good.replace("base_link__link_01", "elbow"))
     wait_for(transforms.turned_to(0.0, "link1"), "the renamed joint, which nothing moves")
     running.says('motions.base_link__link_01: the robot has no joint "base_link__link_01"')
-    stop(running)

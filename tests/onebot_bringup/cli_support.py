@@ -4,13 +4,12 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest.mock import patch
 
 from onebot_bringup.cli.main import main
-from tests.onebot_bringup.launcher_support import RunningCommand
+from tests.support import RunningProcess
 
 MODULE = "onebot_bringup.cli.main"
 
@@ -34,11 +33,6 @@ def output_of(*words: str) -> str:
     return done.stdout
 
 
-@contextmanager
-def running(folder: Path, *words: str) -> Iterator[RunningCommand]:
+def running(folder: Path, *words: str) -> RunningProcess:
     """Run a command until the end of the context, if it has not ended by then."""
-    command = RunningCommand(folder, [sys.executable, "-m", MODULE, *words])
-    try:
-        yield command
-    finally:
-        command.close()
+    return RunningProcess([sys.executable, "-m", MODULE, *words], folder, check=False)

@@ -1,20 +1,16 @@
 """Starts a real launcher in a process of its own, on small scripts, for the launcher's tests."""
 
-import os
-import signal
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from tests.support import PATIENCE, wait_for
+from tests.support import RunningProcess, wait_for
 
 _DRIVER = """
 import sys
 from onebot_bringup.launcher.launcher import Grace, Launcher
-from onebot_bringup.launcher.process import NodeProcess, Restart, python_node
+from onebot_bringup.launcher.process import NodeProcess, python_node
 
 def script(name, path, on_exit="shutdown", **more):
     return NodeProcess(name, (sys.executable, "-u", path), on_exit, **more)
@@ -34,68 +30,7 @@ def command_of(nodes: str, grace: str = PATIENT) -> list[str]:
     return [sys.executable, "-c", _DRIVER.format(nodes=nodes, grace=grace)]
 
 
-class RunningCommand:
-    """A process whose output goes to files that can be read at any time."""
-
-    def __init__(
-        self, folder: Path, command: list[str], environment: dict[str, str] | None = None
-    ) -> None:
-        name = time.monotonic_ns()  # several may run in one folder
-        self._out, self._err = folder / f"stdout-{name}", folder / f"stderr-{name}"
-        with self._out.open("wb") as out, self._err.open("wb") as err:
-            self.process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err,
-                cwd=folder,
-                env={**os.environ, **(environment or {})},
-                start_new_session=True,
-            )
-
-    @property
-    def out(self) -> str:
-        """What it wrote to standard output so far."""
-        return self._out.read_text()
-
-    @property
-    def err(self) -> str:
-        """What it wrote to standard error so far."""
-        return self._err.read_text()
-
-    def says(self, text: str) -> None:
-        """Wait until it has printed ``text``."""
-
-        def condition() -> bool:
-            ended = self.process.poll() is not None
-            found = text in self.out or text in self.err
-            assert found or not ended, self.err
-            return found
-
-        wait_for(condition, f"{text!r} in the output")
-
-    def send(self, number: int) -> None:
-        """Send a signal to the launcher alone."""
-        self.process.send_signal(number)
-
-    def wait(self, timeout: float = PATIENCE) -> int:
-        """Wait for its end and return the exit code."""
-        return self.process.wait(timeout)
-
-    def interrupt(self) -> int:
-        """Press Ctrl-C; the exit code."""
-        if self.process.poll() is None:
-            self.send(signal.SIGINT)
-        return self.wait()
-
-    def close(self) -> None:
-        """Kill it if it still runs."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGTERM)
-            self.process.wait(PATIENCE)
-
-
-Start = Callable[..., RunningCommand]
+Start = Callable[..., RunningProcess]
 
 
 @contextmanager
@@ -103,15 +38,13 @@ def launchers(folder: Path, scripts: Mapping[str, str]) -> Iterator[Start]:
     """Start launchers in ``folder``, where the scripts lie; end them afterwards."""
     for name, text in scripts.items():
         (folder / f"{name}.py").write_text(text)
-    started: list[RunningCommand] = []
+    with ExitStack() as stack:
 
-    def make(nodes: str, grace: str = PATIENT) -> RunningCommand:
-        started.append(RunningCommand(folder, command_of(nodes, grace)))
-        return started[-1]
+        def make(nodes: str, grace: str = PATIENT) -> RunningProcess:
+            process = RunningProcess(command_of(nodes, grace), folder, check=False)
+            return stack.enter_context(process)
 
-    yield make
-    for launcher in started:
-        launcher.close()
+        yield make
 
 
 def alive(pid: int) -> bool:

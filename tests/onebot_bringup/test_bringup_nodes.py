@@ -37,7 +37,6 @@ from onebot_bringup.launch.nodes import (
     VIEWER,
     Launch,
     RosNodes,
-    output_path,
     write_parameters,
 )
 from onebot_bringup.launch.robots import PlacedRobot
@@ -154,7 +153,7 @@ class Recorded(dict[str, str]):
 
 def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None:
     """Otherwise an argument is accepted without effect, or a node ignores what it is given."""
-    given = {"record": "bag", "steer": "true", "port": "0", "world": "maze", "rate": "50"}
+    given = {"record": "bag", "steer": "true", "world": "maze", "rate": "50"}
     launch = make(**given)
     values = Recorded(launch.values)
     launch = replace(launch, values=values)
@@ -174,13 +173,14 @@ def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
     """What a row of the nodes' table sets by itself does not override it."""
     candidates = ("0.25", "7", "false", "true", "given", "a,b")
     for argument in make(sim).arguments:
-        # The page's address is tested by itself; what stands is not simulated here.
-        if argument.node not in ("", "steering_page", "controller_manager"):
+        if argument.node not in ("", "controller_manager"):  # what stands is not simulated here
             possible = (text for text in argument.choices or candidates if text != argument.default)
             text = next(text for text in possible if not argument.problem(text))
             further = {"left_wheel": "left", "right_wheel": "right"} if sim else {}  # both
             if argument.name == "joints":
                 further = {"sim": "false"}
+            if argument.node == "steering_page":
+                further = {"steer": "true"}
             launch = make(sim, **{**further, argument.name: text})
             assert parameters_of(launch, argument.node)[argument.parameter] == argument.value(text)
 
@@ -197,12 +197,12 @@ def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
         (False, "viewer:=none joint_states:=0 save:=x.rrd", "robot_state_publisher rerun_viewer"),
         (
             False,
-            "sim:=true viewer:=none steer:=true port:=0",
+            "sim:=true viewer:=none steer:=true",
             "joint_trajectory_controller robot_state_publisher steering_page",
         ),
         (
             True,
-            "record:=bag viewer:=none steer:=true port:=0",
+            "record:=bag viewer:=none steer:=true",
             "bag_recorder velocity_controller robot_state_publisher steering_page",
         ),
     ],
@@ -215,24 +215,23 @@ def test_which_nodes_are_started(make: Make, sim: bool, words: str, nodes: str) 
 def test_what_each_node_is(make: Make) -> None:
     """A module in an interpreter of its own, with SIGINT held until it is ready.
 
-    The robot's own nodes end the launch, the page is restarted, all others may go. The viewer gives
-    way to what moves the robot.
+    The robot's own nodes end the launch, all others may go. The viewer gives way to what moves the
+    robot.
     """
-    nodes = make(record="bag", steer="true", port="0").nodes()
+    nodes = make(record="bag", steer="true").nodes()
     for node in (*nodes, process_of(make(), "joint_state_publisher")):
         assert node.command[0] == sys.executable and node.hold_interrupt
         assert node.command[_MODULE].rpartition(".")[2] == node.name
         assert node.environment["PYTHONUNBUFFERED"] == "1"
         assert (node.nice > 0) == (node.name == "rerun_viewer")
-        ignored = node.name in ("bag_recorder", "rerun_viewer")
-        restarted = node.name == "steering_page"
-        assert node.on_exit == ("ignore" if ignored else "restart" if restarted else "shutdown")
+        ignored = node.name in ("bag_recorder", "rerun_viewer", "steering_page")
+        assert node.on_exit == ("ignore" if ignored else "shutdown")
 
 
 def test_every_node_gets_the_common_arguments(make: Make) -> None:
     """Namespace, log level and time, and last of all what follows --ros-args."""
     given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
-    factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", port="0", **given)
+    factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", **given)
     for node in factory.nodes():
         words = list(node.command[_MODULE + 1 :])
         assert words[-2:] == ["-p", "x:=1"]
@@ -332,7 +331,7 @@ def test_the_topics_of_nav2(make: Make, described: Description) -> None:
         assert " ".join(rules) in " ".join(node.command)
     assert "a Twist on /yard/cmd_vel" in summary_text(described, single.values)
     robots = [PlacedRobot(name, 0.0, 0.0, 0.0, described) for name in ("a", "b")]
-    fleet = replace(make(nav2_topics="true", robots="2", steer="true", port="0"), robots=robots)
+    fleet = replace(make(nav2_topics="true", robots="2", steer="true"), robots=robots)
     words = " ".join(process_of(fleet, "velocity_controller").command)
     assert words.count(" ".join(rules)) == 2
     words = " ".join(process_of(fleet, "rerun_viewer").command)
@@ -388,9 +387,7 @@ def test_several_robots_are_two_processes(make: Make, arm: Path, described: Desc
     assert [each["frame_prefix"] for each in states.values()] == ["yard/a/", "yard/b/"]
     assert states["/yard/b"]["robot_description"] == other.urdf
     assert parameters_of(nodes, "rerun_viewer")["robots"] == ["a", "b"]
-    page = process_of(
-        replace(nodes, values={**nodes.values, "steer": "true", "port": "0"}), "steering_page"
-    )
+    page = process_of(replace(nodes, values={**nodes.values, "steer": "true"}), "steering_page")
     assert parameters(page)["topic"] == "a/velocity_controller/cmd_vel"
     # All odometry frames have a parent, even where that of a single robot has none.
     for written, frame in (('""', "world"), ("map", "map")):
@@ -507,25 +504,6 @@ def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
     )
 
 
-def test_the_steering_page_has_a_port_before_it_starts(
-    make: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Any free one for 0; the token is the user's, and there need be no warning."""
-    page = parameters_of(make(steer="true", port="0", token="secret"), "steering_page")
-    assert page["host"] == "127.0.0.1" and page["token"] == "secret" and page["port"] > 0
-    assert capsys.readouterr().err == ""
-
-
-def test_files_are_found_in_the_home_folder(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The shell leaves the ~ of ``name:=~/x`` as it is; the recorder may run elsewhere."""
-    monkeypatch.setenv("HOME", "/home/someone")
-    assert make(joints="~/j", sim="false").values["joints"] == "/home/someone/j"
-    values = make(params_file="~/c", robots="~/f").values
-    assert (values["params_file"], values["robots"]) == ("/home/someone/c", "/home/someone/f")
-    assert parameters_of(make(record="~/a"), "bag_recorder")["folder"] == "/home/someone/a"
-    assert output_path("bag") == Path.cwd() / "bag"
-
-
 def test_robot_state_publisher_follows_the_files(make: Make) -> None:
     """It gets what the robot was read from, unless edits are not to count."""
     factory = make()
@@ -610,6 +588,7 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
         (["world:=walls.urdf"], "walls.urdf"),
         (["world:=joints.yaml"], "joints.yaml:1"),
         (["world:=nowhere/maze.urdf"], "there is no folder"),
+        (["steer:=true", "host:=192.0.2.77"], "host:=192.0.2.77 is not an address of this"),
         (["joints:=joints.yaml", "sim:=0", "save:=x.rrd", "record:=bag"], "absent.xacro"),
         (["world:=maze", "save:=kept.rrd"], "absent.xacro"),
     ],
@@ -716,48 +695,30 @@ def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -
 
 SIMULATED = """\
 Robot "arm": 3 links, 1 of 2 joints can move
-  world    maze
   model    MODEL
   topics   /tf /tf_static /left/robot_description /left/joint_states
   frames   begin with left/
-  drive    onebot teleop /left/velocity_controller/cmd_vel, or a Twist on DRIVE
-  steer    in the browser; steering_page prints its address
-  viewer   on that page; recorded to x.rrd
-  record   all topics to bag
+  drive    onebot teleop /left/velocity_controller/cmd_vel, or a Twist on \
+/left/velocity_controller/cmd_vel
   Ctrl-C stops everything"""
 STILL = """\
 Robot "arm": 3 links, 1 of 2 joints can move
   model    MODEL
   topics   /tf /tf_static /robot_description /joint_states
-  joints   swing within their limits
-  viewer   in the browser; rerun_viewer prints its address
+  joints   {}
   Ctrl-C stops everything"""
 
 
 @pytest.mark.parametrize(
     ("sim", "given", "text"),
     [
-        (
-            True,
-            "namespace:=/left/ world:=maze steer:=true save:=x.rrd record:=bag",
-            SIMULATED.replace("DRIVE", "/left/velocity_controller/cmd_vel"),
-        ),
-        (False, "", STILL),
-        (False, "joints:=j.yaml", STILL.replace("swing within their limits", "j.yaml")),
-        (
-            False,
-            "joint_states:=false",
-            STILL.replace("swing within their limits", "wait for /joint_states"),
-        ),
-        (
-            False,
-            "viewer:=native",
-            STILL.replace("the browser; rerun_viewer prints its address", "a window of its own"),
-        ),
+        (True, "namespace:=/left/", SIMULATED),
+        (False, "", STILL.format("swing within their limits")),
+        (False, "joints:=j.yaml", STILL.format("j.yaml")),
+        (False, "joint_states:=false", STILL.format("wait for /joint_states")),
     ],
 )
 def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str) -> None:
-    """One line for each thing, and no line for what is not there."""
     launch = make(sim, **given_by(given))
     model = launch.values["model"]
     assert summary_text(launch.description, launch.values) == text.replace("MODEL", model)

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.hosts import Host, connected_hosts, missing
-from tests.ros_support import RunningProcess
-from tests.support import PATIENCE, skip_for, wait_for
+from tests.support import PATIENCE, RunningProcess, skip_for, wait_for
 
 ONEBOT = "onebot_bringup.cli.main"
 SERVER_PORT = 11811

@@ -1,8 +1,6 @@
 """How ``name:=value`` command lines are read."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from onebot_bringup.launch.arguments import (
     Argument,
@@ -31,17 +29,16 @@ NUMBERS = [
 ]
 
 
-@given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.text(max_size=20)))
-def test_what_is_written_is_what_is_read(values: dict[str, str]) -> None:
-    assert split([f"{name}:={value}" for name, value in values.items()]).given == values
+def test_words_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first := separates, the last of two counts, and --ros-args has its own words.
 
-
-def test_words_are_split() -> None:
-    """The first := separates, the last of two counts, and --ros-args has its own words."""
-    parts = split(
-        ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "f", "-h", "--ros-args", "-r", "x:=y", "--"]
-    )
-    assert parts.given == {"a": "b:=c", "empty": "", "t": "-1 m = x"}
+    The shell leaves the ~ of ``name:=~/x`` as it is.
+    """
+    monkeypatch.setenv("HOME", "/home/someone")
+    words = ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "home:=~/x", "f", "-h"]
+    parts = split([*words, "--ros-args", "-r", "x:=y", "--"])
+    given = {"a": "b:=c", "empty": "", "t": "-1 m = x", "home": "/home/someone/x"}
+    assert parts.given == given
     assert parts.positional == ("f",) and parts.ros_args == ("-r", "x:=y")
     assert parts.help and not parts.show and split(["--help"]).help
     with pytest.raises(UsageError, match="written viewer:=none"):

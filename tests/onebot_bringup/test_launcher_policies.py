@@ -1,14 +1,12 @@
 """What the launcher does when a node ends by itself, and how it reports it."""
 
 import os
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from onebot_bringup.launcher.launcher import Restarts
-from onebot_bringup.launcher.process import Restart, describe_exit
+from onebot_bringup.launcher.process import describe_exit
 from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
 
@@ -30,7 +28,6 @@ import pathlib, time
 while not pathlib.Path("runs.pid").is_file():
     time.sleep(0.01)
 {FAILS}"""
-FAST = "Restart(limit=2, first_wait=0.05)"
 
 
 @pytest.fixture
@@ -88,35 +85,6 @@ except KeyboardInterrupt:
     assert launcher.err.splitlines()[-1] == "[test] failed: recorder (exit code 1)"
 
 
-def test_restart_tries_again_up_to_the_limit(start: Start) -> None:
-    """A node that keeps failing runs limit + 1 times; then the launcher gives up with code 1."""
-    launcher = start(f"[script('bad', 'fails.py', 'restart', restart={FAST})]")
-    assert launcher.wait() == 1
-    assert launcher.out.count("[bad] about to fail") == 3
-    assert "attempt 2 of 2" in launcher.err and "giving up" in launcher.err
-
-
-def test_a_restarted_node_runs_on(start: Start, tmp_path: Path) -> None:
-    """A node that is killed comes back as a new process, and Ctrl-C stops that one too."""
-    launcher = start(f"[script('runner', 'runs.py', 'restart', restart={FAST})]")
-    launcher.says("ready")
-    first = number_in(tmp_path / "runs.pid")
-    os.kill(first, signal.SIGKILL)
-    wait_for(lambda: launcher.out.count("[runner] ready") == 2, "the second start")
-    second = number_in(tmp_path / "runs.pid")
-    assert second != first and alive(second)
-    assert launcher.interrupt() == 0
-    assert not alive(second)
-
-
-def test_ctrl_c_cancels_a_planned_restart(start: Start) -> None:
-    """Nothing is started any more once the launcher is stopping."""
-    launcher = start("[script('bad', 'fails.py', 'restart', restart=Restart(first_wait=600.0))]")
-    wait_for(lambda: "again in" in launcher.err, "the plan")
-    assert launcher.interrupt() == 0
-    assert launcher.out.count("about to fail") == 1
-
-
 def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
     launcher = start("[NodeProcess('ghost', ('/no/such/program',))]")
     assert launcher.wait() == 1
@@ -140,11 +108,3 @@ def test_a_nice_node_stands_back(start: Start, tmp_path: Path) -> None:
     wait_for(lambda: os.getpriority(os.PRIO_PROCESS, pid) == min(mine + 7, 19), "the niceness")
     assert os.getpriority(os.PRIO_PROCESS, launcher.process.pid) == mine
     assert launcher.interrupt() == 0
-
-
-def test_the_policy_unless_a_node_has_another() -> None:
-    """Five starts after 1, 2, 4, 8 and 10 s; after half a minute it starts counting from zero."""
-    restarts = Restarts(Restart())
-    assert [restarts.next_wait(0.0) for _ in range(6)] == [1.0, 2.0, 4.0, 8.0, 10.0, None]
-    assert restarts.next_wait(29.0) is None
-    assert [restarts.next_wait(31.0), restarts.next_wait(0.0)] == [1.0, 2.0]

@@ -13,8 +13,7 @@ from PIL import Image
 
 from onebot_bringup.viewer.rrd import has_content
 from tests.orphans import marked
-from tests.ros_support import RunningProcess
-from tests.support import run_to_end, wait_for
+from tests.support import RunningProcess, run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 PLUGIN = "onebot_bringup.testing.plugin"

@@ -1,0 +1,44 @@
+"""What a process needs to leave nothing behind, even if it is killed (SIGKILL, out of memory).
+
+Its children end with it by Linux's signal on a parent's death. That signal does not reach what a
+child has started: a node that starts processes has to give them the same.
+"""
+
+import ctypes
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
+
+
+def die_with_this_thread() -> Callable[[], None]:
+    """Return a ``preexec_fn`` for a child that is killed when the calling thread ends.
+
+    Linux follows the *thread* that starts the child, so that has to be one that lives as long as
+    the process: the main thread.
+    """
+    parent = os.getpid()
+
+    def arrange() -> None:
+        if sys.platform == "linux":
+            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            if os.getppid() != parent:  # the parent died before the call above
+                os._exit(1)
+
+    return arrange
+
+
+def temporary_folder(kind: str) -> tempfile.TemporaryDirectory[str]:
+    """Make a temporary folder, and remove those of this kind whose process was killed."""
+    prefix = f"onebot-{kind}-"  # the id of the process follows
+    for left in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
+        process = left.name.removeprefix(prefix).partition("-")[0]
+        if not Path("/proc", process).exists():
+            shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(prefix=f"{prefix}{os.getpid()}-", ignore_cleanup_errors=True)
