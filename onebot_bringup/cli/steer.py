@@ -103,8 +103,7 @@ def _launch(folder: Path, values: Mapping[str, str], ros_args: Sequence[str]) ->
         viewers = [ros_nodes.process(VIEWER._replace(name=_VIEWER), view)]
     nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
     hint = "steering_page prints the page's address; Ctrl-C stops everything"
-    with Launcher("onebot steer") as launcher:
-        return launcher.run(nodes, started_message=hint)
+    return Launcher("onebot steer").run(nodes, started_message=hint)
 
 
 def _found(

@@ -147,7 +147,6 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
         temporary_folder("launch") as folder,
-        Launcher(command.program) as launcher,
     ):
         remove_stale_in_background()
         os.environ[PLACES] = folder
@@ -165,7 +164,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
             controller=command.controller,
         )
         summary = summary_text(description, values, robots)
-        return launcher.run(launch.nodes(), started_message=summary)
+        return Launcher(command.program).run(launch.nodes(), started_message=summary)
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:

@@ -3,9 +3,8 @@
     from onebot_bringup.launcher.launcher import Launcher
     from onebot_bringup.launcher.process import python_node
 
-    with Launcher("example") as launcher:
-        node = python_node("robot_state_publisher", "onebot_description.robot_state_publisher")
-        exit_code = launcher.run([node])
+    node = python_node("robot_state_publisher", "onebot_description.robot_state_publisher")
+    exit_code = Launcher("example").run([node])
 
 Standard library only, no ROS. Nothing is imported here, because each node's process imports this
 package as well.

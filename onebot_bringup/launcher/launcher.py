@@ -33,7 +33,7 @@ class Grace:
 class Launcher:
     """Runs nodes until Ctrl-C, or until a node that matters has ended.
 
-    A context, to be used in the main thread; ``run`` may be called once.
+    To be used in the main thread; ``run`` may be called once.
     """
 
     def __init__(self, name: str, grace: Grace | None = None) -> None:
@@ -43,14 +43,6 @@ class Launcher:
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
         self._escalated = False  # whether SIGTERM or SIGKILL was used
         self._failed: dict[str, str] = {}  # how each node that failed for good ended
-
-    def __enter__(self) -> "Launcher":
-        """Open the event loop."""
-        self._loop = asyncio.new_event_loop()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._loop.close()
 
     def run(self, nodes: Sequence[NodeProcess], *, started_message: str = "") -> int:
         """Start the nodes in this order, and return when everything has ended.
@@ -65,13 +57,13 @@ class Launcher:
             had to be killed to stop in time, or ended although the others need it. The last line
             printed names it.
         """
-        names = [node.name for node in nodes]
-        stop = partial(self._loop.call_soon_threadsafe, self._stop)
-        self._console = Console(self._name, names, stop)
-        self._loop.run_until_complete(self._run(nodes, started_message))
+        asyncio.run(self._run(nodes, started_message))
         return 1 if self._failed else 0
 
     async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
+        self._loop = asyncio.get_running_loop()
+        stop = partial(self._loop.call_soon_threadsafe, self._stop)
+        self._console = Console(self._name, [node.name for node in nodes], stop)
         for number in stop_signals():
             self._loop.add_signal_handler(number, self._on_signal, number)
         self._watch_reader()
@@ -97,14 +89,10 @@ class Launcher:
         return tasks
 
     async def _kill_remaining(self) -> None:
-        """Stop everything that still runs, even after an error."""
+        """Kill everything that still runs, even after an error, and write the last lines."""
         for process in self._running:
             process.signal_all(signal.SIGKILL)
         await asyncio.gather(*[self._close_process(process) for process in list(self._running)])
-        tasks = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
         if not self._stopping.is_set():
             self._console.info("no node is left to run")
         if self._failed:
@@ -129,36 +117,38 @@ class Launcher:
 
     async def _supervise(self, node: NodeProcess, process: RunningProcess | None) -> None:
         """Report the end of ``node`` and apply its policy; ``process`` is None if not started."""
-        code = None if process is None else await self._until_end(node, process)
+        code = None if process is None else await self._end_of(process)
+        how = "not started" if code is None else describe_exit(code)
         if self._stopping.is_set():
+            self._judge_stopped(node, code, how)
             return
+        if code is not None:
+            self._console.warn(f"{node.name} exited unexpectedly: {how}")
         if node.on_exit == "ignore":
             self._console.warn(f"going on without {node.name}")
         if code != 0 or node.on_exit != "ignore":
-            self._failed[node.name] = "not started" if code is None else describe_exit(code)
+            self._failed[node.name] = how
         if node.on_exit != "ignore":
             if self._running:
                 self._console.warn("stopping the others")
             self._stop()
 
-    async def _until_end(self, node: NodeProcess, process: RunningProcess) -> int:
-        """Wait for the end of ``process`` and report it; return its exit code."""
+    async def _end_of(self, process: RunningProcess) -> int:
+        """Wait for the end of ``process``, show its last output and return its exit code."""
         code = await process.ended
         if code in _STOPPED:
             await _is_set_within(_SAME_SIGNAL, self._stopping)
-        if self._stopping.is_set():
-            await process.group_ended()
-            await self._close_process(process)
-            if code == -signal.SIGKILL and not self._stop_now.is_set():
-                self._failed[node.name] = "had to be killed"
-            elif code not in _STOPPED and not self._escalated:
-                self._console.warn(f"{node.name} stopped with an error: {describe_exit(code)}")
-                self._failed[node.name] = describe_exit(code)
-        else:
-            process.signal_all(signal.SIGKILL)  # its children are left without an owner
-            await self._close_process(process)
-            self._console.warn(f"{node.name} exited unexpectedly: {describe_exit(code)}")
+        process.signal_all(signal.SIGKILL)  # its children are left without an owner
+        await self._close_process(process)
         return code
+
+    def _judge_stopped(self, node: NodeProcess, code: int | None, how: str) -> None:
+        """Report a node that was asked to stop and failed to."""
+        if code == -signal.SIGKILL and not self._stop_now.is_set():
+            self._failed[node.name] = "had to be killed"
+        elif code not in _STOPPED and not self._escalated:
+            self._console.warn(f"{node.name} stopped with an error: {how}")
+            self._failed[node.name] = how
 
     async def _close_process(self, process: RunningProcess) -> None:
         """Show the rest of a process's output, and drop it from the running ones."""

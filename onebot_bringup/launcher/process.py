@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Literal
 
 from onebot_bringup.launcher.child import die_with_this_thread
@@ -20,8 +19,6 @@ OnExit = Literal["shutdown", "ignore"]
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
 _LONGEST_LINE = 65536  # bytes; longer lines are split
 _LAST_OUTPUT = 0.25  # seconds to wait for it, since another process may hold the pipe for ever
-_DEAD = frozenset("ZX")  # states in /proc
-_POLL = 0.05  # seconds; nothing reports the end of a process that is not a child
 
 
 @dataclass(frozen=True)
@@ -94,38 +91,6 @@ class Lines:
             self._rest = b""
 
 
-def signal_group(group: int, number: int) -> None:
-    """Send a signal to each process of ``group``; it is not an error if they are already gone."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(group, number)
-
-
-def group_alive(group: int) -> bool:
-    """Return whether a process of ``group`` still runs; zombies do not count."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return not sys.platform.startswith("linux") or _any_running(group)
-
-
-def _any_running(group: int) -> bool:
-    """Look for running processes in /proc; unreaped zombies of orphans stay in the group."""
-    return any(_runs_in(stat, group) for stat in Path("/proc").glob("[0-9]*/stat"))
-
-
-def _runs_in(stat: Path, group: int) -> bool:
-    """Return whether the process of this /proc file is in ``group`` and not a zombie."""
-    try:
-        # proc(5): "pid (comm) state ppid pgrp ..."; comm may itself hold spaces and parentheses.
-        state, _, process_group = stat.read_text(errors="replace").rpartition(")")[2].split()[:3]
-    except (OSError, ValueError):
-        return False  # it has just ended
-    return int(process_group) == group and state not in _DEAD
-
-
 class RunningProcess(asyncio.SubprocessProtocol):
     """A running process that leads its own session, and so its own process group.
 
@@ -170,16 +135,9 @@ class RunningProcess(asyncio.SubprocessProtocol):
                 os.kill(self.group, signal.SIGINT)
 
     def signal_all(self, number: int) -> None:
-        """Send a signal to the node and all processes that it started."""
-        signal_group(self.group, number)
-
-    async def group_ended(self) -> None:
-        """Wait until its group has ended; ask processes that it left behind to stop."""
-        await self.ended
-        if group_alive(self.group):
-            self.signal_all(signal.SIGTERM)
-        while group_alive(self.group):
-            await asyncio.sleep(_POLL)
+        """Send a signal to the node and all processes that it started, if there are any left."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.group, number)
 
     async def close(self) -> None:
         """Read the rest of its output and close the pipes; kill it if it still runs."""

@@ -15,8 +15,7 @@ from onebot_bringup.launcher.process import NodeProcess, python_node
 def script(name, path, on_exit="shutdown", **more):
     return NodeProcess(name, (sys.executable, "-u", path), on_exit, **more)
 
-with Launcher("test", {grace}) as launcher:
-    sys.exit(launcher.run({nodes}))
+sys.exit(Launcher("test", {grace}).run({nodes}))
 """
 
 # A script waits for a signal; signal.pause() would miss one that came just before it.

@@ -254,11 +254,13 @@ def test_a_namespace_is_the_prefix_of_all_frames(make: Make) -> None:
     assert none["tf_frame_prefix_enable"] is False
 
 
-def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
-    """As text, with all that the launch arguments say of transforms."""
-    nodes = make(False)
-    assert parameters_of(nodes, "robot_state_publisher") == {
-        "robot_description": nodes.description.urdf,
+def test_what_the_nodes_get_by_default(make: Make, arm: Path, described: Description) -> None:
+    """The robot, frames and the time; every joint swings within its limits, unless a file decides.
+
+    The controller's own parameters override those of its file, which is found from anywhere.
+    """
+    assert parameters_of(make(False), "robot_state_publisher") == {
+        "robot_description": described.urdf,
         "frame_prefix": "",
         "hold_floating_joints": True,  # nobody else places it
         "publish_frequency": 0.0,
@@ -267,60 +269,41 @@ def test_robot_state_publisher_gets_the_robot(make: Make) -> None:
     }
     real = parameters_of(make(sim="false", joint_states="false"), "robot_state_publisher")
     assert not real["hold_floating_joints"]
-
-
-def test_joint_state_publisher_has_a_file_or_swings(make: Make, arm: Path) -> None:
-    """With a file, that alone decides; without one, every joint moves within its limits."""
     file = str(arm.parent / "joints.yaml")
-    assert parameters_of(make(joints=file, sim="false"), "joint_state_publisher") == {
-        "config_file": file,
-        "use_sim_time": False,
-    }
+    with_file = parameters_of(make(joints=file, sim="false"), "joint_state_publisher")
+    assert with_file == {"config_file": file, "use_sim_time": False}
     swing = parameters_of(make(), "joint_state_publisher")
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
-    given = parameters_of(make(rate="20", joints=file, sim="false"), "joint_state_publisher")
+    given = parameters_of(make(rate="20"), "joint_state_publisher")
     assert given["rate"] == 20.0
-
-
-def test_velocity_controller_starts_where_it_is_put(make: Make, arm: Path) -> None:
-    """Its own parameters override those of the file, which it reads from anywhere."""
-    given = {"x": "1", "y": "-2.5", "yaw": "0.5", "rate": "200", "frame_prefix": "r/"}
-    given |= {"left_wheel": "a, b", "right_wheel": "c,d", "params_file": "control.yaml"}
-    nodes = make(**given)
-    node = process_of(nodes, "velocity_controller")
+    node = process_of(make(params_file="control.yaml"), "velocity_controller")
     assert parameters(node) == {
-        "x": 1.0,
-        "y": -2.5,
-        "yaw": 0.5,
-        "robot_description": nodes.description.urdf,
-        "tf_frame_prefix_enable": True,
-        "tf_frame_prefix": "r/",
-        "update_rate": 200,
-        "left_wheel_names": ["a", "b"],
-        "right_wheel_names": ["c", "d"],
+        "robot_description": described.urdf,
+        "tf_frame_prefix_enable": False,
+        "tf_frame_prefix": "",
         "use_sim_time": False,
     }
     files = [word for word in node.command[_MODULE + 1 :] if word.endswith(".yaml")]
     assert files[0] == str(arm.parent / "control.yaml") and len(files) == 2
-    assert set(parameters_of(make(), "velocity_controller")) == {
-        *("robot_description", "tf_frame_prefix_enable", "tf_frame_prefix", "use_sim_time")
-    }
-    world = parameters_of(make(world="maze"), "velocity_controller")
-    assert (world["world"], world["world_frame_id"]) == ("maze", "world")
 
 
-def test_the_frame_of_a_world(make: Make, arm: Path) -> None:
+@pytest.mark.parametrize(
+    ("written", "given", "frame"),
+    [
+        ("x: 1.0", {}, "world"),
+        ("x: 1.0", {"ground_truth_tf": "false"}, "map"),
+        ("ground_truth_tf: false", {}, "map"),
+        ("ground_truth_tf: false", {"ground_truth_tf": "true"}, "world"),
+        ("world_frame_id: hall", {}, "hall"),
+    ],
+)
+def test_the_frame_of_a_world(
+    make: Make, arm: Path, written: str, given: dict[str, str], frame: str
+) -> None:
     """It is map where the truth is not on TF, so that TF is one tree, unless the file names one."""
-    given = {"world": "maze", "ground_truth_tf": "false"}
-    found = parameters_of(make(**given), "velocity_controller")
-    assert (found["ground_truth_tf"], found["world_frame_id"]) == (False, "map")
-    for written, values, frame in (
-        ("world_frame_id: hall", {"world": "maze"}, "hall"),
-        ("ground_truth_tf: false", {"world": "maze"}, "map"),
-        ("ground_truth_tf: false", {"world": "maze", "ground_truth_tf": "true"}, "world"),
-    ):
-        write_control(arm, written)
-        assert parameters_of(make(**values), "velocity_controller")["world_frame_id"] == frame
+    write_control(arm, written)
+    found = parameters_of(make(world="maze", **given), "velocity_controller")
+    assert found["world_frame_id"] == frame
 
 
 def test_the_topics_of_nav2(make: Make, described: Description) -> None:
@@ -337,7 +320,9 @@ def test_the_topics_of_nav2(make: Make, described: Description) -> None:
     words = " ".join(process_of(fleet, "rerun_viewer").command)
     assert "a/velocity_controller/cmd_vel:=a/cmd_vel" in words and "b/odom" in words
     assert parameters_of(fleet, "steering_page")["topic"] == "a/cmd_vel"
-    assert "a Twist on /a/cmd_vel" in summary_text(described, fleet.values, robots)
+    summary = summary_text(described, fleet.values, robots)
+    assert summary.startswith("2 robots in one world, a to b\n")
+    assert "onebot teleop a, or a Twist on /a/cmd_vel" in summary and "such as a/odom" in summary
 
 
 def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
@@ -394,16 +379,6 @@ def test_several_robots_are_two_processes(make: Make, arm: Path, described: Desc
         write_control(arm, f"world_frame_id: {written}")
         drives = of_each(process_of(nodes, "velocity_controller"))
         assert drives["/yard/a"]["world_frame_id"] == frame
-
-
-def test_the_summary_of_several_robots(make: Make) -> None:
-    """How many, and how one of them is driven."""
-    nodes = make(robots="3", namespace="yard", reload="false")
-    robots = [PlacedRobot(name, 0.0, 0.0, 0.0, nodes.description) for name in ("a", "b", "c")]
-    text = summary_text(nodes.description, nodes.values, robots)
-    assert text.startswith("3 robots in one world, a to c\n")
-    assert "onebot teleop yard/a, or a Twist on /yard/a/velocity_controller/cmd_vel" in text
-    assert "such as yard/a/odom" in text
 
 
 SPACE = {"namespace": "left"}
@@ -490,18 +465,13 @@ def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], 
     assert values["fixed_frame"] == frame
 
 
-def test_the_viewer_gets_what_it_is_to_show(make: Make) -> None:
-    """Its address is named unless the steering page holds it, whose address waits for it."""
-    given = {"viewer": "native", "save": "x.rrd", "view": "v.yaml", "frame_prefix": "r/"}
-    found = parameters_of(make(**given), "rerun_viewer")
-    assert {name: found[name] for name in given} == given
-    assert found["embedded"] is False
-    assert parameters_of(make(steer="true"), "rerun_viewer")["embedded"] is True
-    assert parameters_of(make(False), "rerun_viewer")["embedded"] is False
-    assert parameters_of(make(steer="true"), "steering_page")["await_view"] > 0.0
-    assert "await_view" not in parameters(
-        process_of(make(steer="true", viewer="none"), "steering_page")
-    )
+def test_one_address_is_printed_of_page_and_viewer(make: Make) -> None:
+    """The viewer's is named unless the steering page holds the view, whose address waits for it."""
+    for steer, viewer in (("true", "web"), ("true", "none"), ("false", "web")):
+        launch = make(steer=steer, viewer=viewer)
+        assert parameters_of(launch, "rerun_viewer")["embedded"] is (steer == "true")
+        waits = "await_view" in parameters_of(launch, "steering_page")
+        assert waits is (viewer == "web")
 
 
 def test_robot_state_publisher_follows_the_files(make: Make) -> None:
@@ -731,17 +701,12 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("frame_prefix:=left", "frame_prefix:=left/"),
         ("port:=8081", "add steer:=true"),
         ("world:=maze sim:=false", "world:=maze is for the simulation"),
-        ("real_time_factor:=2 sim:=false", "real_time_factor:=2 is for the simulation"),
-        ("real_time_factor:=-1", "real_time_factor:=-1 is not possible; write a number"),
         ("left_wheel:=a", "name both, or neither"),
-        ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
         ("robots:=3 x:=1", "x:=1 does not go together with robots:=3: robots:= places them"),
         ("robots:=3 frame_prefix:=a/", "frame_prefix:=a/ does not .*begin with its namespace"),
         ("joints:=j.yaml", "joints:=j.yaml is without effect, since the simulation moves"),
         ("robots:=3 joint_states:=false", "joint_states:=false is without effect"),
-        ("x:=1 sim:=false", "x:=1 is for the simulation: write sim:=true"),
         ("nav2_topics:=true sim:=false", "nav2_topics:=true is for the simulation"),
-        ("left_wheel:=a right_wheel:=b sim:=false", "left_wheel:=a is for the simulation"),
         ("params_file:=c.yaml sim:=false", "params_file:=c.yaml is for the simulation"),
         ("robots:=3 reload:=true", "reload:=true does not .*edits of the model"),
         ("robots:=3 sim:=false", "robots:=3 are simulated, which sim:=false is not"),

@@ -15,25 +15,7 @@ from tests.support import PATIENCE, RunningProcess, skip_for, wait_for
 ONEBOT = "onebot_bringup.cli.main"
 SERVER_PORT = 11811
 SPEED = 0.2  # m/s
-CUT = 10.0  # s: shorter than the 20 s for which Fast DDS remembers who is silent
-
-
-class Command(RunningProcess):
-    """A command on a host."""
-
-    def __init__(self, host: Host, *words: str) -> None:
-        super().__init__(host.command(words), check=False)
-
-    def says(self, pattern: str) -> str:
-        """Wait until it prints the pattern; return the first group."""
-
-        def found() -> re.Match[str] | None:
-            assert self.process.poll() is None, self.output
-            return re.search(pattern, self.output)
-
-        match = wait_for(found, pattern)
-        assert match is not None
-        return match[match.lastindex or 0]
+CUT = 5.0  # s: shorter than the 20 s for which Fast DDS remembers who is silent
 
 
 class Fleet(ExitStack):
@@ -47,14 +29,14 @@ class Fleet(ExitStack):
         self.robot_host, self.driver_host, self.viewer_host = hosts
         self.folder, self._discovery = folder, discovery
 
-    def run(self, host: Host, *words: str) -> Command:
-        return self.enter_context(Command(host, *words))
+    def run(self, host: Host, *words: str) -> RunningProcess:
+        return self.enter_context(RunningProcess(host.command(words), check=False))
 
-    def onebot(self, host: Host, *words: str) -> Command:
+    def onebot(self, host: Host, *words: str) -> RunningProcess:
         discovery = f"discovery:={self._discovery}"
         return self.run(host, sys.executable, "-um", ONEBOT, discovery, *words)
 
-    def start_robot(self, *arguments: str) -> Command:
+    def start_robot(self, *arguments: str) -> RunningProcess:
         """Start the robot, and print its odometry on the same host."""
         module = "onebot_bringup.launch.onebot_bringup"
         words = (f"discovery:={self._discovery}", "viewer:=none", *arguments)
@@ -65,7 +47,7 @@ class Fleet(ExitStack):
         )
         return robot
 
-    def drive(self) -> Command:
+    def drive(self) -> RunningProcess:
         """Drive the robot from the driver's host."""
         words = ("topic", "pub", "-r", "20", self.cmd_vel, "geometry_msgs/msg/Twist")
         return self.onebot(self.driver_host, *words, f"{{linear: {{x: {SPEED}}}}}")

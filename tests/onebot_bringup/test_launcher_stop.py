@@ -105,16 +105,6 @@ def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
     assert not alive(number_in(tmp_path / "stubborn.pid"))
 
 
-def test_what_a_node_started_is_stopped_too(start: Start, tmp_path: Path) -> None:
-    """A grandchild that ignores every signal but SIGKILL is gone when the launcher returns."""
-    launcher = start("[script('parent', 'parent.py')]", grace="Grace()")
-    launcher.says("ready")
-    grandchild = number_in(tmp_path / "stubborn.pid")
-    assert alive(grandchild)
-    assert launcher.interrupt() == 0
-    assert not alive(grandchild)
-
-
 def test_what_a_dead_node_started_is_killed(start: Start, tmp_path: Path) -> None:
     """When a node dies, what it started goes with it, though the launcher runs on."""
     launcher = start("[script('parent', 'parent.py', 'ignore'), script('a', 'polite.py')]")

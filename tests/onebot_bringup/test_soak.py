@@ -1,4 +1,4 @@
-"""OneBot drives about for 20 s of simulated time: no gap, no leak."""
+"""OneBot drives about for 20 s of simulated time, in half of them: no gap, no leak."""
 
 import itertools
 import math
@@ -18,8 +18,7 @@ from tests.support import wait_for
 
 BRINGUP = "onebot_bringup.launch.onebot_bringup"
 # In simulated time a slow machine makes it last longer, and nothing else.
-WORDS = ("viewer:=none", "steer:=true", "port:=0")
-SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
+WORDS = ("viewer:=none", "steer:=true", "port:=0", "real_time_factor:=2")
 BEGIN, END = 8.0, 28.0  # s of simulated time; before, memory may grow
 LONGEST_GAP = 0.5  # s of simulated time
 MOST_GROWTH = {"memory": 5.0, "handles": 5.0, "threads": 3.0}  # memory in MB
@@ -47,7 +46,7 @@ def test_driving_about(peer: Peer) -> None:
     """Stamps without gaps, no process that grows."""
     used: dict[tuple[psutil.Process, str], list[float]] = defaultdict(list)
     times: list[float] = []
-    with NodeProcess(BRINGUP, *WORDS, *SIMULATED) as bringup:
+    with NodeProcess(BRINGUP, *WORDS) as bringup:
         odometry = peer.hear(Odometry, "/velocity_controller/odom", 1000)
         joints = peer.hear(JointState, "/joint_states", 1000)
         commands = peer.publisher(Twist, "/velocity_controller/cmd_vel")
@@ -73,7 +72,7 @@ def test_driving_about(peer: Peer) -> None:
                 used[node, "memory"].append(node.memory_full_info().pss / 1e6)
                 used[node, "handles"].append(float(node.num_fds()))
                 used[node, "threads"].append(float(node.num_threads()))
-            time.sleep(0.5)
+            time.sleep(0.25)
             return now() > END
 
         wait_for(arrived, "the end of the drive")

@@ -47,9 +47,6 @@ def test_nothing_is_left_of_the_test_before():
     assert not rclpy.ok() and "ROS_DOMAIN_ID" not in os.environ
 """
 BRINGUP = """
-def test_bringup(bringup):
-    assert 'Robot "onebot"' in bringup().output
-
 def test_bringup_of_mrm(bringup):
     assert 'Robot "mrm"' in bringup(command="mrm_bringup").output
 
@@ -80,11 +77,11 @@ def words(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
 
 
-def run(folder: Path, code: str, *arguments: str) -> str:
+def run(folder: Path, code: str) -> str:
     """Run tests in a folder without any settings; what pytest prints."""
     (folder / "test_robot.py").write_text(code)
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    done = run_to_end(words(*arguments), cwd=folder, env=environment)
+    done = run_to_end(words(), cwd=folder, env=environment)
     return done.stdout + done.stderr
 
 
@@ -113,10 +110,10 @@ def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_bringups_side_by_side(tmp_path: Path) -> None:
-    """Each in a domain of its own; what a bringup says of a mistake is the error."""
-    output = run(tmp_path, BRINGUP, "-n", "2")
-    assert "2 passed" in output and "1 failed" in output, output
+def test_bringups(tmp_path: Path) -> None:
+    """What a bringup says of a mistake is the error."""
+    output = run(tmp_path, BRINGUP)
+    assert "1 passed" in output and "1 failed" in output, output
     assert 'no world "maize"' in output
 
 
@@ -131,9 +128,7 @@ def test_nothing_is_left_of_a_run_that_is_killed(
         wait_for(lambda: "up\n" in process.output, "the bringup")
         assert marked(mark, "velocity_controller")
         os.kill(process.process.pid, signal.SIGKILL)
-        killed = time.monotonic()
         wait_for(lambda: not marked(mark), "the end of all that it started")
-        assert time.monotonic() - killed < 15.0  # 5 s on an idle computer
 
 
 def test_importing_it_takes_nothing() -> None:
