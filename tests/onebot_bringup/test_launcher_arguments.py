@@ -53,15 +53,6 @@ def test_wrong_forms_are_explained(word: str, words: str) -> None:
         split([word])
 
 
-def test_help_has_the_choices_or_the_range() -> None:
-    texts = [argument.help for argument in (*DECLARED, *NUMBERS[:3])]
-    choices, ranges = (
-        "where to see it (web, none)",
-        ("Hz; from 5 to 100", "m", "how many; from 1 to 99"),
-    )
-    assert texts == [choices, "a file", "take up edits", *ranges]
-
-
 def test_defaults_fill_up() -> None:
     assert complete(DECLARED, {"save": "x"}) == {"viewer": "web", "save": "x", "reload": "true"}
 
@@ -121,13 +112,10 @@ def test_possible_values_are_kept_as_written(name: str, values: list[str]) -> No
         ("rate:=fast", "write a number from 5 to 100"),
         ("rate:=nan", "write a number from 5 to 100"),
         ("rate:=101", "write a number from 5 to 100"),
-        ("rate:=", "write a number from 5 to 100"),
         ("rate:=1_0", "write a number from 5 to 100"),
         ("x:=inf", "write a number"),
         ("count:=1.5", "write an integer from 1 to 99"),
-        ("count:=1_0", "write an integer from 1 to 99"),
         ("port:=", "write an integer from 0 to 65535"),
-        ("port:=65536", "write an integer from 0 to 65535"),
         ("domain_id:=233", "write an integer from 0 to 232"),
         ("namespace:=1x", "write a ROS name: words of letters"),
         ("namespace:=a//b", "write a ROS name: words of letters"),
@@ -142,9 +130,15 @@ def test_impossible_values_are_refused(word: str, words: str) -> None:
 
 
 def test_the_table_names_everything() -> None:
-    """--show-args lists name, default, description and choices."""
-    text = table(DECLARED)
-    for part in ("viewer:=web", "where to see it (web, none)", "save:=", "reload:=true"):
-        assert part in text
+    """--show-args lists name, default, description, and choices or range."""
+    shown = [line.split(maxsplit=1) for line in table([*DECLARED, *NUMBERS[:3]]).splitlines()]
+    assert shown == [
+        ["viewer:=web", "where to see it (web, none)"],
+        ["save:=", "a file"],
+        ["reload:=true", "take up edits"],
+        ["rate:=20.0", "Hz; from 5 to 100"],
+        ["x:=0.0", "m"],
+        ["count:=", "how many; from 1 to 99"],
+    ]
     hostile = table([Argument("a\x1b[2J", "\u202e", "declared in \x07.xacro")])
     assert hostile == r"  a\x1b[2J:=\u202e  declared in \x07.xacro"

@@ -101,20 +101,23 @@ def test_it_declares_the_arguments_of_the_script(script, capsys):
     assert shown.count(":=") == len(declared)
 
 
-def test_only_what_was_given_is_on_the_command_line():
-    """A default is no choice of the user's, and what another file declares is not ours."""
-    given = {"model": str(CHECKOUT / "mrm_description/urdf/mrm.xacro"), "viewer": "none"}
-    context = LaunchContext({**given, "robot_ip": "10.0.0.1"})
-    python, _, module, *words = visit(mrm_bringup, context)
-    assert (python, module) == (sys.executable, "mrm_description.launch.mrm_bringup")
-    assert words == [f"{name}:={value}" for name, value in given.items()]
+def test_only_what_was_given_is_on_the_command_line(tmp_path: Path) -> None:
+    """A default is no choice of the user's, and what another file declares is not ours.
 
-
-def test_an_argument_of_the_model_is_passed_on():
-    words = visit(onebot_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
-    assert words == ["mesh_enabled:=false"]
-    words = visit(mrm_bringup, LaunchContext({"mesh_enabled": "false"}))[3:]
-    assert words == []
+    The model's arguments are known, also if they name one of its files.
+    """
+    model = tmp_path / "robot.xacro"
+    model.write_text(
+        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="own"/>'
+        '<xacro:include filename="$(arg own).xacro"/></robot>'
+    )
+    given = {"model": str(model), "viewer": "none", "own": "part"}
+    for script in FILES:
+        python, _, module, *words = visit(script, LaunchContext({**given, "robot_ip": "10.0.0.1"}))
+        assert (python, module) == (sys.executable, script.__name__)
+        assert words == [f"{name}:={value}" for name, value in given.items()]
+    context = LaunchContext({"mesh_enabled": "false"})  # of OneBot's own model
+    assert visit(onebot_bringup, context)[3:] == ["mesh_enabled:=false"]
 
 
 @pytest.mark.parametrize(
@@ -131,17 +134,6 @@ def test_a_pushed_namespace_is_the_robots(
     """PushRosNamespace around the included file, as it counts for a Node."""
     context = LaunchContext({"viewer": "none", "ros_namespace": pushed, **given})
     assert visit(onebot_bringup, context)[3:] == ["viewer:=none", f"namespace:={expected}"]
-
-
-def test_another_files_argument_is_not_passed_on(tmp_path: Path) -> None:
-    model = tmp_path / "robot.xacro"
-    model.write_text(
-        '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="own"/>'
-        '<xacro:include filename="$(arg own).xacro"/></robot>'
-    )
-    given = {"model": str(model), "own": "part"}
-    words = visit(onebot_bringup, LaunchContext({**given, "mine": "1"}))[3:]
-    assert words == [f"{name}:={value}" for name, value in given.items()]
 
 
 def test_two_in_one_launch_file_do_not_mix():
