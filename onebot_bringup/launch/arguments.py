@@ -56,7 +56,6 @@ class Argument:
     examples: tuple[str, ...] = ()  # other values, for tab completion
     node: str = ""  # the node with the parameter that it sets; "" for none
     parameter: str = ""  # the name of that parameter
-    also: str = ""  # another node, with a parameter of the argument's name
 
     @property
     def choices(self) -> Sequence[str]:
@@ -145,7 +144,6 @@ def parameter_of(
     default: str | None = None,
     note: str = "",
     examples: tuple[str, ...] = (),
-    also: str = "",
 ) -> Argument:
     """Return an argument that sets a parameter and has its type, range and description.
 
@@ -157,7 +155,6 @@ def parameter_of(
         default: the default of the argument, if it differs.
         note: added to the description.
         examples: other values, for tab completion.
-        also: another node, with a similar parameter of the argument's name.
     """
     [leaf] = [leaf for leaf in leaves(kind) if leaf.name == parameter]
     joined = "joined by commas" if leaf.type.many else ""
@@ -169,7 +166,6 @@ def parameter_of(
         examples,
         node,
         parameter,
-        also,
     )
 
 
@@ -182,11 +178,9 @@ def node_parameters(
 ) -> dict[str, object]:
     """Return the arguments that are parameters of a node, except empty ones."""
     return {
-        argument.parameter if argument.node == node else argument.name: argument.value(
-            values[argument.name]
-        )
+        argument.parameter: argument.value(values[argument.name])
         for argument in arguments
-        if node in (argument.node, argument.also) and values[argument.name]
+        if argument.node == node and values[argument.name]
     }
 
 
@@ -336,7 +330,6 @@ PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, s
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
-_AS_IN_JOINTS = "on joint_states; default: that of joints"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _OF_SIMULATION = ("params_file", "nav2_topics")  # besides parameters of the controllers
 _OF_JOINTS = ("joints", "joint_states")
@@ -393,7 +386,6 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
             default=joints,
             note="empty: joints swing",
         ),
-        parameter_of("joint_state_publisher", JointsConfig, "rate", default="", note=_AS_IN_JOINTS),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         parameter_of("rerun_viewer", ViewerParameters, "viewer"),
         parameter_of("rerun_viewer", ViewerParameters, "view", default=view),
@@ -485,7 +477,7 @@ def _surroundings(argument: Callable[..., Argument]) -> list[Argument]:
 def _pace(argument: Callable[..., Argument]) -> list[Argument]:
     """Return the arguments about the speed of the simulation."""
     return [
-        argument("update_rate", "rate", note=_PACE, also="joint_state_publisher"),
+        argument("update_rate", "rate", note=_PACE),
         argument("real_time_factor"),
         argument("paused"),
     ]
@@ -520,7 +512,7 @@ def _check_effect(
         if name not in given:
             continue
         written = f"{name}:={given[name]}"
-        of_controller = node in (DRIVE_CONTROLLER, MANAGER) and not argument.also
+        of_controller = node in (DRIVE_CONTROLLER, MANAGER) and name != "rate"
         if values.get("sim") == "false" and (of_controller or name in _OF_SIMULATION):
             if values[name] not in ("", "false"):
                 raise UsageError(f"{written} is for the simulation: write sim:=true")

@@ -197,8 +197,9 @@ def _followed_files(launch: Launch) -> list[str]:
 
 
 def _joint_parameters(launch: Launch) -> Parameters:
+    rate = launch.values["rate"]
     swinging = {} if launch.values["joints"] else _SWINGING
-    return {name: value for name, value in swinging.items() if not launch.values.get(name)}
+    return {**swinging, "rate": float(rate)} if rate else {**swinging}
 
 
 def _viewer_parameters(launch: Launch) -> Parameters:

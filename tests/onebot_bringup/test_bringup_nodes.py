@@ -216,24 +216,18 @@ def test_what_each_node_is(make: Make) -> None:
     """A module in an interpreter of its own, with SIGINT held until it is ready.
 
     The robot's own nodes end the launch, all others may go. The viewer gives way to what moves the
-    robot.
+    robot. Each gets namespace, log level and time, and last of all what follows --ros-args.
     """
-    nodes = make(record="bag", steer="true").nodes()
-    for node in (*nodes, process_of(make(), "joint_state_publisher")):
+    given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
+    launch = make(ros_args=("-p", "x:=1"), record="bag", steer="true", **given)
+    for node in (*launch.nodes(), process_of(launch, "joint_state_publisher")):
+        words = list(node.command[_MODULE + 1 :])
         assert node.command[0] == sys.executable and node.hold_interrupt
         assert node.command[_MODULE].rpartition(".")[2] == node.name
         assert node.environment["PYTHONUNBUFFERED"] == "1"
         assert (node.nice > 0) == (node.name == "rerun_viewer")
         ignored = node.name in ("bag_recorder", "rerun_viewer", "steering_page")
         assert node.on_exit == ("ignore" if ignored else "shutdown")
-
-
-def test_every_node_gets_the_common_arguments(make: Make) -> None:
-    """Namespace, log level and time, and last of all what follows --ros-args."""
-    given = {"namespace": "/left/arm/", "log_level": "warn", "use_sim_time": "true"}
-    factory = make(ros_args=("-p", "x:=1"), record="bag", steer="true", **given)
-    for node in factory.nodes():
-        words = list(node.command[_MODULE + 1 :])
         assert words[-2:] == ["-p", "x:=1"]
         own = words[words.index("--ros-args") :]
         assert own[1:3] == ["--log-level", "warn"]

@@ -90,15 +90,15 @@ def test_a_twist_drives_it_where_the_command_says(peer, tmp_path):
     assert count[CMD_VEL] == published
 
 
-def test_namespace_rate_and_params_file(peer, tmp_path):
-    """The namespace names topics and frames; rate and y override params_file, which has x.
+def test_namespace_and_params_file(peer, tmp_path):
+    """The namespace names topics and frames; y overrides that of params_file, which has x.
 
     What a killed process left in shared memory goes when a robot starts.
     """
     left = FOLDER / f"fastrtps_{uuid.uuid4().hex[:16]}"
     left.touch()
     os.utime(left, (0, 0))
-    words = ["namespace:=left", "rate:=50", "y:=0.5", "viewer:=none"]
+    words = ["namespace:=left", "y:=0.5", "viewer:=none"]
     file = tmp_path / "control.yaml"
     # rcl would take y of the last section that this file has, whatever later files have.
     file.write_text("""\
@@ -127,7 +127,6 @@ def test_namespace_rate_and_params_file(peer, tmp_path):
         assert _position(truth[0]) == pytest.approx((2.0, 0.5), abs=1e-3)
         assert truth[0].child_frame_id == "left/base_link"
         wait_for(lambda: joints, "joint states in the namespace")
-        assert peer.parameter("/left/velocity_controller", "update_rate") == 50.0
         assert peer.node.count_subscribers("/left/velocity_controller/cmd_vel")
         wait_for(lambda: not left.exists(), "the removal of a killed process's shared memory")
 
