@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.onebot_bringup.bringup_support import Transforms, wait_for_robot
-from tests.support import PATIENCE, RunningProcess, require, require_program, run_to_end
+from onebot_description.ros.wire.interfaces import TFMessage
+from tests.support import PATIENCE, RunningProcess, require, require_program, run_to_end, wait_for
 
 pytestmark = pytest.mark.slow
 
@@ -99,7 +99,7 @@ def test_workspace_of_links(tmp_path):
     assert "usage: onebot" in _run(sourced, tmp_path, onebot, "--help").stdout
 
 
-def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
+def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, peer):
     """It is generated here as ROS does it; robots use it, and our own type is the same on DDS."""
     for program, package in (("cmake", "cmake"), ("make", "make"), ("c++", "g++")):
         require_program(program, package)
@@ -119,9 +119,9 @@ def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, ros_domain):
     used = _run(sourced, tmp_path, sys.executable, "-c", code)
     assert used.stdout.startswith(str(tmp_path / "install/tf2_msgs")), used.stderr
     command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
-    process = RunningProcess(command, tmp_path, sourced)
-    with process as running, Transforms(ros_domain) as listener:
-        assert wait_for_robot(running, listener, "link1")
+    tf = peer.hear(TFMessage, "/tf")
+    with RunningProcess(command, tmp_path, sourced):
+        wait_for(lambda: tf, "a transform")
 
 
 def _left_out(folder: str, names: list[str]) -> set[str]:
