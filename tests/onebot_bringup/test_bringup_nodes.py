@@ -48,7 +48,6 @@ from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
-from tests.support import run_to_end
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
 ARM = (Path(__file__).parents[1] / "robots/xacro_arm.xacro").read_text()
@@ -709,21 +708,6 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
 def test_values_that_are_not_possible(make: Make, words: str, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         make(**given_by(words))
-
-
-def test_the_model_is_expanded_in_a_fork(tmp_path: Path) -> None:
-    """An interpreter for it would take a tenth of a second; no library has started threads."""
-    robot = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="a"/>{}</robot>'
-    (tmp_path / "parts.xacro").write_text(robot.format('<link name="b"/>'))
-    code = (
-        "from onebot_description.description import bounded_process;"
-        "bounded_process._spawn = None;"
-        "from mrm_description.launch.mrm_bringup import main;"
-        f"main(['model:={tmp_path / 'parts.xacro'}', 'viewer:=none'])"
-    )
-    environment = {key: value for key, value in os.environ.items() if "OPENBLAS" not in key}
-    done = run_to_end([sys.executable, "-c", code], env=environment)
-    assert "2 parts" in done.stderr, done.stderr
 
 
 def test_no_argument_without_need(tmp_path: Path) -> None:
