@@ -20,6 +20,8 @@ _KEPT = re.compile(
     r"|ReplaceComparisonOperator_Is(?:Not)?_Is(?:Not)?|ReplaceUnaryOperator_Delete_\w+"
     r"|(?!Replace(?:Binary|Comparison|Unary)Operator)\w+)"
 )
+_KEEPING = re.compile(r"@(?:abstractmethod|functools\.(?:lru_)?cache)\b")
+_ORDER = re.compile(r"/ReplaceComparisonOperator_(?:Not)?Eq_[LG]")
 
 
 class Mutant(NamedTuple):
@@ -69,7 +71,7 @@ def mutants(module: str) -> Iterator[Mutant]:
         operator = get_operator(name)()
         places = (node for node in nodes for _ in operator.mutation_positions(node))
         for occurrence, node in enumerate(places):
-            if not _is_declarative(node):
+            if not (_is_declarative(node) or _means_nothing(name, node)):
                 yield Mutant(module, text, _definition(node), name, occurrence)
 
 
@@ -84,6 +86,22 @@ def _is_declarative(node: parso.tree.NodeOrLeaf) -> bool:
         return True
     syntax = ("parameters", "lambdef", "dictorsetmaker")
     return bool(node.type == "operator" and node.parent.type in syntax)
+
+
+def _means_nothing(operator: str, node: parso.tree.NodeOrLeaf) -> bool:
+    """Return whether the change is one that no input can tell, or that nobody makes by mistake.
+
+    These are an abstract method that may be left out, a result that is computed again instead of
+    kept, ``zip(strict=False)`` of what is equally long, and an order in place of ``==`` of what is
+    not a number: names of joints, say, have none.
+    """
+    if operator.endswith("/RemoveDecorator"):
+        return bool(_KEEPING.match(node.get_code().strip()))
+    if operator.endswith("/ReplaceTrueWithFalse"):
+        return bool(node.parent.type == "argument" and node.parent.children[0].value == "strict")
+    if _ORDER.search(operator):
+        return not any(operand.type in ("number", "factor") for operand in node.children[::2])
+    return False
 
 
 def _definition(node: parso.tree.NodeOrLeaf) -> str:

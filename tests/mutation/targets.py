@@ -65,7 +65,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/description/expansion.py": _description("expressions", *_CHECKS),
     "onebot_description/description/xacro.py": _description("xacro_arguments", *_CHECKS),
     "onebot_description/geometry/matrices.py": _description("quaternions"),
-    "onebot_description/geometry/poses.py": _description("poses"),
+    "onebot_description/geometry/poses.py": _description("poses", "quaternions"),
     "onebot_description/geometry/quaternions.py": _description("quaternions"),
     "onebot_description/model/rigid_bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_description/model/robot_model.py": _description("robot_model"),

@@ -131,7 +131,9 @@ def test_a_refused_description_leaves_no_world(monkeypatch: pytest.MonkeyPatch) 
     with Fleet.from_members([Member(third, chosen)]) as fleet:
         with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
             fleet.replace(0, robot())
-        assert len(worlds) == 1 and worlds[0] is not fleet.world
+        with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
+            Fleet.from_members([Member(robot(), chosen)])
+        assert len(worlds) == 2 and fleet.world not in worlds
 
 
 def nosed(length: float) -> Description:
