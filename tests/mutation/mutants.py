@@ -81,8 +81,13 @@ def _ancestors(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
 
 
 def _is_declarative(node: parso.tree.NodeOrLeaf) -> bool:
-    """Return whether it is in a decorator's arguments, or the ``*`` of ``def f(*, a)``, ``**a``."""
-    if any(above.type == "decorator" for above in _ancestors(node)):
+    """Return whether it is the ``*`` of ``def f(*, a)``, ``**a``, or says something to tools.
+
+    That is in a decorator's arguments, an assertion for mypy, or ``if TYPE_CHECKING``.
+    """
+    if any(above.type in ("decorator", "assert_stmt") for above in [node, *_ancestors(node)][1:]):
+        return True
+    if node.type == "assert_stmt" or node.get_code().strip().startswith("if TYPE_CHECKING:"):
         return True
     syntax = ("parameters", "lambdef", "dictorsetmaker")
     return bool(node.type == "operator" and node.parent.type in syntax)
