@@ -90,7 +90,7 @@ EQUIVALENT: dict[str, set[str]] = {
     "onebot_control/nodes/control_loop.py": {
         # Deadlines that nothing comes near, and a delay that a busy machine has, too.
         ": _PATIENCE = 11.0  # s to wait for an answer of the loop",
-        ": _PATIENCE =  9.0  # s to wait for an answer of the loop",
+        ": _PATIENCE = 9.0  # s to wait for an answer of the loop",
         ": _LONGEST_WAIT = 1.1  # s between checks whether anything was posted",
         # More or fewer comparisons find an exact one, too.
         ": _COMPARISONS = 9  # comparisons of the clocks at the start; the most exact one is used",
@@ -149,7 +149,6 @@ EQUIVALENT: dict[str, set[str]] = {
         "_standing: robot.place(rest_pose.at(0.0, -1.0, 0.0))",
         "_standing: robot.place(rest_pose.at( 1.0, 0.0, 0.0))",
         "_standing: robot.place(rest_pose.at( -1.0, 0.0, 0.0))",
-        "_standing: robot.place(rest_pose.at(0.0, -1.0, 0.0))",
         "settle: near = bullet.getClosestPoints(robot.body, robot.ground, 1000000001.0)",
         "settle: near = bullet.getClosestPoints(robot.body, robot.ground, 999999999.0)",
         "_standing: base = robot.bullet.getClosestPoints(robot.body, robot.ground, 1000000001.0, linkIndexA=-1)",  # noqa: E501
@@ -157,7 +156,7 @@ EQUIVALENT: dict[str, set[str]] = {
         # One step more of a robot at rest.
         "_come_to_rest: if rested > needed:",
         "_come_to_rest: rested = rested + 1 if _fastest(robot) <= _RESTING else 0",
-        # No point of the base is deeper than another in this very place, and none is deep by default.
+        # What is not deep has no name.
         '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0, 1, ""))',
         '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0,  1, ""))',
         '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0, -0, ""))',

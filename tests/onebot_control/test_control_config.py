@@ -28,6 +28,8 @@ def test_defaults_are_valid() -> None:
     """The table in the README, which a test compares, has each of them."""
     config = ControlConfig.from_parameters({**DEFAULTS, **WHEELS})
     assert config == ControlConfig.from_parameters(WHEELS)
+    config = ControlConfig.from_parameters({**WHEELS, "world_frame_id": ""})
+    assert [config.world_frame(in_scene=among) for among in (False, True)] == ["", "world"]
 
 
 def test_rules_of_the_parameters() -> None:

@@ -207,6 +207,7 @@ def test_set_odometry_moves_only_the_origin(pose: PlanarPose) -> None:
 def test_a_cycle_is_seen_as_it_begins() -> None:
     """The state is that of before the wheels turn, the command that of from then on."""
     drive = ideal_drive()
+    assert drive.snapshot().command == (0.0, 0.0, 0.0, 0.0)
     drive.accept(0.6, 0.0)
     first, second = cycle(drive), cycle(drive)
     assert (first.tick, second.tick, drive.ticks) == (0, 1, 2)

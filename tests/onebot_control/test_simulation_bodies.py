@@ -119,6 +119,8 @@ def test_mass_center_and_inertia_add_up(parts):
     assert body.link == "l0"
     np.testing.assert_allclose(found, expected, atol=1e-9 * (1 + np.abs(expected).max()))
     np.testing.assert_array_equal(body.inertia.shape, (3, 3))
+    assert body.inertial.mass == body.mass and body.inertial.origin.xyz == tuple(body.center)
+    assert body.inertial.inertia[:4] == (*body.inertia[0], body.inertia[1, 1])
 
 
 def test_a_link_fixed_to_one_that_moves_is_part_of_that():

@@ -38,6 +38,8 @@ ONCE = {"blend": "minimum_jerk", "loop": False}
     ("written", "expected"),
     [
         ({"type": "constant", "position": 1}, Keyframes.hold(1.0)),
+        ({"type": "constant", "position": 0}, Keyframes.hold(0.0)),
+        ({"type": "sine", "amplitude": 0, "frequency": 0, "phase": 0, "offset": 0}, Sine(0.0, 0.0)),
         ({"type": "sine", "amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
         (
             {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},
