@@ -44,6 +44,7 @@ def test_rules_of_the_parameters() -> None:
     variances = {"pose_covariance_diagonal", "twist_covariance_diagonal"}
     from_zero = {name for name, rule in rules.items() if rule.at_least == 0.0 and "." not in name}
     assert from_zero == sizes | times | variances
+    assert {rule.above for rule in rules.values()} == {None, 0.0}
 
 
 def test_wheels_may_be_named_on_no_side() -> None:

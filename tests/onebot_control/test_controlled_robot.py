@@ -290,6 +290,8 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
+    # In turns, they skid.
+    assert drive.drift._most_turn > ideal_drive().drift._most_turn
 
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:
