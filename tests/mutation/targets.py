@@ -192,6 +192,8 @@ EQUIVALENT: dict[str, set[str]] = {
         # The axis is that of a wheel, and so has neither x nor z but for a degree.
         "_is_steered: x, y, _ = np.cross(axle.axis, (0.0, -1.0, 1.0))",
         "_is_steered: trail = x * (wheel.x - swivel.pose[0, 3]) + y * (wheel.y - swivel.pose[ 0, 3])",  # noqa: E501
+        # There are as many on either side.
+        "find_wheels: if len(drive) > 3 and all(_has_rollers(description, wheel) for wheel in drive):",  # noqa: E501
         # A sum of 0 is 0 with the other sign.
         "_sets: return [group for group in sets if sum(1 if not wheel.y > 0.0 else -1 for wheel in group) == 0]",  # noqa: E501
     },
@@ -247,7 +249,6 @@ EQUIVALENT: dict[str, set[str]] = {
         # What follows another joint has no motion of its own.
         "make_plan: motion = Keyframes.hold( -1.0) if follows[row] else planner.motion(zero, bool(endless[row]))",  # noqa: E501
         "make_plan: motion = Keyframes.hold( 1.0) if follows[row] else planner.motion(zero, bool(endless[row]))",  # noqa: E501
-        "make_plan: motion = Keyframes.hold(1.0) if follows[row] else planner.motion(zero, bool(endless[row]))",  # noqa: E501
         # Both are finite, or neither sum nor difference is.
         "_JointPlanner._swing: if math.isfinite(upper + lower):",
         # A range is never below 0.
