@@ -127,6 +127,9 @@ EQUIVALENT: dict[str, set[str]] = {
         "Odometry.__init__: self._since = -1.0",
     },
     "onebot_control/physics/physics_urdf.py": {
+        # No moment is exactly that.
+        "_principal: if moments.min() <= 0 or moments[greatest] >= sum_of_others * (1 + _ROUNDING):",  # noqa: E501
+        "_principal: if moments.min() <= 0 or moments[greatest] >= sum_of_others * (1 + _REPAIRED):",  # noqa: E501
         # Less than rounding lifts it.
         "_principal: moments[greatest] = min(moments[greatest], sum_of_others * (1 + 1e-9))",
         # A mass below 0 is refused before.

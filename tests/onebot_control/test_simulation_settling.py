@@ -52,7 +52,7 @@ def test_the_lowest_point_touches_the_ground(z):
 
 @pytest.mark.parametrize(("z", "depth"), [(0.7, 0.03), (-0.7, 0.001)])
 def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
-    """Level, and without a word unless a link on it starts in the ground."""
+    """Level, and without a word unless a link on it starts in the ground; "world" is not lifted."""
     ball = f'<origin xyz="0 0 {-0.03 - depth}"/><geometry><sphere radius="0.02"/></geometry>'
     description = _block(f"0 0 {z}", arm=f"<collision>{ball}</collision>")
     spawn = RobotSpawn(description, (), x=1.0, fixed_base=True)
@@ -62,6 +62,9 @@ def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
     assert found.rotation == (0.0, 0.0, 0.0, 1.0)
     text = f'block.urdf: link "arm" starts {depth:g} m deep in the ground, '
     assert [text in message for message in caplog.messages] == [True] * (depth > 0.002)
+    world = parse_description(description.urdf.replace('"base"', '"world"'))
+    with Simulation([spawn._replace(description=world)], _QUICK) as simulation:
+        assert simulation.base_pose().translation == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
