@@ -320,6 +320,11 @@ EQUIVALENT: dict[str, set[str]] = {
         # Zeros, divided by whatever.
         "of_transform: length = math.hypot(x, y, z, w) or 2.0",
     },
+    "onebot_control/drive/speed_limiter.py": {
+        # At a limit, the value is the limit.
+        "clamp: return lower if value <= lower else upper if value > upper else value",
+        "clamp: return lower if value < lower else upper if value >= upper else value",
+    },
 }
 
 
