@@ -63,6 +63,8 @@ def test_help_has_the_choices_or_the_range() -> None:
         ("Hz; from 5 to 100", "m", "how many; from 1 to 99"),
     )
     assert texts == [choices, "a file", "take up edits", *ranges]
+    offered = [argument.suggested for argument in (*DECLARED, NUMBERS[-1])]
+    assert offered == [("web", "none"), ("",), ("true", "false"), ("localhost", "subnet")]
 
 
 def test_defaults_fill_up() -> None:
@@ -149,5 +151,6 @@ def test_the_table_names_everything() -> None:
     text = table(DECLARED)
     for part in ("viewer:=web", "where to see it (web, none)", "save:=", "reload:=true"):
         assert part in text
+    assert ["\n" in table([Argument("n" * long, "", "text")]) for long in (32, 33)] == [False, True]
     hostile = table([Argument("a\x1b[2J", "\u202e", "declared in \x07.xacro")])
     assert hostile == r"  a\x1b[2J:=\u202e  declared in \x07.xacro"
