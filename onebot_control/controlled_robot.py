@@ -60,8 +60,6 @@ class Snapshot(NamedTuple):
     @property
     def joint_states(self) -> JointStates:
         """The states of all joints that move."""
-        if self.pace == 1.0:
-            return self.joints
         return self.joints._replace(
             velocities=tuple([speed * self.pace for speed in self.joints.velocities])
         )

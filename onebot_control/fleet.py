@@ -208,7 +208,7 @@ class Divider:
             rate: cycles to pick per second, Hz; above ``cycles``, every cycle is picked.
             cycles: control cycles per second, Hz.
         """
-        self._share = min(rate / cycles, 1.0)
+        self._share = rate / cycles
         self.restart()
 
     def restart(self) -> None:

@@ -49,7 +49,7 @@ class Pacer:
     def __init__(
         self,
         period: float,
-        factor: float = 1.0,
+        factor: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Make the first cycle due now; ``clock`` returns monotonic seconds. See ``set``."""
@@ -90,7 +90,7 @@ class Pacer:
         if now < self.due:
             wait(self.due - now)
             now = self._clock()  # may be much later, if the process was stopped meanwhile
-        if 0.0 < self._interval <= now - self.due:
+        if 0.0 < self._interval <= now - self.due:  # as it is now: the wait may have changed it
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
 
@@ -114,7 +114,7 @@ class SystemStamps:
         self._monotonic, self._system = monotonic_ns, system_ns
         comparisons = [self._compare() for _ in range(_COMPARISONS)]
         self._offset, _ = min(comparisons, key=itemgetter(1))
-        self._last_due, self._last = 0, -(2**63)
+        self._last_due = self._last = 0  # 1970, before every stamp
 
     def at(self, due: float) -> int:
         """Return the system time, ns, of the monotonic time ``due``, s."""
@@ -349,8 +349,8 @@ class ControlLoop:
 
     def _wait(self, seconds: float) -> None:
         if self.paused:
-            self._wait_paused(_LONGEST_WAIT if self.simulated else max(seconds, _PAUSED_WAIT))
-            return
+            self._wait_paused(max(seconds, _LONGEST_WAIT if self.simulated else _PAUSED_WAIT))
+            seconds = self._pacer.left
         while seconds > _LONGEST_WAIT and not self._stopped:
             self._sleep(_LONGEST_WAIT)
             self._call_posted()
@@ -361,9 +361,7 @@ class ControlLoop:
         """Wait, but call posted functions at once, so that a step takes only its cycle's time."""
         end = time.monotonic() + seconds
         while self.paused and not self._stopped and (left := end - time.monotonic()) > 0.0:
-            self._call_next(left)
-        if not self.paused:
-            self._sleep(self._pacer.left)
+            self._call_next(min(left, _LONGEST_WAIT))
 
     def _sleep(self, seconds: float) -> None:
         if self._running.acquire(timeout=seconds):

@@ -56,10 +56,9 @@ class Settings:
             ValueError: the duration is zero, or not a whole number of steps.
         """
         exact = duration * self.rate
-        count = round(exact) if math.isfinite(exact) else 0
-        if count < 1 or abs(exact - count) > 1e-6:
+        if not (0.5 < exact < math.inf and abs(exact - round(exact)) <= 1e-6):
             raise ValueError(
                 f"duration must be a whole number of physics steps of 1/{self.rate:g} s, "
                 f"not {duration} s"
             )
-        return count
+        return round(exact)

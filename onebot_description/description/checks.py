@@ -353,9 +353,9 @@ def _check_attributes(
 
 def _check_repeats(findings: Findings, element: Element) -> None:
     """Report second elements where only one makes sense; readers differ in which they take."""
-    if len(element) < 2 or element.tag not in ELEMENTS or element.tag == "robot":
+    if element.tag not in ELEMENTS or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
-        if tag in _SINGLE and count > 1:
+        if count > 1 and tag in _SINGLE:
             text = f"stands {count} times in {findings.label(element)}; leave one"
             findings.problem(element.findall(tag)[1], text)

@@ -48,7 +48,7 @@ class Sleeper(Node):
 
     def _run(self) -> None:
         wake_exactly()  # as the controller does
-        pacer = TimedPacer(_PERIOD)
+        pacer = TimedPacer(_PERIOD, 1.0)
         while not self._ended:
             pacer.next(time.sleep)
 

@@ -20,6 +20,8 @@ _KEPT = re.compile(
     r"|ReplaceComparisonOperator_Is(?:Not)?_Is(?:Not)?|ReplaceUnaryOperator_Delete_\w+"
     r"|(?!Replace(?:Binary|Comparison|Unary)Operator)\w+)"
 )
+_KEEPING = re.compile(r"@(?:abstractmethod|functools\.(?:lru_)?cache)\b")
+_ORDER = re.compile(r"/ReplaceComparisonOperator_(?:Not)?Eq_[LG]")
 
 
 class Mutant(NamedTuple):
@@ -69,7 +71,7 @@ def mutants(module: str) -> Iterator[Mutant]:
         operator = get_operator(name)()
         places = (node for node in nodes for _ in operator.mutation_positions(node))
         for occurrence, node in enumerate(places):
-            if not _is_declarative(node):
+            if not (_is_declarative(node) or _means_nothing(name, node)):
                 yield Mutant(module, text, _definition(node), name, occurrence)
 
 
@@ -79,11 +81,32 @@ def _ancestors(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
 
 
 def _is_declarative(node: parso.tree.NodeOrLeaf) -> bool:
-    """Return whether it is in a decorator's arguments, or the ``*`` of ``def f(*, a)``, ``**a``."""
-    if any(above.type == "decorator" for above in _ancestors(node)):
+    """Return whether it is the ``*`` of ``def f(*, a)``, ``**a``, or says something to tools.
+
+    That is in a decorator's arguments, an assertion for mypy, or ``if TYPE_CHECKING``.
+    """
+    if any(above.type in ("decorator", "assert_stmt") for above in [node, *_ancestors(node)][1:]):
+        return True
+    if node.type == "assert_stmt" or node.get_code().strip().startswith("if TYPE_CHECKING:"):
         return True
     syntax = ("parameters", "lambdef", "dictorsetmaker")
     return bool(node.type == "operator" and node.parent.type in syntax)
+
+
+def _means_nothing(operator: str, node: parso.tree.NodeOrLeaf) -> bool:
+    """Return whether the change is one that no input can tell, or that nobody makes by mistake.
+
+    These are an abstract method that may be left out, a result that is computed again instead of
+    kept, ``zip(strict=False)`` of what is equally long, and an order in place of ``==`` of what is
+    not a number: names of joints, say, have none.
+    """
+    if operator.endswith("/RemoveDecorator"):
+        return bool(_KEEPING.match(node.get_code().strip()))
+    if operator.endswith("/ReplaceTrueWithFalse"):
+        return bool(node.parent.type == "argument" and node.parent.children[0].value == "strict")
+    if _ORDER.search(operator):
+        return not any(operand.type in ("number", "factor") for operand in node.children[::2])
+    return False
 
 
 def _definition(node: parso.tree.NodeOrLeaf) -> str:

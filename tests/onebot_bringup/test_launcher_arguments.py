@@ -53,6 +53,11 @@ def test_wrong_forms_are_explained(word: str, words: str) -> None:
         split([word])
 
 
+def test_the_values_that_completion_offers() -> None:
+    offered = [argument.suggested for argument in (*DECLARED, NUMBERS[-1])]
+    assert offered == [("web", "none"), ("",), ("true", "false"), ("localhost", "subnet")]
+
+
 def test_defaults_fill_up() -> None:
     assert complete(DECLARED, {"save": "x"}) == {"viewer": "web", "save": "x", "reload": "true"}
 
@@ -112,10 +117,13 @@ def test_possible_values_are_kept_as_written(name: str, values: list[str]) -> No
         ("rate:=fast", "write a number from 5 to 100"),
         ("rate:=nan", "write a number from 5 to 100"),
         ("rate:=101", "write a number from 5 to 100"),
+        ("rate:=", "write a number from 5 to 100"),
         ("rate:=1_0", "write a number from 5 to 100"),
         ("x:=inf", "write a number"),
         ("count:=1.5", "write an integer from 1 to 99"),
+        ("count:=1_0", "write an integer from 1 to 99"),
         ("port:=", "write an integer from 0 to 65535"),
+        ("port:=65536", "write an integer from 0 to 65535"),
         ("domain_id:=233", "write an integer from 0 to 232"),
         ("namespace:=1x", "write a ROS name: words of letters"),
         ("namespace:=a//b", "write a ROS name: words of letters"),
@@ -140,5 +148,6 @@ def test_the_table_names_everything() -> None:
         ["x:=0.0", "m"],
         ["count:=", "how many; from 1 to 99"],
     ]
+    assert ["\n" in table([Argument("n" * long, "", "text")]) for long in (32, 33)] == [False, True]
     hostile = table([Argument("a\x1b[2J", "\u202e", "declared in \x07.xacro")])
     assert hostile == r"  a\x1b[2J:=\u202e  declared in \x07.xacro"

@@ -115,6 +115,7 @@ def test_what_is_wrong_in_a_file_is_named_with_its_line(
     ("text", "said"),
     [
         ("0", r"robots:=0 is not possible; write 1 to 200"),
+        ("-3", r"robots:=-3 is not possible"),
         ("201", r"robots:=201 is not possible"),
         ("2.5", r"robots:=2.5: no such file; write how many, 1 to 200, or a YAML file"),
     ],

@@ -8,7 +8,7 @@ from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.drive.wheels.geometry import WheelGeometry
-from onebot_description.ros.parameters.reader import ConfigError, defaults
+from onebot_description.ros.parameters.reader import ConfigError, defaults, leaves
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)
@@ -28,6 +28,23 @@ def test_defaults_are_valid() -> None:
     """The table in the README, which a test compares, has each of them."""
     config = ControlConfig.from_parameters({**DEFAULTS, **WHEELS})
     assert config == ControlConfig.from_parameters(WHEELS)
+    config = ControlConfig.from_parameters({**WHEELS, "world_frame_id": ""})
+    assert [config.world_frame(in_scene=among) for among in (False, True)] == ["", "world"]
+
+
+def test_rules_of_the_parameters() -> None:
+    rules = {leaf.name: leaf.type.rule for leaf in leaves(ControlConfig)}
+    wheels = {"left_wheel_names", "right_wheel_names"}
+    at_start = {*wheels, *"update_rate paused robot_description world x y yaw".split()}
+    assert {name for name, rule in rules.items() if rule.read_only} == at_start
+    lists = {f"joint_state_broadcaster.{name}" for name in ("joints", "interfaces", "extra_joints")}
+    assert {name for name, rule in rules.items() if rule.unique} == {*wheels, *lists, "step_topics"}
+    sizes = {"wheel_radius", "wheel_separation", "left_wheel_noise", "right_wheel_noise"}
+    times = {"cmd_vel_timeout", "real_time_factor"}
+    variances = {"pose_covariance_diagonal", "twist_covariance_diagonal"}
+    from_zero = {name for name, rule in rules.items() if rule.at_least == 0.0 and "." not in name}
+    assert from_zero == sizes | times | variances
+    assert {rule.above for rule in rules.values()} == {None, 0.0}
 
 
 def test_wheels_may_be_named_on_no_side() -> None:

@@ -195,6 +195,9 @@ def test_the_controller_may_have_another_name(file: Path) -> None:
         OneBotError, match=r":4: other\.type: diff_drive.* named \"velocity_controller\" runs"
     ):
         read_control_files([file], "/", "velocity_controller")
+    file.write_text(GOOD.replace("update_rate: 200", "enforce_command_limits: true"))
+    with pytest.raises(OneBotError, match=r":4: vel.*Controller is not .*GripperActionController$"):
+        read_control_files([file], "/", MANAGER)
 
 
 def _set(**values: Any) -> list[Parameter]:

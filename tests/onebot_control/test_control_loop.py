@@ -16,6 +16,7 @@ from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.control_loop import (
     ControlLoop,
+    LoopSlot,
     Pacer,
     SystemStamps,
     wake_exactly,
@@ -50,12 +51,13 @@ class Run:
         self.missed: list[int] = []
         self.published: list[tuple[Snapshot, int]] = []
         self.failures: list[BaseException] = []
+        self.meter = RecordingMeter(self.missed)
         self.now = 0.0  # of the clock by which a stop is noticed
         self.loop = ControlLoop(
             Fleet([self.drive], cast(World, IdealWorld([self.plant]))),
             lambda snapshots, stamp: self.published.append((snapshots[0], stamp)),
             simulated=simulated,
-            meter=RecordingMeter(self.missed),
+            meter=self.meter,
             failed=self.failures.append,
             wake=WakeDetector(lambda: self.now),
         )
@@ -76,8 +78,10 @@ def test_a_step_waits_as_long_as_any_robot_asks_for() -> None:
         Fleet(drives, cast(World, plants)), lambda *_: None, missing=lambda: "no command came"
     )
     loop.paused = True
+    began = time.monotonic()
     with pytest.raises(OneBotError, match=r"no command came within 0\.02 s \(step_timeout\)"):
         loop.step()
+    assert time.monotonic() - began >= 0.02
 
 
 def test_one_thread_alone_touches_the_robot() -> None:
@@ -90,7 +94,12 @@ def test_one_thread_alone_touches_the_robot() -> None:
 
         with pytest.raises(OneBotError, match="no"):
             run.loop.call(wrong)
-        assert run.loop.call(lambda: 1) == 1
+        assert run.loop.call(lambda: 1, patience=None) == 1
+        slot = LoopSlot(0)
+        with pytest.raises(OneBotError, match="there is no robot yet"):
+            slot.running  # noqa: B018
+        slot.loop = run.loop
+        assert slot.robot is run.drive
 
 
 def test_paused_simulated_time_publishes_nothing_but_steps() -> None:
@@ -105,7 +114,8 @@ def test_paused_simulated_time_publishes_nothing_but_steps() -> None:
         assert len(run.published) == count + 1
         assert run.published[-1][1] == before
         assert run.loop.now_ns() == before + 10_000_000
-        run.loop.call(lambda: setattr(run.loop, "paused", False))
+        with pytest.raises(OneBotError, match="resumed after 1 of 3 cycles"):
+            run.loop.call(lambda: (run.loop.post(lambda: run.loop.pause(False)), run.loop.step(3)))
         with pytest.raises(OneBotError, match="pause it first"):
             run.loop.call(run.loop.step)
         wait_for(lambda: len(run.published) > count + 5, "cycles after the pause")
@@ -152,7 +162,7 @@ def test_a_command_ends_when_the_process_wakes(simulated: bool) -> None:
         run.loop.call(lambda: run.drive.accept(0.6, 0.0))
         wait_for(lambda: run.published[-1][0].command.linear == 0.6, "the robot to drive")
         run.now += 3600.0
-        wait_for(lambda: run.published[-1][0].command.linear == 0.0, "the robot to stop")
+        wait_for(lambda: run.published[-1][0].command[:2] == (0.0, 0.0), "the robot to stop")
         run.loop.call(lambda: run.drive.accept(0.5, 0.0))
         count = len(run.published)
         wait_for(lambda: len(run.published) > count + 20, "cycles")
@@ -220,8 +230,17 @@ def test_calls_do_not_wait_for_a_cycle_far_ahead(simulated: bool, slow: float) -
             run.loop.call(lambda factor=factor: run.loop.set_factor(factor))  # type: ignore[misc]
             count = len(run.published)
             wait_for(lambda: len(run.published) > count + 1, "cycles")  # noqa: B023
+            assert run.meter.wanted == factor
         assert time.monotonic() - began < PATIENCE
     assert run.failures == []
+
+
+def test_a_pause_puts_off_no_cycle_of_slow_time() -> None:
+    """However long it is, the next cycle is due within a period, which is 0.2 s here."""
+    with Run(simulated=True, factor=0.05) as run:
+        run.loop.call(lambda: run.loop.pause(True))
+        spin(0.5)
+        assert run.loop.call(lambda: run.loop.left) <= 0.2
 
 
 # Deadlines and stamps -----------------------------------------------------------------------
@@ -243,6 +262,7 @@ class Machine:
 def test_a_stop_while_it_waits_is_lag() -> None:
     machine = Machine()
     pacer = machine.pacer(period=0.25)
+    assert (pacer.lag, pacer.missed) == (0.0, 0)
 
     def stopped(seconds: float) -> None:
         machine.now += seconds + 5.0
@@ -383,7 +403,7 @@ def test_stamps_return_to_a_clock_that_went_back_a_little() -> None:
     start = machine.stamps.at(50.0)
     machine.ahead -= 500_000_000
     found = [machine.stamps.at(50.0 + 0.1 * cycle) - start for cycle in range(1, 13)]
-    assert found[:3] == [50_000_000, 100_000_000, 150_000_000]
+    assert found[:3] == [50_000_000, 100_000_000, 150_000_000] and type(found[0]) is int
     assert found[-3:] == [500_000_000, 600_000_000, 700_000_000]
 
 

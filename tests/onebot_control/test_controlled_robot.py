@@ -6,7 +6,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
+from onebot_control.joint_controllers import TrajectoryController
 from onebot_control.physics import JointStates, RobotBody
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -59,6 +60,19 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
         ideal_drive(**wrong)
     with pytest.raises(OneBotError, match=said):
         alone(robot(), config(**wrong))
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        ("left_wheel_joint", '"left_wheel_joint" is a joint of the wheels, too; each has one'),
+        ("caster_joint", 'joint "caster_joint" does not move'),
+    ],
+)
+def test_what_controllers_of_joints_cannot_have_is_refused(joint: str, said: str) -> None:
+    controllers = [TrajectoryController("arm", {"joints": [joint]})]
+    with pytest.raises(OneBotError, match=said):
+        PreparedRobot.from_description(robot(), config(), "", controllers)
 
 
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
@@ -193,6 +207,7 @@ def test_set_odometry_moves_only_the_origin(pose: PlanarPose) -> None:
 def test_a_cycle_is_seen_as_it_begins() -> None:
     """The state is that of before the wheels turn, the command that of from then on."""
     drive = ideal_drive()
+    assert drive.snapshot().command == (0.0, 0.0, 0.0, 0.0)
     drive.accept(0.6, 0.0)
     first, second = cycle(drive), cycle(drive)
     assert (first.tick, second.tick, drive.ticks) == (0, 1, 2)
@@ -275,6 +290,8 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.twist == pytest.approx((0.5, 0.3))
+    # In turns, they skid.
+    assert drive.drift._most_turn > ideal_drive().drift._most_turn
 
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:

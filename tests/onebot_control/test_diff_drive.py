@@ -106,6 +106,7 @@ def test_nothing_of_before_is_left_after_halt() -> None:
     assert not drive.timed_out
     assert updates(drive, 1, dt=1.0)[:4] == (0.0, 0.0, 0.0, 0.0)
     assert not drive.timed_out
+    assert updates(drive, 1, dt=0.6) and drive.timed_out
     drive.halt()
     drive.accept(1.0, 1.0)
     new = controller(linear_x_max_jerk=10.0, angular_z_max_jerk=10.0)

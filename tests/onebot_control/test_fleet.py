@@ -131,7 +131,9 @@ def test_a_refused_description_leaves_no_world(monkeypatch: pytest.MonkeyPatch) 
     with Fleet.from_members([Member(third, chosen)]) as fleet:
         with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
             fleet.replace(0, robot())
-        assert len(worlds) == 1 and worlds[0] is not fleet.world
+        with pytest.raises(OneBotError, match='no joint "third_wheel_joint"'):
+            Fleet.from_members([Member(robot(), chosen)])
+        assert len(worlds) == 2 and fleet.world not in worlds
 
 
 def nosed(length: float) -> Description:
@@ -183,8 +185,8 @@ def test_all_robots_are_reset_at_once() -> None:
         assert [drive.ticks for drive in fleet.robots] == [4, 4]
 
 
-def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
-    """The new world, too, tracks its reference."""
+def test_an_arm_goes_on_when_it_or_another_robot_is_replaced() -> None:
+    """The new world, too, tracks its reference, which still moves or has come to its goal."""
     members = [
         Member(robot(), config(**STARTS[1]._asdict()), "/r1"),
         Member(rod(), config(), "/r2", controllers=[DEFAULT_CONTROLLER], stands=True),
@@ -192,9 +194,14 @@ def test_an_arm_stays_where_it_is_when_another_robot_is_replaced() -> None:
     with Fleet.from_members(members) as fleet:
         [follower] = fleet.robots[1].arms.values()
         follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (1.0,)),)))
-        run(fleet, 0, 0.0, 0.0, 60)
+        run(fleet, 0, 0.0, 0.0, 20)
+        fleet.replace(1, rod())
+        run(fleet, 0, 0.0, 0.0, 40)
         fleet.replace(0, larger())
         assert run(fleet, 0, 0.0, 0.0, 60)[1].joints.positions == pytest.approx((1.0,), abs=1e-3)
+        fleet.robots[1].reset()
+        assert fleet.robots[1].finished == []
+        assert run(fleet, 0, 0.0, 0.0, 60)[1].joints.positions == pytest.approx((0.0,), abs=1e-3)
 
 
 def test_a_replaced_description_has_the_physics_of_a_new_start() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_control.frame_names import prefixed
+from onebot_control.frame_names import namespace_prefix, prefixed
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,4 @@ from onebot_control.frame_names import prefixed
 def test_prefix(enabled: bool, prefix: str, namespace: str, expected: str) -> None:
     """diff_drive_controller's cases: off, given, or the namespace; slashes made right."""
     assert prefixed("odom", enabled, prefix, namespace) == expected
+    assert namespace_prefix("/test_namespace") == "test_namespace/"

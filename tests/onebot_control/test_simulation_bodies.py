@@ -119,6 +119,8 @@ def test_mass_center_and_inertia_add_up(parts):
     assert body.link == "l0"
     np.testing.assert_allclose(found, expected, atol=1e-9 * (1 + np.abs(expected).max()))
     np.testing.assert_array_equal(body.inertia.shape, (3, 3))
+    assert body.inertial.mass == body.mass and body.inertial.origin.xyz == tuple(body.center)
+    assert body.inertial.inertia[:4] == (*body.inertia[0], body.inertia[1, 1])
 
 
 def test_a_link_fixed_to_one_that_moves_is_part_of_that():
@@ -253,7 +255,7 @@ def test_principal_axes_give_the_inertia_back(halves, rpy):
     assert float(inertial.find("mass").get("value")) == 2.0
 
 
-def test_axes_as_written_are_kept():
+def test_axes_as_written_are_kept(caplog):
     """An inertia without products keeps its frame, even where the moments are equal or unsorted."""
     edge = (1, 1e-12, 0, 1, 0, 1)
     for moments in ((3, 0, 0, 2, 0, 2), (1, 0, 0, 1, 0, 1), (2, 1e-13, 0, 3, 0, 4), edge):
@@ -263,6 +265,7 @@ def test_axes_as_written_are_kept():
         assert values == pytest.approx([moments[0], moments[3], moments[5]], rel=1e-12)
     products = _text(_robot(_inertial(1.0, (2, 1e-6, 0, 2, 0, 2)))).find("link/inertial")
     assert np.abs(origin(products) - np.eye(4)).max() > 0.1
+    assert not caplog.records
 
 
 def test_a_moment_that_is_somewhat_too_great_is_repaired(caplog):

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from onebot_control.physics import Settings
+from onebot_control.physics import RobotSpawn, Settings
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.spawning import make_world
 from onebot_description.description import parse_description
 from onebot_description.elements.description import Box
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import yaw_of
-from tests.onebot_control.simulation_support import DRIVEN, LEFT, robot, simulate
+from tests.onebot_control.simulation_support import DRIVEN, LEFT, Simulation, robot, simulate
 
 _QUICK = Settings(settling=1.0, iterations=50)
 _INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
@@ -48,6 +48,23 @@ def test_the_lowest_point_touches_the_ground(z):
         assert simulation.base_pose().translation == pytest.approx([0, 0, 0.05 - z], abs=1e-3)
         assert simulation.rest_pose.height == simulation.base_pose().translation[2]
         assert simulation.base_pose().rotation == pytest.approx([0, 0, 0, 1], abs=1e-3)
+
+
+@pytest.mark.parametrize(("z", "depth"), [(0.7, 0.03), (-0.7, 0.001)])
+def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
+    """Level, and without a word unless a link on it starts in the ground; "world" is not lifted."""
+    ball = f'<origin xyz="0 0 {-0.03 - depth}"/><geometry><sphere radius="0.02"/></geometry>'
+    description = _block(f"0 0 {z}", arm=f"<collision>{ball}</collision>")
+    spawn = RobotSpawn(description, (), x=1.0, fixed_base=True)
+    with Simulation([spawn], _QUICK) as simulation:
+        found = simulation.base_pose()
+    assert found.translation == pytest.approx((1.0, 0.0, 0.05 - z), abs=1e-9)
+    assert found.rotation == (0.0, 0.0, 0.0, 1.0)
+    text = f'block.urdf: link "arm" starts {depth:g} m deep in the ground, '
+    assert [text in message for message in caplog.messages] == [True] * (depth > 0.002)
+    world = parse_description(description.urdf.replace('"base"', '"world"'))
+    with Simulation([spawn._replace(description=world)], _QUICK) as simulation:
+        assert simulation.base_pose().translation == (1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,7 @@ def test_kinds_without_limits_have_none(kind):
 
 @pytest.mark.parametrize("length", [0.9991, 1.0, 1.0009])
 def test_axes_of_almost_unit_length_are_taken_without_a_word(length):
+    assert warnings(joint(f'<axis xyz="0 {0.6 * length!r} {0.8 * length!r}"/>{LIMIT}')) == []
     description = parse_description(joint(f'<axis xyz="0 {length!r} 0"/>{LIMIT}'), "r")
     assert description.warnings == ()
     assert description.joints[0].axis == (0.0, 1.0, 0.0)
@@ -631,6 +632,7 @@ def test_xacro_that_was_not_expanded_is_one_problem():
     (problem,) = problems(text)
     assert problem.startswith("3: <wheel>: <xacro:wheel>")
     assert " and 2 more is xacro that was not expanded; name the file .xacro" in problem
+    assert problem.endswith('write <robot xmlns:xacro="http://www.ros.org/wiki/xacro" ...>')
     (problem,) = problems(text.replace("<xacro:wheel/></robot>", "</robot>"))
     assert " and 1 more is xacro that was not expanded" in problem
     (problem,) = problems('<robot name="r">\n<link name="$(arg a)"/></robot>')

@@ -312,3 +312,8 @@ def test_a_missing_package_is_one_problem_and_refuses_nothing(tmp_path: Path) ->
     )
     assert f"around {tmp_path};" in problem and "package_path:=FOLDER" in problem
     assert "package://no_such_package/visual7.stl" in description.urdf
+    path.write_text(
+        f'<robot name="r"><link name="a">{meshes[: meshes.index("</visual>") + 9]}</link></robot>'
+    )
+    [problem] = load_description(path).problems
+    assert "<mesh>: no ROS package" in problem

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import DescriptionError, load_description
+from onebot_description.description.expansion import explain
 from onebot_description.description.expressions import evaluate, global_symbols
 
 YAML = xacro.YamlDictWrapper(
@@ -174,3 +175,8 @@ def _file(folder: Path, written: str) -> Path:
         f'<link name="{written}"/></robot>'
     )
     return file
+
+
+def test_memory_that_ran_out_is_no_mistake_of_the_file():
+    with pytest.raises(MemoryError):
+        explain(xacro.XacroException("in a macro", exc=MemoryError()), Path("r.xacro"), ())

@@ -24,6 +24,9 @@ def motion(**written: object) -> dict[str, Any]:
 def test_defaults_are_those_of_the_standard_node() -> None:
     config = JointsConfig.from_parameters({})
     assert (config.rate, config.source_list, config.delta, config.moves) == (10.0, (), 0.0, False)
+    for name in ("swing", "delta"):
+        assert f"{name}: -0.5 is below 0" in refused({name: -0.5})
+    assert "-0.5 is below 0" in refused(motion(type="sine", amplitude=1.0, frequency=-0.5))
     assert config.publish_default_positions
     assert not config.publish_default_velocities and not config.publish_default_efforts
     assert config.use_mimic_tags and config.use_smallest_joint_limits
@@ -38,6 +41,8 @@ ONCE = {"blend": "minimum_jerk", "loop": False}
     ("written", "expected"),
     [
         ({"type": "constant", "position": 1}, Keyframes.hold(1.0)),
+        ({"type": "constant", "position": 0}, Keyframes.hold(0.0)),
+        ({"type": "sine", "amplitude": 0, "frequency": 0, "phase": 0, "offset": 0}, Sine(0.0, 0.0)),
         ({"type": "sine", "amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
         (
             {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},

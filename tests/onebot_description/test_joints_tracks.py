@@ -99,5 +99,6 @@ def test_sweep_goes_to_and_fro() -> None:
     assert [at(motion, t) for t in (0.0, 0.5, 2.5, 3.5)] == pytest.approx([0.5, 1.0, -1.0, 0.0])
     assert at(Keyframes.sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0
     assert at(Keyframes.sweep(1.0, 0.5, 0.5, 0.5), 7.25) == 0.5
+    assert at(Keyframes.sweep(0.0, 0.5, -1.0, 1.0), 7.25) == 0.5
     assert at(Keyframes.sweep(1.0, 0.0, -math.inf, 1.0), 7.0) == 7.0
     assert at(Keyframes.sweep(1.0, 0.0, -1.0, math.inf), 7.0) == 7.0

@@ -26,6 +26,7 @@ def violations(motion: Motion, allowed: Allowed = MRM) -> list[str]:
         (Sine(1.0, 0.2), [f"sine at 0.2 Hz peaks at 1.257 rad/s, {SPEED}: lower frequency to"]),
         (Sine(1.0, 0.01, 0.0, 4.0), [f"sine from 3 to 5 rad {RANGE}: lower amplitude, or change"]),
         (Sine(4.0, 1.0), ["sine from -4 to 4", "sine at 1 Hz"]),
+        (Keyframes((0.0, 1.0), (0.0, 0.4)), ["the loop jumps from 0.4 to 0 rad, so"]),
         (Keyframes.hold(4.0), [f"position 4 rad {RANGE}: held at 3.14"]),
         (Keyframes.hold(-4.0, "home"), [f'pose "home" -4 rad {RANGE}: held at -3.14']),
         (

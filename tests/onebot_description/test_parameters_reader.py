@@ -21,6 +21,7 @@ from onebot_description.ros.parameters.reader import (
     defaults,
     descriptor,
     group,
+    help_text,
     is_parameter,
     parameter,
     read,
@@ -326,6 +327,7 @@ def test_ranges_as_ros_has_them(
 
 
 def test_descriptions_as_ros_has_them() -> None:
+    assert "\n    count (int, default 3): how many; from 1" in help_text(Settings)
     found = descriptor(Settings, "main.camera.eye")
     assert (found.description, found.additional_constraints) == ("where it is, m", "3 numbers")
     for name in ("main.camera", "lines", "lines.a", "nothing", "lines.a.b", "rate.a"):

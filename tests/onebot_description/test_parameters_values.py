@@ -106,6 +106,7 @@ _BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
         (ValueType(float), 1.001e60, "1.001e+60 is beyond 1e+60; write a number"),
         (ValueType(int), 1.0, "1.0 is a number; write an integer"),
         (ValueType(int), True, "true is a bool; write an integer"),
+        (ValueType(int), -(2**63) - 1, "needs more than 64 bits; write an integer"),
         (ValueType(int), 2**63, "needs more than 64 bits; write an integer"),
         (ValueType(float), 10**400, "needs more than 64 bits; write a number"),
         (ValueType(bool), 0, "0 is a number; write true or false"),
@@ -152,6 +153,18 @@ def test_values_that_are_wrong(kind: ValueType, value: Any, text: str) -> None:
 )
 def test_rules_in_words(kind: ValueType, words: str) -> None:
     assert kind.constraints == words
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "meaning"),
+    [
+        (ValueType(float, LIMIT), "double", "m/s; .nan: no limit"),
+        (ValueType(int, Rule("n", at_most=9), many=True), "int[]", "n; up to 9"),
+        (_NEAR_OR_FAR, "string", "one of near, far"),
+    ],
+)
+def test_types_in_words(kind: ValueType, name: str, meaning: str) -> None:
+    assert (kind.name, kind.meaning) == (name, meaning)
 
 
 def test_values_in_words() -> None:

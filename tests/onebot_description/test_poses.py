@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from onebot_description.geometry.poses import (
+    IDENTITY,
     Origin,
     PlanarPose,
     about,
@@ -64,6 +65,12 @@ def test_a_product_of_rotations_is_a_unit_quaternion_with_its_sign(first, second
 @given(triple, triple)
 def test_vector_product(first, second):
     assert cross(first, second) == pytest.approx(tuple(np.cross(first, second)), abs=1e-12)
+
+
+def test_what_is_not_given_is_no_motion():
+    assert IDENTITY == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert Origin().transform == PlanarPose().transform == IDENTITY
+    assert PlanarPose(1.0, 2.0, 0.5).transform == ((1.0, 2.0, 0.0), about_z(0.5))
 
 
 @given(angle)

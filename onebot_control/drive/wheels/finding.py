@@ -100,8 +100,7 @@ def find_wheels(
     _check_steering(description, rolling, swivels, turning)
     wheels = [wheel for wheel in rolling if swivels[wheel.name] is None]
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
-    if len(sets) > 1:
-        sets = [group for group in sets if not any(map(_is_passive, group))] or sets
+    sets = [group for group in sets if not any(map(_is_passive, group))] or sets
     if len(sets) != 1:
         raise _not_driven(description, turning, _why_not_one_set(sets, wheels, swivels))
     [drive] = sets

@@ -196,7 +196,7 @@ def skid_separation(across: float, along: Floats, center: float) -> float:
     if spread <= _SAME**2:
         return across
     loads = np.maximum(1.0 + along * center / spread, _LEAST_LOAD)
-    turning, slip = 0.0, 2.0 * spread / across  # x of the point; m/s at a wheel for 1 rad/s
+    turning, slip = 0.0, across  # x of the point; m/s at a wheel for 1 rad/s: any will do
     for _ in range(_STEPS):
         sideways = along - turning
         weights = loads / np.hypot(slip, sideways)

@@ -104,7 +104,7 @@ class ValueType:
 
     def _one(self, value: Any) -> Any:
         fits = isinstance(value, int | float if self.base is float else self.base)
-        if not fits or isinstance(value, bool) != (self.base is bool):
+        if not fits or (isinstance(value, bool) and self.base is not bool):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
         if isinstance(value, int) and value not in INT64:
             raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
