@@ -6,6 +6,7 @@ import signal
 import subprocess
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -85,8 +86,9 @@ class RunningProcess:
         check: bool = True,
     ) -> None:
         self._check = check
-        self._output = tempfile.TemporaryDirectory()
-        self._out, self._err = (Path(self._output.name, name) for name in ("out", "err"))
+        written = tempfile.mkdtemp()  # is read after its end, too
+        weakref.finalize(self, shutil.rmtree, written)
+        self._out, self._err = Path(written, "out"), Path(written, "err")
         with self._out.open("w") as out, self._err.open("w") as err:
             self.process = subprocess.Popen(
                 words,
@@ -155,7 +157,6 @@ class RunningProcess:
         elif self._check:
             assert code == 0, self.output
             assert "Traceback" not in self.output, self.output
-        self._output.cleanup()
 
 
 def lines_of_ours(output: str) -> list[str]:
