@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Option, group, natural, not_negative, option
+from onebot_bringup.cli.options import Option, group, natural, option
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -19,7 +19,6 @@ PRESETS = (
     "best_available",
 )
 _OTHERS = ("system_default", "best_available")
-_LEASE = "--qos-liveliness-lease-duration-seconds"
 
 
 def options(default: str) -> Option:
@@ -28,7 +27,6 @@ def options(default: str) -> Option:
         "history": ("keep_last", "keep_all", "system_default"),
         "reliability": ("reliable", "best_effort", *_OTHERS),
         "durability": ("transient_local", "volatile", *_OTHERS),
-        "liveliness": ("automatic", "manual_by_topic", *_OTHERS),
     }
     return group(
         "quality of service",
@@ -36,7 +34,6 @@ def options(default: str) -> Option:
         option("--qos-profile", None, "a preset to start from", choices=PRESETS),
         option("--qos-depth", "N", "queue size", natural),
         *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
-        option(_LEASE, "SECONDS", None, not_negative, dest="qos_lease"),
     )
 
 
@@ -48,10 +45,9 @@ def given(args: argparse.Namespace) -> bool:
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
     """Return the profile that the options define, starting from a preset."""
     from rclpy import qos
-    from rclpy.duration import Duration
 
     chosen = qos.QoSPresetProfiles.get_from_short_key(args.qos_profile or preset)
-    for name in ("history", "reliability", "durability", "liveliness"):
+    for name in ("history", "reliability", "durability"):
         if key := getattr(args, f"qos_{name}"):
             policy = getattr(qos, f"{name.capitalize()}Policy")
             setattr(chosen, name, policy.get_from_short_key(key))
@@ -59,8 +55,6 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
         chosen.depth = args.qos_depth
     if args.qos_durability == "transient_local" and chosen.depth == 0:
         chosen.depth = 1  # depth 0 would keep nothing for late subscribers
-    if args.qos_lease is not None:
-        chosen.liveliness_lease_duration = Duration(seconds=args.qos_lease)
     return chosen
 
 

@@ -109,7 +109,7 @@ def echo(session: Session, args: Namespace) -> None:
     """
     transforms = _Transforms(session)
     _await_transform(transforms, args, args.timeout)
-    due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
+    due, period = time.monotonic(), 1.0 / args.rate
     while True:
         pose = transforms.frames.lookup(args.a, args.b)
         print(_shown(pose.stamp_ns, pose.transform, args.precision))
@@ -231,7 +231,6 @@ COMMANDS = {
         echo,
         positional("A", "a frame, such as odom"),
         positional("B", "the frame whose pose in A is shown"),
-        option("echo_rate", "RATE", "the same as --rate HZ", positive, nargs="?"),
         option("-r --rate", "HZ", "prints per second (1)", positive, 1.0),
         flag("-1 -o --once", "print it once and exit"),
         option("-t --timeout", "S", "give up after S s", positive),

@@ -44,7 +44,6 @@ class Style:
 
     longest: int | None = 128  # truncate lists, bytes and strings after this many; None: never
     arrays: bool = True  # print the items of lists; otherwise their type and length
-    strings: bool = True  # print strings; otherwise their length
     flow: bool = False  # YAML on one line, with braces
 
 
@@ -103,7 +102,7 @@ def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
 
 def _plain(value: Any, slot: Any, style: Style) -> Any:
     if isinstance(value, str):
-        return _cut(value, style) if style.strings else _length(value)
+        return _cut(value, style)
     if isinstance(value, _LISTS):
         if not style.arrays and isinstance(slot, AbstractNestedType):
             return _summary(value, slot)
@@ -122,10 +121,6 @@ def _cut(text: str, style: Style) -> str:
     if style.longest is None or len(text) <= style.longest:
         return text
     return text[: style.longest] + "..."
-
-
-def _length(text: str) -> str:
-    return f"<string length: <{len(text)}>>"
 
 
 def _summary(values: Any, slot: Any) -> str:
@@ -333,24 +328,13 @@ def _floating(kind: str, text: str, finite: bool) -> float:
 
 def _integer(kind: str, text: str) -> int:
     try:
-        value = int(text, 0) if not text.lstrip("+-").isdigit() else int(text)
+        value = int(text) if text.lstrip("+-").isdigit() else int(text, 0)
     except ValueError:
-        value = _whole(kind, text)
+        raise ValueError(f'is an integer ({kind}), not "{text}"') from None
     limits = np.iinfo(kind)
     if not limits.min <= value <= limits.max:
         raise ValueError(f"is an {kind} from {limits.min} to {limits.max}, not {text}")
     return value
-
-
-def _whole(kind: str, text: str) -> int:
-    """Parse integers such as 2.0 and 1e3; 2.5 is an error, not truncated."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number) or number != int(number):
-        raise ValueError(f'is an integer ({kind}), not "{text}"')
-    return int(number)
 
 
 def _read_fields(text: str) -> dict[str, Any]:

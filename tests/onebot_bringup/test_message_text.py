@@ -40,9 +40,8 @@ def test_yaml() -> None:
     )
 
 
-def test_without_the_items_of_lists_and_without_strings() -> None:
-    """--no-arr shows type and length, of sequences and arrays; --no-str the lengths of strings."""
-    assert to_yaml(String(data="abc"), Style(strings=False)) == "data: '<string length: <3>>'\n"
+def test_without_the_items_of_lists() -> None:
+    """--no-arr shows type and length, of sequences and arrays."""
     text = to_yaml(joint_state(), Style(arrays=False))
     assert "name: '<sequence type: string, length: 2>'\n" in text
     assert "position: '<sequence type: double, length: 2>'\n" in text
@@ -231,8 +230,6 @@ def test_whole_numbers_within_their_type(bits: int, unsigned: bool) -> None:
         ("int32", "+5", 5),
         ("int32", " 0x10 ", 16),
         ("int32", "-0x10", -16),
-        ("int32", "-3.0", -3),
-        ("int32", "1e3", 1000),
         ("int32", "007", 7),
         ("octet", "7", b"\x07"),
         ("octet", "a", b"a"),
@@ -263,8 +260,8 @@ def test_texts_of_scalars(kind: str, text: str, value: object) -> None:
         ("boolean", "2"),
         ("boolean", ""),
         ("int32", "inf"),
-        ("int32", "nan"),
         ("int32", "1.5"),
+        ("int32", "1e3"),
         ("int32", "0x"),
         ("float", "3.4028236e38"),
         ("float", "-3.4028236e38"),
