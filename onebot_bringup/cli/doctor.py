@@ -22,7 +22,6 @@ from onebot_description.ros.shared_memory import FOLDER, find_segments
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-_EPHEMERAL_DOMAINS = range(102, 216)  # their ports are among Linux's ephemeral ports
 _MULTICAST = "239.255.0.1", 7400  # DDS's group; any port will do for the test
 _LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
@@ -152,11 +151,6 @@ def domain(environment: Mapping[str, str]) -> Verdict:
         return Verdict(
             NOTE, "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
             "unset ROS_LOCALHOST_ONLY",
-        )  # fmt: skip
-    if int(text) in _EPHEMERAL_DOMAINS:
-        return Verdict(
-            NOTE, f"ROS_DOMAIN_ID={text}: Linux hands the ports of 102 to 215 out to others, too",
-            "export ROS_DOMAIN_ID with 0 to 101",
         )  # fmt: skip
     by = environment.get(SERVER, "")
     return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")

@@ -1,10 +1,9 @@
 """Quality of service on the command line: the ``--qos-*`` options, and compatible profiles."""
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Option, group, natural, option
+from onebot_bringup.cli.options import Option, group, natural, option, warn
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -70,18 +69,12 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
     if given(args) or not offered:
         return chosen
     suited = compatible_qos(offered, chosen.depth)
-    if any(map(is_reliable, offered)) and not is_reliable(suited):
-        _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
-    if any(map(is_transient_local, offered)) and not is_transient_local(suited):
-        _warn_fallback("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
+    for has, best, fallback in (
+        (is_reliable, "RELIABLE", "BEST_EFFORT"),
+        (is_transient_local, "TRANSIENT_LOCAL", "VOLATILE"),
+    ):
+        if any(map(has, offered)) and not has(suited):
+            warn(f"not all publishers of {topic} offer {best}: it is received as {fallback}")
     if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
         suited.depth = max(suited.depth, 100)
     return suited
-
-
-def _warn_fallback(best: str, fallback: str) -> None:
-    print(
-        f"Some, but not all, publishers are offering {best}. "
-        f"Falling back to {fallback} as it will connect to all publishers",
-        file=sys.stderr,
-    )

@@ -1,11 +1,10 @@
 """``onebot service ...``: lists services and calls them, like ``ros2 service``."""
 
-import sys
 from argparse import Namespace
 from typing import Any
 
 from onebot_bringup.cli.names import SERVICES
-from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, flag, positional
+from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, positional
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
@@ -19,8 +18,7 @@ def call_service(args: Namespace) -> None:
 
     kind = service_class(args.type)
     request = kind.Request()
-    values = sys.stdin.read() if args.stdin else args.values
-    times = fill(request, values, finite=not args.allow_non_finite)
+    times = fill(request, args.values, finite=not args.allow_non_finite)
     with Session(args.ros_args) as session:
         name = session.full_name(args.service)
         _await_service(session, name, full_name(args.type, "srv"))
@@ -57,7 +55,6 @@ COMMANDS = {
         positional("SERVICE", "such as /reset"),
         positional("TYPE", "such as std_srvs/srv/Trigger"),
         positional("VALUES", 'in YAML, such as "{data: true}"', nargs="?", default=""),
-        flag("--stdin", "read the values from stdin"),
         ALLOW_NON_FINITE,
     ),
     "list": SERVICES.listing(),

@@ -7,6 +7,7 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
+from threading import Event
 from types import CodeType
 from typing import Any, NoReturn
 
@@ -29,10 +30,9 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
 
-_NO_MESSAGE = 2.0  # s without a message after which echo prints a note
+_NO_MESSAGE = 2.0  # s without a message after which a note is printed
 _NO_SUBSCRIBER = 2.0  # s without a subscriber after which pub prints a note
 _REPORT = 1.0  # s between reports of hz and bw
-_SILENT_REPORTS = 2  # reports without any message after which a note is printed
 _SETTLE = 0.1  # s to discover further publishers
 _KEEP_ALIVE = 0.1  # s before pub exits, for subscribers that acknowledge nothing
 
@@ -203,26 +203,22 @@ def _measure(
     arrived: Callable[[bytes], None],
     report: Callable[[], str | None],
 ) -> NoReturn:
+    """Print ``report()`` each second, and a note if no message comes."""
     topic, kind = _await_class(session, args.topic)
-    received = 0
+    first = Event()
 
     def on_message(data: bytes) -> None:
-        nonlocal received
-        received += 1
+        first.set()
         arrived(data)
 
-    session.node.create_subscription(
-        kind, topic, on_message, qos.matching(session.node, topic, args), raw=True
-    )
-    due, rounds = time.monotonic() + _REPORT, 0
+    profile = qos.matching(session.node, topic, args)
+    session.node.create_subscription(kind, topic, on_message, profile, raw=True)
+    notice = partial(_no_message, session, topic)
+    session.await_or_report(first.is_set, notice, patience=_NO_MESSAGE)
     while True:
-        session.spin_until(due)
-        due, rounds = due + _REPORT, rounds + 1
-        text = report()
-        if text is not None:
+        session.spin_for(_REPORT)
+        if (text := report()) is not None:
             print(text)
-        elif rounds == _SILENT_REPORTS and not received:
-            print(_no_message(session, topic), file=sys.stderr)
 
 
 @in_session
@@ -256,8 +252,7 @@ def pub(args: Namespace) -> None:
 
     kind = message_class(args.type)
     message = kind()
-    values = sys.stdin.read() if args.stdin else args.values
-    times = fill(message, values, finite=not args.allow_non_finite)
+    times = fill(message, args.values, finite=not args.allow_non_finite)
     most = 1 if args.once else args.times
     wait = int(most is not None) if args.wait is None else args.wait
     with Session(args.ros_args) as session:
@@ -333,7 +328,6 @@ _PUB = (
         nargs="?",
         default="",
     ),
-    flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
     exclusive(

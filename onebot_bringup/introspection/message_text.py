@@ -211,10 +211,9 @@ class _Filler:
         slots = dict(zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True))
         for name, value in values.items():
             if name not in slots:
-                space = '; write a space after each ":"' if ":" in name else ""
                 raise OneBotError(
                     f'{type_name(message)}{f" ({path})" if path else ""} has no field "{name}"'
-                    f"{did_you_mean(name, slots, 'fields')}{space}"
+                    f"{did_you_mean(name, slots, 'fields')}{_hint(name)}"
                 )
             inner = f"{path}.{name}" if path else name
             setattr(message, name, self._value(slots[name], value, inner, getattr(message, name)))
@@ -340,7 +339,7 @@ def _integer(kind: str, text: str) -> int:
 def _read_fields(text: str) -> dict[str, Any]:
     """Parse the fields in YAML text; scalars stay strings, empty values are ""."""
     try:
-        values = bounded_yaml.load(text, _TextLoader)
+        values = bounded_yaml.load(text, yaml.BaseLoader)
     except yaml.YAMLError as error:
         raise OneBotError(f"the values are invalid YAML: {_where(error)}{_hint(text)}") from None
     if values in (None, ""):
@@ -353,21 +352,6 @@ def _read_fields(text: str) -> dict[str, Any]:
     return cast(dict[str, Any], values)
 
 
-class _TextLoader(yaml.BaseLoader):
-    """Keeps scalars as text, to be parsed for each field; rejects duplicate keys."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            name = str(key.value)
-            if name in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'"{name}" is given twice', key.start_mark
-                )
-            seen.add(name)
-        return super().construct_mapping(node, deep=deep)
-
-
 def _where(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
@@ -376,4 +360,4 @@ def _where(error: yaml.YAMLError) -> str:
 
 def _hint(text: str) -> str:
     """Return a hint on the most common mistake, if the text has it."""
-    return '; write a space after each ":"' if re.search(r"\w:[\[{\d]", text) else ""
+    return '; write a space after each ":"' if re.search(r"\w:\S", text) else ""

@@ -228,7 +228,6 @@ QUERIES = {
     ("query", "words"),
     [
         ("_EXTENTS", ["bag", "info", "a.db3"]),
-        ("_MESSAGES", ["bag", "play", "a.db3"]),
         ("_MESSAGES", ["replay", "a.db3", "viewer:=none", "save:=a.rrd"]),
     ],
 )

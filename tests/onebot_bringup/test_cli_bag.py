@@ -46,8 +46,6 @@ def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "Topic information: Topic: /words | Type: std_msgs/msg/String | Count: 5 | "
         "Serialization Format: cdr\n\n"
     )
-    wrong = onebot("bag", "info", str(tmp_path / "none"))
-    assert wrong.returncode == 1 and "there is no recording" in wrong.stderr
 
 
 def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
@@ -199,8 +197,6 @@ def test_record(tmp_path: Path, peer: Peer) -> None:
         )
         assert command.interrupt() == 0, command.err
     assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
-    again = onebot("bag", "record", "-a", "-o", str(folder))
-    assert again.returncode == 1 and "exists already" in again.stderr
     assert onebot("bag", "record").returncode == 2
     both = onebot("bag", "record", "-a", "/words")
     assert both.returncode == 2 and "-a records all topics" in both.stderr

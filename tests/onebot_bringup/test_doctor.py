@@ -52,7 +52,6 @@ def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ({}, OK, "ROS_DOMAIN_ID=0, discovery of SUBNET"),
         ({"ROS_DOMAIN_ID": "233"}, PROBLEM, "not a number from 0 to 232"),
         ({"ROS_DOMAIN_ID": "one"}, PROBLEM, "not a number"),
-        ({"ROS_DOMAIN_ID": "120"}, NOTE, "ports of 102 to 215"),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCLHOST"}, PROBLEM, 'did you mean "LOCALHOST"'),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "off"}, PROBLEM, "do not discover each other"),
         ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, OK, "discovery by 10.0.0.1:11811"),

@@ -94,7 +94,6 @@ def test_without_a_joint_it_lists(arm: Arm) -> None:
     ("words", "message"),
     [
         (["shoulder=9"], f"REJECTED by {NAME}\nerror: goal rejected: points[0].positions: "),
-        (["sholder=1"], 'no joint "sholder" (did you mean "shoulder"?'),
         (["wrist=1", "controller:=/arm"], f'no controller "/arm" found (controllers: {NAME}); '),
         # The joint is faster than its limit of velocity.
         (
@@ -174,16 +173,6 @@ def test_joints_of_no_single_controller(joints: str, message: str) -> None:
     assert controller_of(controllers, ["right"]) is controllers[1]
     with pytest.raises(OneBotError, match=re.escape(message)):
         controller_of(controllers, joints.split())
-
-
-def test_limits_of_a_description_that_is_late(peer: Peer, tmp_path: Path) -> None:
-    """A controller is often discovered before the node that publishes the description."""
-    publish_states(peer, {"/arm": ["shoulder"]})
-    with running(tmp_path, "trajectory") as command:
-        wait_for(lambda: "looking for /robot_description ..." in command.err, "the command")
-        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
-        command.says("-2 … 2.5 rad")
-        assert command.wait() == 0
 
 
 def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
