@@ -4,6 +4,7 @@ A frame has only one parent in TF. If a localizer such as AMCL or slam_toolbox p
 of odom, the simulation does not publish the true one any more.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -50,14 +51,16 @@ class LocalizerWatch:
             for subscription in self._subscriptions:
                 subscription.destroy_when_not_in_use()
             self._subscriptions = []
+            # In CDR, a child's name follows its parent's name, a NUL, up to three bytes of padding
+            # and four of length. Parsing every message takes 4 % of a core with 20 robots.
+            names = b"|".join(re.escape(frame.encode()) for frame in robots)
+            self._child = re.compile(rb"[^\0]\0.{4,7}/?(?:" + names + rb")\0", re.DOTALL)
         self._robots = robots
         if robots and not self._subscriptions and self._others_publish():
             self._subscriptions = [self._subscribed(*topic) for topic in _TOPICS.items()]
-        endings = {frame.rpartition("/")[2].encode() + b"\0" for frame in robots}
         for subscription in self._subscriptions:
             while message := subscription.take_message(TFMessage, True):
-                # Parsing costs many times as much as this look for the names.
-                if any(ending in message[0] for ending in endings):
+                if self._child.search(message[0]):
                     self._receive(message[0])
 
     def _receive(self, data: bytes) -> None:
