@@ -4,7 +4,6 @@ A frame has only one parent in TF. If a localizer such as AMCL or slam_toolbox p
 of odom, the simulation does not publish the true one any more.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,7 +17,8 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": False, "/tf_static": True}  # whether each is latched
-# Messages kept between two polls, which bounds what they cost; localizers repeat what is lost.
+# Messages kept between two polls; localizers repeat what is lost. At ten polls a second it bounds
+# the cost: 1,000 messages, of 12 us each, are 1 % of a core.
 _DEPTH = 100
 
 
@@ -51,17 +51,12 @@ class LocalizerWatch:
             for subscription in self._subscriptions:
                 subscription.destroy_when_not_in_use()
             self._subscriptions = []
-            # In CDR, a child's name follows its parent's name, a NUL, up to three bytes of padding
-            # and four of length. Parsing every message takes 4 % of a core with 20 robots.
-            names = b"|".join(re.escape(frame.encode()) for frame in robots)
-            self._child = re.compile(rb"[^\0]\0.{4,7}/?(?:" + names + rb")\0", re.DOTALL)
         self._robots = robots
         if robots and not self._subscriptions and self._others_publish():
             self._subscriptions = [self._subscribed(*topic) for topic in _TOPICS.items()]
         for subscription in self._subscriptions:
             while message := subscription.take_message(TFMessage, True):
-                if self._child.search(message[0]):
-                    self._receive(message[0])
+                self._receive(message[0])
 
     def _receive(self, data: bytes) -> None:
         try:
