@@ -18,7 +18,7 @@ from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": False, "/tf_static": True}  # whether each is latched
 # Messages kept between two polls; localizers repeat what is lost. At ten polls a second it bounds
-# the cost: 1,000 messages, of 12 us each, are 1 % of a core.
+# the cost: 1,000 messages, of 17 us each, are 2 % of a core.
 _DEPTH = 100
 
 
