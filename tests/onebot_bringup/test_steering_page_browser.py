@@ -468,12 +468,13 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page)
     goals = peer.hear(PoseStamped, "/goal_pose")
     points = peer.hear(PointStamped, "/clicked_point")
     at = Odometry(child_frame_id="base_link")
-    at.header.frame_id, at.pose.pose.position.x = "odom", 1.0
+    at.header.frame_id, at.pose.pose.position.x, at.twist.twist.linear.x = "odom", 1.0, 0.25
     moved = peer.node.create_publisher(Odometry, "/odom", 10)
     timer = peer.node.create_timer(0.05, lambda: moved.publish(at))
     with steering(topic="/cmd_vel") as node:
         tab.open(node.address)
         wait_for(lambda: tab.number("x") == 1.0, "the odometry")
+        assert tab.number("linear-measured") == 0.25 and tab.number("yaw") == 0.0
 
         def pressed(selector: str) -> bool:
             return tab.find(selector).get_attribute("aria-pressed") == "true"
