@@ -70,7 +70,7 @@ class Ground:
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
-        self._topics = FollowedTopics(node, _DEPTH, self._receive, raw=False)
+        self._topics = FollowedTopics(node, _DEPTH, {_GRID: self._on_grid})
         self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self.grid: PublishedMap | None = None
@@ -89,10 +89,9 @@ class Ground:
         if _GRID in self._topics.update(topics):
             self.grid = None
 
-    def _receive(self, _: str, kind: str, message: Any) -> None:
-        if kind == _GRID:
-            grid = PublishedMap(message)
-            self.grid = grid if grid.is_whole else None
+    def _on_grid(self, _: str, message: OccupancyGrid) -> None:
+        grid = PublishedMap(message)
+        self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).

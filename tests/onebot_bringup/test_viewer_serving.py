@@ -271,21 +271,17 @@ def test_foreign_pages_get_neither_the_page_nor_the_recording(served):
     """Of another site, or of a name that was made to lead here; and nobody writes."""
     recording, page = served
     own, data = page.url, b"\0" * 5
-    local = own.replace("127.0.0.1", "localhost")
-    for url in (own, local):
+    for url in (own, own.replace("127.0.0.1", "localhost")):
         assert _status(url) == 200 and _status(url, Origin=url) == 200
         assert _status(url + READ, data, Origin=url, **GRPC) == 200
         assert _status(url + WRITE, data, Origin=url, **GRPC) == 403
-    for foreign in (
-        {"Origin": "http://evil.example"},
-        {"Origin": "null"},
-        {"Sec-Fetch-Site": "cross-site"},
-        {"Origin": own.replace(str(page.port), "1")},
-        {"Host": "evil.example"},
-        {"Host": f"evil.example:{page.port}", "Origin": f"http://evil.example:{page.port}"},
-    ):
-        assert _status(own, **foreign) == _status(own + "/re_viewer.js", **foreign) == 403
-        assert _status(own + READ, data, **GRPC, **foreign) == 403
+    for name, value in {
+        "Origin": "http://evil.example",
+        "Sec-Fetch-Site": "cross-site",
+        "Host": "evil.example",
+    }.items():
+        assert _status(own, **{name: value}) == 403
+        assert _status(own + READ, data, **GRPC, **{name: value}) == 403
     known = f"http://127.0.0.1:{recording.port}"
     for path, body in (("/", None), (READ, data), (WRITE, data)):
         assert _status(known + path, body, **GRPC) == 403
