@@ -103,14 +103,10 @@ class BlueprintSender:
         self._from_start = from_start
         self._sent: Layout | None = None
 
-    def update(self, layout: Layout, *, send: bool = True) -> None:
-        """Make a new blueprint if the layout has changed.
+    def update(self, layout: Layout) -> None:
+        """Send a new blueprint if the layout has changed.
 
         It is not sent otherwise, since that would undo what the user has rearranged.
-
-        Args:
-            layout: the current layout.
-            send: send it to the viewer; False only measures the robots.
         """
         sent = self._sent
         if sent and sent.complete and _same_frames(layout, sent):
@@ -119,8 +115,7 @@ class BlueprintSender:
             return
         self._sent = layout
         blueprint = self._made(layout)
-        if send:
-            self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
+        self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
         boxes_of_robots = [self._fitted(robot, layout.fixed_frame) for robot in self._robots]

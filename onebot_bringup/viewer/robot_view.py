@@ -7,7 +7,6 @@ lays out what is drawn.
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import rerun as rr
@@ -52,7 +51,6 @@ class RobotView:
         recording: rr.RecordingStream,
         view: ViewConfig | None = None,
         *,
-        blueprint: Path | None = None,
         robots: Sequence[RobotToShow] = (RobotToShow(),),
         resolve: Callable[[str], str] = str,
         clock: Callable[[], float] = time.monotonic,
@@ -67,7 +65,6 @@ class RobotView:
         Args:
             recording: where to log.
             view: what is shown, and how.
-            blueprint: a ``.rbl`` file, saved in the viewer, that replaces our blueprint.
             robots: the robots to show; if there are several, each logs below its namespace.
             resolve: returns the full name of a topic that the view names.
             clock: returns the time, seconds.
@@ -99,7 +96,6 @@ class RobotView:
         self._laid_out_of: tuple[object, ...] = ()
         self._selection = TopicSelection(stage)
         self._blueprint = BlueprintSender(recording, stage.robots, from_start=from_start)
-        self._own_blueprint = True
         # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
         self.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
@@ -119,8 +115,6 @@ class RobotView:
         problems = self.inbox.subscribe(self._subscriptions())
         if problems:
             raise OneBotError("; ".join(problems))
-        if blueprint is not None:
-            self.use_blueprint(blueprint)
 
     # --- messages -------------------------------------------------------------------------------
 
@@ -326,11 +320,6 @@ class RobotView:
         self._changed = self.stage.clock()
         return problems + self._wrong_names()
 
-    def use_blueprint(self, blueprint: Path) -> None:
-        """Arrange the viewer by a ``.rbl`` file that was saved in it."""
-        self._own_blueprint = False
-        self.stage.recording.log_file_from_path(blueprint)
-
     def _set_descriptions(self) -> list[str]:
         """Show the descriptions that have come, each in place of the robot's previous one."""
         warnings = []
@@ -397,7 +386,7 @@ class RobotView:
             layout = layout.without_plots()
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
-        self._blueprint.update(layout, send=self._own_blueprint)
+        self._blueprint.update(layout)
 
 
 class WarningFilter:

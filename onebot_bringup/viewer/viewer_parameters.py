@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 VIEWERS = ("web", "native", "none")
 _NO_VIEW = "none"
-_VIEW_FILES = (".yaml", ".yml", ".rviz", ".rbl")
+_VIEW_FILES = (".yaml", ".yml", ".rviz")
 
 
 def view_file(view: str) -> Path | None:
@@ -46,7 +46,7 @@ class ViewerParameters:
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
         "",
-        "a .yaml, .rviz or .rbl file, reloaded when edited; empty: config/view.yaml of "
+        "a .yaml or .rviz file, reloaded when edited; empty: config/view.yaml of "
         "<robot name>_description; none: none",
         read_only=True,
     )

@@ -1,13 +1,10 @@
 """The scene: shapes, frames, and what is said of those that are missing."""
 
 import numpy as np
-import pytest
-import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
 
 from onebot_bringup.viewer.core.scene import Scene
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.display_server import APPLICATION, open_recording
+from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import chunks, column
@@ -128,18 +125,3 @@ def test_static_transforms_all_survive_in_a_file(tmp_path):
     for name in ("f0", "f1", "f2"):
         places = column(file, f"/tf_static/{name}", "Transform3D:translation")
         assert places == [[[2.0, 2.0, 2.0]]]
-
-
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
-    """A .rbl takes the place of the view, as it was saved."""
-    saved = rrb.Blueprint(rrb.Spatial3DView(origin="/", name="My own"))
-    saved.save(APPLICATION, str(tmp_path / "mine.rbl"))
-    shown = Shown(tmp_path, blueprint=tmp_path / "mine.rbl")
-    shown.tick()
-    reader = RrdReader(str(shown.end()))
-    [store] = reader.blueprints()
-    batches = [chunk.to_record_batch() for chunk in reader.stream(store=store)]
-    name = "ViewBlueprint:display_name"
-    names = [batch.column(name).to_pylist() for batch in batches if name in batch.schema.names]
-    assert names == [[["My own"]]]

@@ -186,8 +186,8 @@ def test_temporary_folders_of_rerun_go_with_it(tmp_path, monkeypatch):
     assert list(folder.iterdir()) == []
 
 
-def test_a_port_in_use_is_said_and_replaced():
-    """Two viewers can run at once."""
+def test_a_port_in_use_is_said_and_replaced_and_a_page_that_died_is_reported():
+    """Two viewers can run at once; what ends one is logged, and its address is withdrawn."""
     said: list[str] = []
     log = SimpleNamespace(info=said.append, warning=said.append)
     with socket.socket() as busy:
@@ -195,9 +195,14 @@ def test_a_port_in_use_is_said_and_replaced():
         busy.listen()
         port = busy.getsockname()[1]
         parameters = ViewerParameters(grpc_port=0, web_port=port, open_browser=False)
-        DisplayServer(parameters, log).close()
+        server = DisplayServer(parameters, log)
     [warning] = said
     assert warning.startswith(f"web_port {port} is in use; using ")
+    wait_for(lambda: server.watch() or server.page_address, "the page")
+    os.kill(server._viewer._child.pid, signal.SIGKILL)
+    wait_for(lambda: server.watch() or not server.page_address, "its end")
+    assert said[-1] == "the page's server died (exit code -9)"
+    server.close()
 
 
 @pytest.fixture
@@ -326,7 +331,7 @@ def test_native_viewers_get_through_to_the_recording(caplog):
 
 
 def test_the_page_responds_by_the_rules_of_http():
-    """HEAD has no body, nothing is written; a Rerun server that died is a 502, until it is back."""
+    """HEAD has no body, nothing is written; a Rerun server that died is a 502."""
     with page_of(*NO_SERVER) as page:
         whole = urllib.request.Request(f"{page.url}/re_viewer_bg.wasm", method="HEAD")
         with urllib.request.urlopen(whole, timeout=PATIENCE) as response:
@@ -339,9 +344,6 @@ def test_the_page_responds_by_the_rules_of_http():
         with pytest.raises(urllib.error.HTTPError, match="502") as caught:
             _get(page.address)
         assert b"Rerun's server does not answer" in caught.value.read()
-        page.restart()
-        wait_for(lambda: page.ready, "the page again")
-        assert _get(page.url).status == 200
 
 
 def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd):
