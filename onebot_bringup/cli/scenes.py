@@ -231,7 +231,8 @@ def record_pose(
     config = source.view
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
-    robot_view = RobotView(recording, config, plots=False)
+    # Plots of a single instant are empty.
+    robot_view = RobotView(recording, config, robots=[RobotToShow(plotted=False)])
     messages = (*robot.standing(_NOW_NS), *robot.moving(_NOW_NS, positions))
     for topic, kind, data in messages:
         robot_view.take(topic, kind, data, _NOW_NS)

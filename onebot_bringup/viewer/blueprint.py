@@ -70,10 +70,6 @@ class Layout:
         names = tuple(str(robot.names) for robot in robots if robot.description is not None)
         return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
-    def without_plots(self) -> "Layout":
-        """Return the layout without the views beside the robot."""
-        return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
-
     def in_page(self, cameras: Collection[str]) -> "Layout":
         """Return the layout for a page with little room that shows these cameras itself."""
         pictures = {topic_entity(ImageDrawing.key, topic) for topic in cameras}

@@ -56,7 +56,6 @@ class RobotView:
         clock: Callable[[], float] = time.monotonic,
         report: ReportBad | None = None,
         from_start: bool = False,
-        plots: bool = True,
         definitions: Callable[[str], str] = full_definition,
         live: bool = False,
     ) -> None:
@@ -70,7 +69,6 @@ class RobotView:
             clock: returns the time, seconds.
             report: called with the topic and the error of a bad message; the default raises it.
             from_start: play from the beginning instead of following the latest data.
-            plots: show the view's plots; useless for a snapshot of a single instant.
             definitions: returns the definition of a message type, or raises an OneBotError.
             live: messages come as they are published, so old ones may be dropped and a description
                 may still come.
@@ -88,7 +86,7 @@ class RobotView:
             clock=clock,
             definitions=definitions,
         )
-        self._live, self._plots = live, plots
+        self._live = live
         self._changed = clock()  # when the robot or the view changed
         self._warnings = WarningFilter(clock)
         self._published: Mapping[str, str] = {}
@@ -382,8 +380,6 @@ class RobotView:
         for display in (*self.message_displays, *self.robot_displays):
             parts += (replace(part, robot=display.root) for part in display.layout())
         layout = Layout.from_view(self._view, parts, stage.fixed_frame, complete, stage.robots)
-        if not self._plots:
-            layout = layout.without_plots()
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
         self._blueprint.update(layout)

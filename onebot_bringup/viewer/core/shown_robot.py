@@ -14,7 +14,7 @@ from onebot_description.errors import did_you_mean, listing
 FRAMES_ENTITY = "frames"
 ROBOT_DESCRIPTION = "robot_description"
 WORLD_DESCRIPTION = "/world_description"
-MOST_PLOTTED = 5  # robots plotted by default: there is no room for more tabs
+MOST_PLOTTED = 5  # robots with curves: there is no room for more tabs
 
 
 @dataclass(frozen=True)
