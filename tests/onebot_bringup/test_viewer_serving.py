@@ -11,7 +11,6 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 
 import psutil
@@ -32,7 +31,6 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.steering_support import requested
 from tests.support import PATIENCE, wait_for
-from tests.support_rendering import require_renderer
 
 FULL_DISK = """
 import resource, sys
@@ -133,57 +131,6 @@ def test_a_browser_that_does_not_read_costs_little_memory():
     # The server may hold 128 MB, the backlog 64 MB, and the allocator some of what they had.
     assert grown < 500.0, "MB, of 800 that were logged"
     assert quick < 50.0 and slow < 200.0, "MB that each viewer got"
-
-
-DRAWING = """
-import sys, time
-from pathlib import Path
-import rerun as rr
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.rendering import headless_viewer
-
-file = Path(sys.argv[1])
-recording = open_recording(save=file)
-recording.stream.log("text", rr.TextLog("shown"))
-recording.close()
-with headless_viewer(str(file)):
-    print("drawing", flush=True)
-    while len(sys.argv) > 2:
-        time.sleep(0.1)
-"""
-
-
-@pytest.mark.slow
-def test_temporary_folders_of_rerun_go_with_it(tmp_path, monkeypatch):
-    """By the end of the viewer; those of one that was killed, when the next one starts."""
-    require_renderer()
-    folder = tmp_path / "tmp"
-    folder.mkdir()
-    monkeypatch.setenv("TMPDIR", str(folder))
-
-    def command(name: str) -> list[str]:
-        return [sys.executable, "-c", DRAWING, str(tmp_path / f"{name}.rrd")]
-
-    def made_by_rerun() -> set[Path]:
-        return set(folder.rglob("rerun-data-*"))
-
-    with contextlib.ExitStack() as stack:
-        killed, running = (
-            stack.enter_context(subprocess.Popen([*command(name), "stay"], stdout=subprocess.PIPE))
-            for name in ("killed", "running")
-        )
-        # Of a test that fails, too: ``with`` only waits for their end.
-        for viewer in (killed, running):
-            stack.callback(viewer.send_signal, signal.SIGINT)
-        for viewer in (killed, running):
-            assert viewer.stdout is not None and viewer.stdout.readline() == b"drawing\n"
-        both = made_by_rerun()
-        assert len(both) == 2
-        killed.kill()
-        killed.wait()
-        subprocess.run(command("next"), timeout=PATIENCE, check=True)
-        assert len(made_by_rerun() & both) == 1, "of the viewer that still runs"
-    assert list(folder.iterdir()) == []
 
 
 def test_a_port_in_use_is_said_and_replaced_and_a_page_that_died_is_reported():
@@ -432,9 +379,18 @@ def test_a_crash_of_the_viewer_is_reported_by_its_cause(tmp_path):
     assert "Report bugs" not in str(error.value)
 
 
-def test_last_words_are_those_of_the_program():
-    """What it complained about can be passed on to the user."""
+def test_last_words_are_those_of_the_program_and_its_folder_goes_with_it(tmp_path, monkeypatch):
+    """What it complained about can be passed on to the user.
+
+    Folders of processes that were killed go when the next one starts; others are in use.
+    """
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    killed, other = (tmp_path / f"onebot-rerun-{process}-x" for process in (2**22 + 1, 1))
+    killed.mkdir()
+    other.mkdir()
     child = Child(["--no-such-option"])
+    assert len({*tmp_path.iterdir()} - {other}) == 1 and not killed.exists()
     wait_for(lambda: not child.running, "its end")
     assert "no-such-option" in child.output()
     child.stop()
+    assert [*tmp_path.iterdir()] == [other]
