@@ -1,12 +1,9 @@
 """The scene: shapes, frames, and what is said of those that are missing."""
 
-import numpy as np
-
 from onebot_bringup.viewer.core.scene import Scene
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
-from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -109,19 +106,3 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     now[0] = 6.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
-
-
-def test_static_transforms_all_survive_in_a_file(tmp_path):
-    """Frames that are sent in several messages are all there when it is opened later."""
-    shown = Shown(tmp_path, robot=False)
-    for names in (("f0", "f1"), ("f2",)):
-        count = len(names)
-        shifts, turns = np.full((count, 3), 2.0), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
-        stamps = np.zeros(count, np.int64)
-        arrays = TfArrays(("base",) * count, (*names,), stamps, shifts, turns)
-        take_tf(shown.view, arrays, static=True)
-        shown.tick()
-    file = shown.end()
-    for name in ("f0", "f1", "f2"):
-        places = column(file, f"/tf_static/{name}", "Transform3D:translation")
-        assert places == [[[2.0, 2.0, 2.0]]]
