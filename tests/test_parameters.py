@@ -151,7 +151,6 @@ def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
         "embedded",
         "memory_limit",
         "robots",
-        "plots",
     }
     assert float_range(descriptors["axes.length"])[0] == 0.0
     assert "one of hidden" in descriptors["panels.top"].additional_constraints

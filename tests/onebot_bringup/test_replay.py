@@ -206,12 +206,11 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml", "view:=bad.rbl"])
+@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml"])
 def test_a_refused_command_leaves_the_file_that_it_would_replace(tmp_path, monkeypatch, mistake):
     monkeypatch.chdir(tmp_path)
     record_arm(tmp_path / "bag")
     (tmp_path / "bad.yaml").write_text("gird: {visible: true}")
-    (tmp_path / "bad.rbl").write_text("no layout")
     (tmp_path / "a.rrd").write_text("the last recording")
     assert main(["replay", "bag", "viewer:=none", "save:=a.rrd", mistake]) == 1
     assert (tmp_path / "a.rrd").read_text() == "the last recording"
