@@ -201,7 +201,6 @@ class FollowedFiles:
     def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
         """Poll ``files``, and publish edits through ``node``."""
         self._node, self._files, self._log = node, files, node.get_logger()
-        self._is_refused = False  # whether the files in their current state were refused
         steady_timer(node, _POLL_EVERY, self._poll)
 
     def _poll(self) -> None:
@@ -209,7 +208,6 @@ class FollowedFiles:
             if (description := self._files.poll()) is not None:
                 self._apply(description)
         except OneBotError as error:
-            self._is_refused = True
             self._log.error(f"{error}\nThe robot stays as it was until this is mended.")
 
     def _apply(self, description: Description) -> None:
@@ -218,9 +216,8 @@ class FollowedFiles:
             # Log no more than this: every other node logs whether the new robot suits it.
             text = "edited, robot_state_publisher publishes the new robot"
             self._log.info(f"{self._files.edited}: {text}")
-        elif self._is_refused:
-            self._log.info(f"{self._files.edited}: mended, the robot is unchanged")
-        self._is_refused = False
+        else:
+            self._log.info(f"{self._files.edited}: edited, the robot is unchanged")
         self._files.applied()
 
 
