@@ -202,14 +202,10 @@ class JointFiles:
         self._node, self._log, self._description_file = node, node.get_logger(), description_file
         self._live = live
         self._unsuitable: Parameters | None = None  # parameters refused because of the robot
-        self._parameters = Reloader(live.read, live.files)
+        self.parameters = Reloader(live.read, live.files)
         self._description: DescriptionFiles | None = None
         self._polled_ns = time.time_ns()  # files written later count as edited
         steady_timer(node, _POLL_EVERY, self._poll)
-
-    def read_soon(self) -> None:
-        """Read the parameter files at the next poll, saved or not."""
-        self._parameters.read_soon()
 
     def apply_refused(self) -> None:
         """Apply the parameter files again, if they did not suit the last robot."""
@@ -217,13 +213,13 @@ class JointFiles:
             self._apply_parameters(self._unsuitable)
 
     def _poll(self) -> None:
-        self._parameters.watched.watch(self._live.files)
+        self.parameters.watched.watch(self._live.files)
         try:
-            if (parameters := self._parameters.poll()) is not None:
+            if (parameters := self.parameters.poll()) is not None:
                 self._apply_parameters(parameters)
         except ConfigError as error:
             self._refuse(error)
-        if not self._parameters.is_reading:
+        if not self.parameters.is_reading:
             self._poll_description()  # only after the parameters
 
     def _poll_description(self) -> None:
@@ -251,7 +247,7 @@ class JointFiles:
     def _names(self) -> str:
         """The edited parameter files in words; after a change of config_file, that file."""
         files = ", ".join(map(str, self._live.files[:1]))
-        return self._parameters.edited or files or "parameters"
+        return self.parameters.edited or files or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter to its value in the files, or to its default."""
@@ -268,7 +264,7 @@ class JointFiles:
             return
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
         self._log.info(f"{self._names}: applied, {changed}")
-        self._parameters.applied()
+        self.parameters.applied()
         self._unsuitable = None
         for name in overridden:
             self._log.warning(f"{name} is set on the command line, which overrides the file")
@@ -407,7 +403,7 @@ class JointStatePublisher(Node):
         if any(parameter.name == "config_file" for parameter in parameters):
             # Its parameters cannot be set from within this callback.
             self._settings.live.add(self.state.values.get("config_file", ""))
-            self._files.read_soon()
+            self._files.parameters.read_soon()
 
     # Applying parameters and descriptions ----------------------------------------------------
 

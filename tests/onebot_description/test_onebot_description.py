@@ -60,12 +60,6 @@ def test_every_combination_is_clean(combination):
     assert (Mesh in shapes) == (mesh in (None, "true", "1", "True")), shapes
 
 
-def test_every_file_is_watched():
-    names = {path.name for path in _load().files}
-    assert names >= {"dimensions.yaml", "inertials.yaml", "onebot.urdf.xacro"}
-    assert names >= {"wheel.urdf.xacro", "caster.urdf.xacro", "materials.urdf.xacro"}
-
-
 @pytest.mark.checkout  # whose meshes have paths, not package:// addresses
 @READ
 def test_yourdfpy_reads_the_robot(combination):

@@ -1,18 +1,14 @@
 """Running nodes: ROS arguments, errors and signals; warnings that are logged only so often."""
 
-import ctypes
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import rclpy
-from rclpy.duration import Duration
-from rclpy.experimental.events_executor import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.subscription import Subscription
+from rclpy.node import Node
 from std_msgs.msg import String
 
 from onebot_description.ros.command_line import ros_arguments
@@ -171,38 +167,13 @@ def test_ros_logs_where_it_can(monkeypatch, tmp_path: Path, home: str | None) ->
     assert "ROS_LOG_DIR" not in os.environ and (tmp_path / ".ros/log").is_dir()
 
 
-def test_latched_message_is_not_missed(ros_domain: int) -> None:
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=ros_domain, args=[])
-    node = rclpy.create_node("subscriber", context=context)
+def test_a_latched_message_is_not_missed(start_node: Callable[..., Node], peer: Peer) -> None:
+    """It is taken although nobody notifies of it, as of one that came before the executor."""
+    publisher = peer.node.create_publisher(String, "/once", LATCHED)
+    publisher.publish(String(data="once"))
+    node = start_node(lambda: Node("subscriber"))
     received: list[str] = []
-    subscription = node.create_subscription(
-        String, "/once", lambda message: received.append(message.data), LATCHED
-    )
-    with Peer(ros_domain) as peer:
-        publisher = peer.publisher(String, "/once", LATCHED)
-        publisher.publish(String(data="once"))
-        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
-        _count_as_notified(subscription)
-        executor = EventsExecutor(context=context)
-        executor.add_node(node)
-        MissedMessages(node)
-        wait_for(lambda: executor.spin_once(0.1) or received, "the message")
+    node.create_subscription(String, "/once", lambda found: received.append(found.data), LATCHED)
+    missed = MissedMessages(node)
+    wait_for(lambda: missed._take_missed() or received, "the message")
     assert received == ["once"]
-    executor.remove_node(node)
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-
-
-def _count_as_notified(subscription: Subscription) -> None:
-    """Have rcl notify of what was received, and of nothing else; the executor knows nothing."""
-    rcl = ctypes.CDLL(rclpy_implementation.__file__)
-    notify = rcl.rcl_subscription_set_on_new_message_callback
-    notify.argtypes = [ctypes.c_void_p] * 3
-    counts: list[int] = []
-    callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)(
-        lambda _, count: counts.append(count)
-    )
-    with subscription.handle:
-        assert notify(subscription.handle.pointer, callback, 1) == 0
-    assert counts == [1]
