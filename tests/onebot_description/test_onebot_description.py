@@ -43,11 +43,7 @@ def _load(mesh=None, namespace=None, prefix=None) -> Description:
     return load_description(FILE, {key: value for key, value in given.items() if value is not None})
 
 
-def _identify(combination) -> str:
-    return "-".join("default" if value is None else value or "empty" for value in combination)
-
-
-@pytest.mark.parametrize("combination", COMBINATIONS, ids=_identify)
+@pytest.mark.parametrize("combination", COMBINATIONS)
 def test_every_combination_is_clean(combination):
     mesh, namespace, prefix = combination
     description = _load(*combination)

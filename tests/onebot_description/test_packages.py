@@ -126,34 +126,26 @@ def _package(folder: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "place",
+    ("urdf", "place"),
     [
-        "ws/src/repo1/arm",  # the file's own package
-        "ws/src/repo1/b",
-        "ws/src/repo1/sub/b",
-        "ws/src/repo1/arm/nested/b",
-        "ws/src/repo2/sub/b",
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm"),  # the file's own package
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/b"),
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/sub/b"),
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm/nested/b"),
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo2/sub/b"),
+        # A file in no package.
+        ("ws/src/robots", "ws/src/sub/b"),
+        ("repo/robots", "repo/sub/b"),
+        ("repo/robots", "wanted"),
     ],
 )
-def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, place):
-    urdf = tmp_path / "ws/src/repo1/arm/urdf/v2"
+def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, urdf, place):
+    (tmp_path / "repo/.git").mkdir(parents=True)
+    if "arm" in urdf:
+        _package(tmp_path / "ws/src/repo1/arm", "arm_description")
     _package(tmp_path / place, "wanted")
-    if place != "ws/src/repo1/arm":
-        _package(urdf.parents[1], "arm_description")
-    urdf.mkdir(parents=True)
-    assert Resources(urdf).package("wanted") == tmp_path / place
-    assert resolve("package://wanted/a.stl", urdf) == tmp_path / place / "a.stl"
-
-
-@pytest.mark.parametrize("mark", ["repo/.git", "repo/src"])
-def test_a_file_in_no_package_has_a_source_tree_too(tmp_path, mark):
-    urdf = tmp_path / "repo/src/robots" if mark == "repo/src" else tmp_path / "repo/robots"
-    urdf.mkdir(parents=True)
-    (tmp_path / mark).mkdir(exist_ok=True)
-    other = _package(urdf.parent / "sub/b", "wanted")
-    assert Resources(urdf).package("wanted") == other
-    beside = _package(tmp_path / "beside", "beside")
-    assert Resources(urdf).package("beside") == beside
+    (tmp_path / urdf).mkdir(parents=True)
+    assert resolve("package://wanted/a.stl", tmp_path / urdf) == tmp_path / place / "a.stl"
 
 
 def test_what_is_no_source_is_not_found(tmp_path):

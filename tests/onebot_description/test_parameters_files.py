@@ -156,11 +156,6 @@ def test_later_files_come_first_and_shared_sections_may_be_for_others(tmp_path: 
     assert "rates" in read_files([one], "/jsp", JointsConfig).values, "it names this node"
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="nothing.yaml: cannot be read: No such file"):
-        read_files([tmp_path / "nothing.yaml"], "/jsp", JointsConfig)
-
-
 def write(file: Path, parameters: str) -> Path:
     """Write parameters for the node."""
     file.write_text(f"jsp:\n  ros__parameters: {{{parameters}}}\n")

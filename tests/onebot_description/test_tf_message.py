@@ -3,7 +3,6 @@
 import copy
 import ctypes
 import gc
-import os
 import sys
 import textwrap
 from pathlib import Path
@@ -14,12 +13,9 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.serialization import deserialize_message, serialize_message
 
 from onebot_description.compiled.library import load_library
-from onebot_description.ros.wire import interfaces, message_class, type_support
+from onebot_description.ros.wire import message_class, type_support
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.support import lines_of_ours, run_to_end
-
-# The folder that onebot_description is imported from.
-PACKAGES = Path(interfaces.__file__).parents[3]
 
 own_only = pytest.mark.skipif(
     TFMessage not in message_class._MADE.values(), reason="a genuine tf2_msgs is installed"
@@ -30,14 +26,6 @@ def make_transform(child: Any = "wheel") -> TransformStamped:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = "base_link"
     return message
-
-
-def run_python(code: str, *path: Path) -> str:
-    """Return what a program prints in a Python of its own, with folders to import from."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
-    return run_to_end(
-        [sys.executable, "-c", textwrap.dedent(code)], env=environment, check=True
-    ).stdout
 
 
 def test_copies() -> None:
@@ -143,7 +131,8 @@ MANY_THREADS = """
 
 
 def test_many_threads(ros_domain: int) -> None:
-    assert lines_of_ours(run_python(MANY_THREADS, PACKAGES)) == ["finished"]
+    done = run_to_end([sys.executable, "-c", textwrap.dedent(MANY_THREADS)], check=True)
+    assert lines_of_ours(done.stdout) == ["finished"]
 
 
 @own_only
