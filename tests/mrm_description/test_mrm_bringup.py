@@ -85,7 +85,7 @@ def test_edits_of_the_joints_and_of_the_xacro_change_the_robot(
     transforms.latest.clear()
     wait_for(lambda: abs(height() - 0.5) < 1e-9, "the robot as it was")
     model.write_text(good)
-    running.says(f"{model}: mended")
+    running.says(f"{model}: edited, the robot is unchanged")
     model.write_text(taller)
     wait_for(lambda: abs(height() - 1.0) < 1e-9, "the taller base")
     running.says(f"{model}: edited, robot_state_publisher publishes the new robot")
