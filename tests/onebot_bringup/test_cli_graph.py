@@ -16,7 +16,6 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from onebot_bringup.cli import session
 from onebot_bringup.introspection.parameter_values import DOUBLE, INTEGER, STRING, parse_value
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import onebot, output_of
@@ -36,12 +35,6 @@ def with_parameters(peer: Peer) -> None:
             reason="the rate is above zero",
         )
     )
-
-
-@pytest.fixture(autouse=True)
-def short_lookup(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A name that is not there is not awaited for as long as discovery might take elsewhere."""
-    monkeypatch.setattr(session, "_LOOKUP", 1.0)
 
 
 def test_nodes(ros_domain: int) -> None:

@@ -185,13 +185,18 @@ def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
             publisher.publish(state)
 
 
-def test_a_controller_that_does_not_work(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(session, "_LOOKUP", 1.0)
+def test_no_controller(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "_LOOKUP", 0.5)  # none is there that could be discovered late
+    done = onebot("trajectory", "elbow=1")
+    text = "error: no joint_trajectory_controller found; start one by mrm_bringup sim:=true"
+    assert done.returncode == 1 and text in done.stderr
+
+
+def test_a_controller_that_does_not_work(peer: Peer) -> None:
     publish_states(peer, {"/arm": ["elbow"], "/inactive": []})
     for words, message in {
         "controller:=/arm": "there is no action /arm/follow_joint_trajectory",
         "controller:=/inactive": "no ~/controller_state of /inactive: it is inactive, or",
-        "--ros-args -r __ns:=/empty": "no joint_trajectory_controller found; start one by mrm_br",
     }.items():
         done = onebot("trajectory", "elbow=1", *words.split())
         assert done.returncode == 1 and f"error: {message}" in done.stderr
