@@ -44,8 +44,7 @@ def write_robot(source: Path, folder: Path) -> None:
     for part in make_parts(dimensions):
         files[f"meshes/{part.name}.dae"] = to_collada(part, dimensions.colors)
         inertials[part.name] = _as_mapping(part.inertial)
-    text = _HEADER + yaml.safe_dump(inertials, sort_keys=False)
-    files["config/inertials.yaml"] = text.encode()
+    files["config/inertials.yaml"] = (_HEADER + yaml.safe_dump(inertials, sort_keys=False)).encode()
     for name, data in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

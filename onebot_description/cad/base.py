@@ -130,9 +130,8 @@ def add_ballast(dimensions: Section, body: Body, room: Manifold) -> None:
     block = Manifold.cube(size, True).translate(center)
     outside = (block - room).volume() / block.volume()
     if outside > 1e-6:
-        position = ", ".join(f"{value:.4f}" for value in center)
         raise OneBotError(
-            f"the ballast, at ({position}) m, sticks out of the hull by {outside:.1%}"
+            f"the ballast, at {center.round(4).tolist()} m, sticks out of the hull by {outside:.1%}"
         )
     body.add_mass(mass, center, np.diag(mass * (size @ size - size**2) / 12))
 

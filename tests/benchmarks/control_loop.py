@@ -24,6 +24,7 @@ from tests.benchmarks.measuring import (
     MODEL,
     WrongAnswer,
     bringup,
+    command,
     cpu_ns,
     in_turn,
     median,
@@ -145,12 +146,7 @@ class _Speeds:
 
     def command(self, seconds: float) -> None:
         """Command it for so long."""
-        message = Twist()
-        message.linear.x = _SPEED
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
-            self._publisher.publish(message)
-            time.sleep(_PERIOD)
+        command([self._publisher], _SPEED, seconds, _PERIOD)
 
     def reach(self) -> None:
         """Have the robot drive at it; on a busy machine commands come late, and it has braked."""

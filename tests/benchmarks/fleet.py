@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 
-from tests.benchmarks.measuring import WrongAnswer, bringup, median, rss_mb
+from tests.benchmarks.measuring import WrongAnswer, bringup, command, median, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import Peer
 from tests.support import PATIENCE
@@ -51,28 +51,16 @@ class Commander:
 
     def drive(self, seconds: float) -> None:
         """Command all robots, with a pause between them, as many users would."""
-        message = Twist()
-        message.linear.x = _SPEED
-        until, pause = time.monotonic() + seconds, _PERIOD / len(self._publishers)
-        while time.monotonic() < until:
-            for publisher in self._publishers:
-                publisher.publish(message)
-                time.sleep(pause)
+        command(self._publishers, _SPEED, seconds, _PERIOD)
 
     def look(self) -> dict[str, Odometry]:
         """Return the truth of all; only now, as to receive all odometry takes time."""
-        last: dict[str, Odometry] = {}
+        topic = "velocity_controller/ground_truth"
         with Peer(self._domain, "observer") as peer:
-            for name in self._names:
-                peer.node.create_subscription(
-                    Odometry,
-                    f"{name}/velocity_controller/ground_truth",
-                    lambda message, name=name: last.update({name: message}),
-                    1,
-                )
-            while len(last) < len(self._names):
+            heard = {name: peer.hear(Odometry, f"{name}/{topic}", 1) for name in self._names}
+            while not all(heard.values()):
                 self.drive(_PERIOD)
-        return last
+        return {name: truths[-1] for name, truths in heard.items()}
 
 
 def run(quick: bool) -> Report:
