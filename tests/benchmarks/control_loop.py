@@ -36,7 +36,6 @@ from tests.support import PATIENCE
 
 _RATE = 100.0
 _SPEED, _TOLERANCE = 0.2, 0.01  # m/s
-_PERIOD = 0.05  # s between commands
 _MOST_JITTER = 1000.0  # us
 _MEASURABLE = 1.1
 _SETTLED = 2.0  # s
@@ -146,7 +145,7 @@ class _Speeds:
 
     def command(self, seconds: float) -> None:
         """Command it for so long."""
-        command([self._publisher], _SPEED, seconds, _PERIOD)
+        command([self._publisher], _SPEED, seconds)
 
     def reach(self) -> None:
         """Have the robot drive at it; on a busy machine commands come late, and it has braked."""

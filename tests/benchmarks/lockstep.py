@@ -22,7 +22,6 @@ from onebot_bringup.testing.domains import used_domain
 from onebot_control import Simulation
 from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest
 from tests.benchmarks.report import Report, Result
-from tests.orphans import end_with_this_process
 
 _MAZE = {"world": "maze", "y": 0.8, "sensors": True}
 _BUSY_LOOPS, _WORKERS = 8, 4
@@ -108,9 +107,7 @@ def _outcome(kind: type[_ByScans], seconds: float) -> tuple[float, ...]:
 
 def _outcomes(kind: type[_ByScans], seconds: float, runs: int) -> list[tuple[float, ...]]:
     """Return where the robot is after each run; some processes share the runs."""
-    with ProcessPoolExecutor(
-        min(runs, _WORKERS), get_context("spawn"), initializer=end_with_this_process
-    ) as pool:
+    with ProcessPoolExecutor(min(runs, _WORKERS), get_context("spawn")) as pool:
         return list(pool.map(partial(_outcome, kind), [seconds] * runs))
 
 

@@ -19,7 +19,7 @@ from onebot_description.cad.__main__ import main, make_parts, write_robot  # noq
 from onebot_description.cad.base import add_ballast  # noqa: E402
 from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
-from onebot_description.cad.solids import Part, box, union  # noqa: E402
+from onebot_description.cad.solids import box, union  # noqa: E402
 from onebot_description.elements.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
 from onebot_description.model.rigid_bodies import Body  # noqa: E402
@@ -30,11 +30,6 @@ NAMES = ("base_link", "wheel", "caster_base2", "caswheel")
 # What one machine's arithmetic may move against another's: the skins are simplified to 0.1 mm.
 TOLERANCE = 2e-4
 COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}"
-
-
-@pytest.fixture(scope="module")
-def parts() -> dict[str, Part]:
-    return {part.name: part for part in make_parts(DIMENSIONS)}
 
 
 def _load(path: Path) -> trimesh.Scene:
@@ -113,11 +108,9 @@ def _check_normals(triangles) -> None:
     assert np.einsum("fi,fci->fc", faces, normals).min() > 0.5
 
 
-def test_nothing_touches_what_turns(parts):
+def test_nothing_touches_what_turns():
     wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
-    base, fork, roll = (
-        union(parts[name].seen.values()) for name in ("base_link", "caster_base2", "caswheel")
-    )
+    base, _, fork, roll = (union(part.seen.values()) for part in make_parts(DIMENSIONS))
     inner = wheel.separation / 2 - wheel.width / 2
     hull = base ^ Manifold.cube((1.0, 1.0, 1.0), center=True)
     assert hull.bounding_box()[4] <= inner
