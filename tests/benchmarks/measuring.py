@@ -96,6 +96,16 @@ def over(ours: Sequence[float], floor: Sequence[float]) -> float:
     return median([a / b for a, b in zip(ours, floor, strict=True)])
 
 
+def cpu_of(function: Callable[[], object], seconds: float) -> float:
+    """Return this thread's processor time for a call, s, as the mean over at least ``seconds``."""
+    function()
+    calls, began = 0, time.thread_time()
+    while not calls or time.thread_time() - began < seconds:
+        function()
+        calls += 1
+    return (time.thread_time() - began) / calls
+
+
 def bare_step(
     simulation: Simulation, clock: Callable[[], float] = time.thread_time, steps: int = 100
 ) -> float:

@@ -8,15 +8,13 @@ the clock on the wall. Before and after them each robot has to be where its odom
 
 import gc
 import math
-import time
-from collections.abc import Callable
 
 from onebot_control import RobotSetup, Simulation
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.physics.engine import engine
 from onebot_description.geometry.poses import yaw_of
-from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over
+from tests.benchmarks.measuring import WrongAnswer, cpu_of, in_turn, median, over
 from tests.benchmarks.report import Report, Result
 
 _LINEAR, _ANGULAR = 0.3, 0.2  # m/s, rad/s: a circle of 1.5 m radius
@@ -59,14 +57,11 @@ def _measure(robots: int, quick: bool) -> tuple[list[float], list[float]]:
         # As the node does: what lives need not be looked through for garbage again and again.
         gc.collect()
         gc.freeze()
+        least = 0.0 if quick else _SLICE
         try:
-            began, cycles = time.thread_time(), 0
-            while cycles < 2 or (not quick and time.thread_time() - began < _SLICE):
-                _drive(fleet)
-                cycles += 1
             variants = {
-                "bare": lambda: _timed(lambda: _step(fleet), fleet, cycles),
-                "ours": lambda: _timed(lambda: _drive(fleet), fleet, cycles),
+                "bare": lambda: cpu_of(lambda: _step(fleet), least) / fleet.period,
+                "ours": lambda: cpu_of(lambda: _drive(fleet), least) / fleet.period,
             }
             seconds = in_turn(variants, 1 if quick else 75)
         finally:
@@ -84,13 +79,6 @@ def _drive(fleet: Fleet) -> list[Snapshot]:
 def _step(fleet: Fleet) -> None:
     for _ in range(fleet.world.settings.steps(fleet.period)):
         engine.stepSimulation(fleet.world.bullet.client)
-
-
-def _timed(work: Callable[[], object], fleet: Fleet, cycles: int) -> float:
-    began = time.thread_time()
-    for _ in range(cycles):
-        work()
-    return (time.thread_time() - began) / (cycles * fleet.period)
 
 
 def _check_odometry(fleet: Fleet) -> None:
