@@ -30,7 +30,7 @@ _TAIL = {"width": (0.085, 2.8), "top": (0.085, 2.5), "bottom": (0.05, 2.4)}
 _RAMP = 0.028  # length of the rise from the bottom to the tail's
 _NOSE_HEIGHT = -0.027  # the foremost point's
 _TAIL_HEIGHT = 0.031
-_STATIONS = 36  # sections along the hull
+_STATIONS = 35  # sections along the hull; one lies at either end of the ramp
 _FAR = 1.0  # m, beyond all parts, for cuts
 # The sensor's profiles, as shares of its radius and its height.
 _FOOT = ((0, -0.2), (1, -0.2), (1, 0.16), (0.94, 0.24), (0, 0.24))
