@@ -87,15 +87,15 @@ class JointController(ABC, Generic[F]):
     @property
     def joints(self) -> tuple[str, ...]:
         """The joints that its parameters name; empty for all joints that can be commanded."""
-        return tuple(self.config.joints)
+        named = getattr(self.config, self.joints_parameter)
+        return (named,) if isinstance(named, str) else tuple(named)
 
     @abstractmethod
     def follower(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> F:
         """Return a follower for ``joints``, which start at ``positions``, rad or m."""
 
-    @abstractmethod
     def configure(self, follower: F) -> None:
-        """Apply its changed parameters to a follower."""
+        """Apply its changed parameters to a follower; by default all are read at the start only."""
 
 
 class TrajectoryController(JointController[TrajectoryFollower]):
@@ -141,9 +141,6 @@ class ForwardController(JointController[PositionForwarder]):
         """Return a forwarder for ``joints``, which start at ``positions``, rad or m."""
         return PositionForwarder(joints, positions)
 
-    def configure(self, follower: PositionForwarder) -> None:
-        """Do nothing: its parameters are read at the start only."""
-
 
 class GripperController(JointController[GripperFollower]):
     """A parallel_gripper_action_controller with its parameters: it moves one joint to goals."""
@@ -151,11 +148,6 @@ class GripperController(JointController[GripperFollower]):
     parameters = GripperConfig
     joints_parameter = "joint"
     config: GripperConfig
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """The one joint that it moves."""
-        return (self.config.joint,)
 
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]

@@ -6,14 +6,11 @@ import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
-from onebot_description.file_watch import FileWatch, in_background
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
+from onebot_description.file_watch import Reloader
 
 
 class Source(NamedTuple):
@@ -35,25 +32,13 @@ class Source(NamedTuple):
         return cls(**{**content, "files": tuple(content["files"])})
 
 
-class DescriptionFiles:
+class DescriptionFiles(Reloader[Description]):
     """Loads a description in the background whenever one of its files was edited."""
 
     def __init__(self, source: Source) -> None:
         self.model = source.model
-        self._load = partial(load_description, source.model, source.arguments)
-        self._watch = FileWatch(map(Path, source.files), since_ns=source.read_ns)
-        self._edited: list[Path] = []  # since the robot was loaded
-        self._is_due = False
-        self._loading: Future[Description] | None = None
-
-    @property
-    def edited(self) -> str:
-        """The files that were edited since the last applied description, joined by commas."""
-        return ", ".join(map(str, dict.fromkeys(self._edited)))
-
-    def applied(self) -> None:
-        """Clear the list of edited files, because the new description is in use."""
-        self._edited.clear()
+        load = partial(load_description, source.model, source.arguments)
+        super().__init__(load, map(Path, source.files), source.read_ns)
 
     def poll(self) -> Description | None:
         """Return the edited description once it is loaded; call it several times a second.
@@ -61,21 +46,14 @@ class DescriptionFiles:
         Raises:
             OneBotError: the files in their current state cannot be used.
         """
-        saved, removed = self._watch.poll()
-        self._edited += [*saved, *removed]
-        self._is_due |= bool(saved or removed)
-        if self._is_due and self._loading is None:
-            self._is_due, self._loading = False, in_background(self._load)
-        if self._loading is None or not self._loading.done():
-            return None
-        loading, self._loading = self._loading, None
         try:
-            description = loading.result()
+            description = super().poll()
         except OneBotError:
             from onebot_description.description.xacro import included_files
 
             # The mistake may be in a file that was included only just now.
-            self._watch.watch((*self._watch.files, *included_files(self.model)))
+            self.watched.watch((*self.watched.files, *included_files(self.model)))
             raise
-        self._watch.watch(description.files)
+        if description is not None:
+            self.watched.watch(description.files)
         return description

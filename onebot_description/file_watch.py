@@ -6,12 +6,14 @@ once all of them have not changed for a moment; for a longer moment if a file is
 as many are just before they are filled.
 """
 
+from __future__ import annotations
+
 import os
 import threading
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -103,7 +105,58 @@ class FileWatch:
         return Changes(saved, [file for file in changed if file not in saved])
 
 
-def in_background(read: Callable[[], T]) -> "Future[T]":
+class Reloader(Generic[T]):
+    """Reads files again, in the background, whenever one of them was edited.
+
+    Attributes:
+        watched: the watch of the files.
+    """
+
+    def __init__(
+        self, read: Callable[[], T], files: Iterable[Path], since_ns: int | None = None
+    ) -> None:
+        """Watch ``files``, which ``read`` reads; for ``since_ns`` see FileWatch."""
+        self.watched = FileWatch(files, since_ns=since_ns)
+        self._read = read
+        self._edited: list[Path] = []
+        self._is_due = False
+        self._reading: Future[T] | None = None
+
+    @property
+    def edited(self) -> str:
+        """The files that were edited since the last applied result, joined by commas."""
+        return ", ".join(map(str, dict.fromkeys(self._edited)))
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether files are being read, or are to be."""
+        return self._is_due or self._reading is not None
+
+    def read_soon(self) -> None:
+        """Read the files at the next poll, edited or not."""
+        self._is_due = True
+
+    def applied(self) -> None:
+        """Clear the list of edited files, because the last result is in use."""
+        self._edited.clear()
+
+    def poll(self) -> T | None:
+        """Return what was read, once that is done; call it several times a second.
+
+        Raises what ``read`` raises.
+        """
+        saved, removed = self.watched.poll()
+        self._edited += [*saved, *removed]
+        self._is_due |= bool(saved or removed)
+        if self._is_due and self._reading is None:
+            self._is_due, self._reading = False, in_background(self._read)
+        if self._reading is None or not self._reading.done():
+            return None
+        reading, self._reading = self._reading, None
+        return reading.result()
+
+
+def in_background(read: Callable[[], T]) -> Future[T]:
     """Call ``read`` in a thread; return its Future, to poll while the node continues to work."""
     from concurrent.futures import Future  # it imports logging, and few processes need it
 

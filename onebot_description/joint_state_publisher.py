@@ -27,7 +27,6 @@ import sys
 import time
 from array import array
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -44,7 +43,7 @@ from sensor_msgs.msg import JointState
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import DescriptionFiles, Source
 from onebot_description.errors import DescriptionError, OneBotError, listing
-from onebot_description.file_watch import FileWatch, in_background
+from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.source import JointStateSource
@@ -61,7 +60,6 @@ from onebot_description.ros.parameters.reader import (
     Problem,
     declare,
     defaults,
-    descriptor,
     follow_changes,
     ros_parameter,
     set_doubles,
@@ -79,7 +77,6 @@ class JointParameters:
     live: LiveParameters  # the files they come from
     values: dict[str, Any]  # values at the start, by name
     config: JointsConfig  # the same values, checked
-    describing: bool  # whether only descriptors are being set, no values
 
     def __init__(self, node: Node, arguments: RosArguments) -> None:
         """Declare every parameter that was set, and the others with their defaults.
@@ -89,7 +86,6 @@ class JointParameters:
         """
         self._node = node
         self._name = node.get_fully_qualified_name()
-        self.describing = False
         set_doubles(node, JointsConfig)
         self.live = LiveParameters(arguments.files, self._name, JointsConfig)
         set_names = arguments.names_for(node.get_name())
@@ -134,18 +130,6 @@ class JointParameters:
         if config_file and config_file != values.get("config_file"):
             read_files([Path(config_file)], self._name, JointsConfig)
         return changed, config
-
-    def describe(self, parameters: Sequence[Parameter]) -> None:
-        """Set the descriptors of parameters that were set without being declared."""
-        self.describing = True
-        try:
-            for parameter in parameters:
-                name = parameter.name
-                if parameter.value is None or self._node.describe_parameter(name).description:
-                    continue
-                self._node.set_descriptor(name, descriptor(JointsConfig, name))
-        finally:
-            self.describing = False
 
     def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
         """Check values, including names of topics, which JointsConfig cannot check."""
@@ -214,26 +198,14 @@ class JointFiles:
     def __init__(
         self, node: "JointStatePublisher", description_file: str | None, live: LiveParameters
     ) -> None:
-        """Prepare; call ``watch`` to start watching."""
+        """Watch the files as they are now."""
         self._node, self._log, self._description_file = node, node.get_logger(), description_file
         self._live = live
-        self._saved: list[Path] = []  # parameter files saved since they were last applied
-        self._is_refused = False  # whether the parameter files were refused in their current state
         self._unsuitable: Parameters | None = None  # parameters refused because of the robot
-        self._is_unread = False  # whether the parameter files have to be read
-        self._reading: Future[Parameters] | None = None
-        self._watch = FileWatch(())
+        self.parameters = Reloader(live.read, live.files)
         self._description: DescriptionFiles | None = None
         self._polled_ns = time.time_ns()  # files written later count as edited
-
-    def watch(self) -> None:
-        """Watch the files as they are now."""
-        self._watch.watch(self._live.files)
-        steady_timer(self._node, _POLL_EVERY, self._poll)
-
-    def read_soon(self) -> None:
-        """Read the parameter files at the next poll, saved or not."""
-        self._is_unread = True
+        steady_timer(node, _POLL_EVERY, self._poll)
 
     def apply_refused(self) -> None:
         """Apply the parameter files again, if they did not suit the last robot."""
@@ -241,20 +213,14 @@ class JointFiles:
             self._apply_parameters(self._unsuitable)
 
     def _poll(self) -> None:
-        self._watch.watch(self._live.files)
-        saved, removed = self._watch.poll()
-        for file in removed:
-            self._log.warning(f"{file} was removed: {GOES_ON}")
-        self._saved += saved
-        self._is_unread |= bool(saved)
-        if self._is_unread and self._reading is None:
-            self._is_unread = False
-            self._reading = in_background(self._live.read)
-        if self._reading is None:
+        self.parameters.watched.watch(self._live.files)
+        try:
+            if (parameters := self.parameters.poll()) is not None:
+                self._apply_parameters(parameters)
+        except ConfigError as error:
+            self._refuse(error)
+        if not self.parameters.is_reading:
             self._poll_description()  # only after the parameters
-        elif self._reading.done():
-            reading, self._reading = self._reading, None
-            self._finish(reading)
 
     def _poll_description(self) -> None:
         state = self._node.state
@@ -273,21 +239,15 @@ class JointFiles:
         except DescriptionError as error:
             self._log.error(f"{path} not applied, {GOES_ON}:\n{error}")
 
-    def _finish(self, reading: "Future[Parameters]") -> None:
-        try:
-            self._apply_parameters(reading.result())
-        except ConfigError as error:
-            self._refuse(error)
-
     def _refuse(self, error: OneBotError, unsuitable: Parameters | None = None) -> None:
-        self._is_refused, self._unsuitable = True, unsuitable
+        self._unsuitable = unsuitable
         self._log.error(f"{self._names} not applied, {GOES_ON}:\n{error}")
 
     @property
     def _names(self) -> str:
-        """The saved parameter files in words; after a change of config_file, that file."""
-        files = self._saved or self._live.files[:1]
-        return ", ".join(map(str, dict.fromkeys(files))) or "parameters"
+        """The edited parameter files in words; after a change of config_file, that file."""
+        files = ", ".join(map(str, self._live.files[:1]))
+        return self.parameters.edited or files or "parameters"
 
     def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter to its value in the files, or to its default."""
@@ -302,10 +262,10 @@ class JointFiles:
             live.file = last
             self._refuse(error, file)
             return
-        names, mended = self._names, "mended, " if self._is_refused else ""
-        self._saved, self._is_refused, self._unsuitable = [], False, None
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
-        self._log.info(f"{names}: {mended}applied, {changed}")
+        self._log.info(f"{self._names}: applied, {changed}")
+        self.parameters.applied()
+        self._unsuitable = None
         for name in overridden:
             self._log.warning(f"{name} is set on the command line, which overrides the file")
         if live.warning:
@@ -392,7 +352,6 @@ class JointStatePublisher(Node):
         self._files = JointFiles(self, description_file, self._settings.live)
         self._start(description_file)
         follow_changes(self, self._check, self._accept)
-        self._files.watch()
 
     def _start(self, description_file: str | None) -> None:
         """Apply the description that is already at hand, or wait for one on the topic."""
@@ -408,8 +367,7 @@ class JointStatePublisher(Node):
     # Parameters ------------------------------------------------------------------------------
 
     def _check(self, parameters: Sequence[Parameter]) -> None:
-        if not self._settings.describing:
-            self._next = self._prepare(parameters)
+        self._next = self._prepare(parameters)
 
     def _prepare(self, parameters: Sequence[Parameter]) -> JointsState:
         """Check parameters against each other, the files and the robot; change nothing."""
@@ -441,14 +399,11 @@ class JointStatePublisher(Node):
             raise OneBotError(result.reason)
 
     def _accept(self, parameters: Sequence[Parameter]) -> None:
-        if self._settings.describing:
-            return
-        self._settings.describe(parameters)
         self._apply(self._next)
         if any(parameter.name == "config_file" for parameter in parameters):
             # Its parameters cannot be set from within this callback.
             self._settings.live.add(self.state.values.get("config_file", ""))
-            self._files.read_soon()
+            self._files.parameters.read_soon()
 
     # Applying parameters and descriptions ----------------------------------------------------
 

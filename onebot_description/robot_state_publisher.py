@@ -117,15 +117,29 @@ class RobotStatePublisher(Node):
         )
         warn_of_two_robots(self, own=True)
         if source is not None:
-            FollowedFiles(self, DescriptionFiles(source))
+            self._files = DescriptionFiles(source)
+            steady_timer(self, _POLL_EVERY, self._follow_files)
 
-    def replace(self, description: Description) -> bool:
-        """Publish another robot from now on; return whether it differs from the current one."""
-        if description.urdf == self._accepted[0].urdf:
-            return False
-        self._accepted = description, RobotModel.from_description(description)
-        self.set_parameters([Parameter("robot_description", value=description.urdf)])
-        return True
+    def _follow_files(self) -> None:
+        """Publish the robot again when its files are edited; unusable files change nothing."""
+        logger = self.get_logger()
+        try:
+            description = self._files.poll()
+            if description is None:
+                return
+            keep_places(description)
+            is_new = description.urdf != self._accepted[0].urdf
+            if is_new:
+                self._accepted = description, RobotModel.from_description(description)
+                self.set_parameters([Parameter("robot_description", value=description.urdf)])
+        except OneBotError as error:
+            logger.error(f"{error}\nThe robot stays as it was until this is mended.")
+            return
+        # Log no more than this: every other node logs whether the new robot suits it.
+        new_robot = "robot_state_publisher publishes the new robot"
+        outcome = new_robot if is_new else "the robot is unchanged"
+        logger.info(f"{self._files.edited}: edited, {outcome}")
+        self._files.applied()
 
     def _apply(self) -> None:
         """Apply the current parameters to the conversion of joint states."""
@@ -193,35 +207,6 @@ class RobotStatePublisher(Node):
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
-
-
-class FollowedFiles:
-    """Publishes the robot again when its files are edited; unusable files change nothing."""
-
-    def __init__(self, node: RobotStatePublisher, files: DescriptionFiles) -> None:
-        """Poll ``files``, and publish edits through ``node``."""
-        self._node, self._files, self._log = node, files, node.get_logger()
-        self._is_refused = False  # whether the files in their current state were refused
-        steady_timer(node, _POLL_EVERY, self._poll)
-
-    def _poll(self) -> None:
-        try:
-            if (description := self._files.poll()) is not None:
-                self._apply(description)
-        except OneBotError as error:
-            self._is_refused = True
-            self._log.error(f"{error}\nThe robot stays as it was until this is mended.")
-
-    def _apply(self, description: Description) -> None:
-        keep_places(description)
-        if self._node.replace(description):
-            # Log no more than this: every other node logs whether the new robot suits it.
-            text = "edited, robot_state_publisher publishes the new robot"
-            self._log.info(f"{self._files.edited}: {text}")
-        elif self._is_refused:
-            self._log.info(f"{self._files.edited}: mended, the robot is unchanged")
-        self._is_refused = False
-        self._files.applied()
 
 
 def _parse(urdf: str) -> Description:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from inspect import signature
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import from_dtype
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_parser.definition import (
     AbstractGenericString,
@@ -21,10 +23,15 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.ros.wire.message_class import class_of
 
-_INTEGERS = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (8, 16, 32, 64)}
 # Ordinary numbers, too: most of what reacts at all reacts to messages that are nearly right.
 _NUMBERS = [0.0, 0.5, -1.0, 1e6, 1e300, 1.7e308, -1.7e308, math.nan, math.inf]
 _doubles = st.sampled_from(_NUMBERS) | st.floats(width=64)
+_NUMBER = {  # by IDL's name; those of integers are numpy's, too
+    "double": _doubles,
+    "float": st.floats(width=32),
+    "boolean": st.booleans(),
+    "octet": st.binary(min_size=1, max_size=1),
+}
 _characters = st.characters(exclude_categories=("Cs",), exclude_characters="\0")
 _LATEST = (2**31 - 1, 2**32 - 1)
 _times = st.sampled_from([_LATEST, (0, 0), (10**9, 5), (-(2**31), 0), (-1, 10**9)]) | st.tuples(
@@ -79,17 +86,7 @@ def _value(slot: Any, names: Sequence[str]) -> st.SearchStrategy[Any]:
 
 
 def _number(kind: str) -> st.SearchStrategy[Any]:
-    if kind == "double":
-        return _doubles
-    if kind == "float":
-        return st.floats(width=32)
-    if kind == "boolean":
-        return st.booleans()
-    if kind == "octet":
-        return st.binary(min_size=1, max_size=1)
-    sign, bits = _INTEGERS[kind]
-    least = 0 if sign else -(2 ** (bits - 1))
-    return st.integers(least, least + 2**bits - 1)
+    return _NUMBER[kind] if kind in _NUMBER else from_dtype(np.dtype(kind)).map(int)
 
 
 def _strings(names: Sequence[str]) -> st.SearchStrategy[str]:

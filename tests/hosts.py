@@ -8,9 +8,8 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from types import TracebackType
 
 from onebot_description.errors import OneBotError
 from tests.support import run_to_end
@@ -58,14 +57,6 @@ class Namespaces:
             if pipe is not None:
                 pipe.close()
 
-    def __enter__(self) -> "Namespaces":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 class Host:
     """A host with the interface eth0 at ``address``."""
@@ -103,11 +94,11 @@ def missing() -> str:
 def connected_hosts(*names: str) -> Iterator[list[Host]]:
     """Hosts of these names, connected to one switch, in an environment with subnet discovery."""
     with ExitStack() as stack:
-        switch = stack.enter_context(Namespaces("switch"))
+        switch = stack.enter_context(closing(Namespaces("switch")))
         # Without waiting for other switches (STP), and sending multicast to all ports.
         switch.ip("link", "add", "switch", "type", "bridge", "mcast_snooping", "0")
         switch.ip("link", "set", "switch", "up")
         yield [
-            Host(stack.enter_context(Namespaces(name)), switch, number)
+            Host(stack.enter_context(closing(Namespaces(name))), switch, number)
             for number, name in enumerate(names, 1)
         ]

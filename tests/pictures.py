@@ -99,9 +99,11 @@ def make_gallery(picture: Path, folder: Path) -> None:
 
 def drive(drivers: ExitStack, commands: Iterable[tuple[float, float, float]]) -> None:
     """Publish one Twist after the other: m/s, rad/s and for how long, s."""
+    publish = ("topic", "pub", "-r", "50", TOPIC, "geometry_msgs/msg/Twist")
     for linear, angular, seconds in commands:
         before = drivers.pop_all()
-        drivers.enter_context(running(ONEBOT, *driving(linear, angular), ready="#1"))
+        twist = f"{{linear: {{x: {linear}}}, angular: {{z: {angular}}}}}"
+        drivers.enter_context(running(ONEBOT, *publish, twist, ready="#1"))
         before.close()  # only now, so that the robot does not stop between two
         time.sleep(seconds)
 
@@ -140,12 +142,6 @@ def view_is_drawn(png: bytes) -> bool:
 def trail_is_drawn(png: bytes) -> bool:
     """Return whether a good part of the trail of the truth is seen."""
     return bool(colored(pixels(png), TRAIL).sum() > 500)
-
-
-def driving(linear: float, angular: float) -> tuple[str, ...]:
-    """Return the command that publishes a Twist, m/s and rad/s, at 50 Hz."""
-    twist = f"{{linear: {{x: {linear}}}, angular: {{z: {angular}}}}}"
-    return ("topic", "pub", "-r", "50", TOPIC, "geometry_msgs/msg/Twist", twist)
 
 
 @contextmanager

@@ -1,10 +1,13 @@
 """The steering page in a real browser, before a real node: what tests do on it and read off it."""
 
 import json
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
 from typing import Any, TypeVar
 
 from selenium.webdriver import ActionChains, Chrome
@@ -57,15 +60,6 @@ class Page:
     def limit(self, axis: str) -> str:
         """What the field of a limit shows."""
         return str(self.find(f"#{axis}-limit").get_property("value"))
-
-    @property
-    def thumb(self) -> float:
-        """How far the joystick's thumb is from its middle, in pixels."""
-        pad, thumb = self.find("#pad").rect, self.find("#pad .front").rect
-        return math.hypot(
-            thumb["x"] + thumb["width"] / 2 - pad["x"] - pad["width"] / 2,
-            thumb["y"] + thumb["height"] / 2 - pad["y"] - pad["height"] / 2,
-        )
 
     @property
     def stop_is_held(self) -> bool:
@@ -290,3 +284,33 @@ class Page:
 
         enough = told() + count
         wait_for(lambda: told() >= enough, f"{count} more states")
+
+
+class _QuietHandler(SimpleHTTPRequestHandler):
+    """Serves files."""
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
+
+
+@contextmanager
+def viewer_page(folder: Path, script: str = "") -> Iterator[str]:
+    """A viewer's page that has something to show at once, where Rerun would draw for long.
+
+    Args:
+        folder: where to write it.
+        script: runs in the page.
+
+    Yields:
+        Its address, as the viewer publishes it.
+    """
+    (folder / "index.html").write_text(
+        f"<html><head><script>{script}</script></head>"
+        '<body><p id="center_text" class="visible">View</p></body></html>'
+    )
+    handler = partial(_QuietHandler, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        host = f"127.0.0.1:{server.server_port}"
+        yield f"http://{host}/?url=rerun%2Bhttp://{host}/proxy"
+        server.shutdown()

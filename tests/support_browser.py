@@ -27,6 +27,7 @@ _FLAGS = (
 # It would compile Rerun's page a second time, for speed, which takes longer than a test draws.
 _WEBGL = "--use-angle=swiftshader --enable-unsafe-swiftshader --js-flags=--no-wasm-tier-up"
 _NO_WEBGL = "--disable-gpu"  # a quarter less of the processor's time
+_SCREEN = "-screen 0 1400x1000x24 -nolisten tcp"
 # Of a window, in pixels: what a page draws in software takes as long as it has pixels.
 SMALL = (800, 640)
 
@@ -76,16 +77,7 @@ def display() -> Iterator[None]:
     """
     server, manager = require_program("Xvfb", "xvfb"), require_program("openbox")
     reading, writing = os.pipe()
-    screen = [
-        server,
-        "-displayfd",
-        str(writing),
-        "-screen",
-        "0",
-        "1400x1000x24",
-        "-nolisten",
-        "tcp",
-    ]
+    screen = [server, "-displayfd", str(writing), *_SCREEN.split()]
     with subprocess.Popen(screen, pass_fds=[writing], stderr=subprocess.DEVNULL) as running:
         os.close(writing)
         with open(reading) as number, pytest.MonkeyPatch.context() as patch:

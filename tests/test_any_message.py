@@ -221,7 +221,7 @@ def test_text(kind: Any) -> None:
     @given(messages(kind, NAMES))
     def any_messages(message: Any) -> None:
         message = deserialize_message(serialized(message), kind)
-        for style in (Style(), Style(longest=None), Style(flow=True, arrays=False, strings=False)):
+        for style in (Style(), Style(longest=None), Style(flow=True, arrays=False)):
             assert to_yaml(message, style).encode()
             assert isinstance(to_csv(message, style).encode(), bytes)
         assert list(yaml.safe_load(to_yaml(message))) == list(kind.get_fields_and_field_types())

@@ -70,16 +70,8 @@ WITHOUT_KEY = {
 DEFINED = {name.split("/")[0] for kind in ("msg", "srv") for name in own_interfaces(kind)}
 WITHOUT_WHEEL = {"launch", *DEFINED}
 INSTALLED = {canonicalize_name(each.name) for each in metadata.distributions()}
-# What pip calls the modules that are named otherwise.
-DISTRIBUTIONS = {
-    "PIL": "pillow",
-    "collada": "pycollada",
-    "pybullet_data": "pybullet",
-    "rerun": "rerun-sdk",
-    "rerun_cli": "rerun-sdk",
-    "xdist": "pytest-xdist",
-    "yaml": "PyYAML",
-}
+# What pip calls what has a module; several distributions may share a folder.
+DISTRIBUTIONS = metadata.packages_distributions()
 
 
 @cache
@@ -90,6 +82,7 @@ def _imports(file: Path) -> frozenset[str]:
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}: relative import"
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
     return frozenset(found)
 
@@ -173,9 +166,10 @@ def _declared(extras: Iterable[str]) -> set[str]:
 
 
 def _undeclared(modules: set[str], declared: set[str]) -> set[str]:
-    """The distributions that have these modules, but are neither declared nor wheels of ROS."""
+    """The modules of distributions that are neither declared nor wheels of ROS."""
     others = {each for each in modules if not _is_of_ros(each) and each not in PACKAGES}
-    return {canonicalize_name(DISTRIBUTIONS.get(each, each)) for each in others} - declared
+    names = {each: map(canonicalize_name, DISTRIBUTIONS.get(each, [each])) for each in others}
+    return {each for each in others if declared.isdisjoint(names[each])}
 
 
 def test_pip_installs_what_is_imported():

@@ -66,17 +66,6 @@ class Documented:
             for name in self.topics.get(entry) or _names(entry)
         }
 
-    @contextmanager
-    def running(self, parameters: Mapping[str, Any], folder: Path) -> Iterator[None]:
-        """The node, with these parameters."""
-        file = folder / "parameters.yaml"
-        file.write_text(
-            yaml.safe_dump({"/**": {"ros__parameters": parameters}}).replace("TMP", str(folder))
-        )
-        arguments = [self.argument] if self.argument else []
-        with NodeProcess(self.module, *arguments, "--ros-args", "--params-file", str(file)):
-            yield
-
 
 def _section(text: str, heading: str) -> str:
     """What is below a heading, down to the next one of its level or above."""
@@ -156,7 +145,8 @@ def peer(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peer]:
 
 
 @contextmanager
-def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder: Path) -> Any:
+def running(node: Documented, peer: Peer, folder: Path) -> Iterator[None]:
+    """The node with all that it can have, among topics that it can use."""
     (folder / "view.yaml").write_text(yaml.safe_dump(VIEW))
     peer.node.create_publisher(String, "chatter", 10)
     peer.node.create_publisher(PlannedPath, "plan", 10)
@@ -168,7 +158,11 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
         peer.node.create_publisher(Odometry, str(node.most["odom_topic"]), 10)
     if (world := "/world_description") in node.documented("Subscribed topics"):
         peer.node.create_publisher(String, world, LATCHED)
-    with node.running(parameters, folder):
+    file = folder / "parameters.yaml"
+    parameters = yaml.safe_dump({"/**": {"ros__parameters": dict(node.most)}})
+    file.write_text(parameters.replace("TMP", str(folder)))
+    arguments = [node.argument] if node.argument else []
+    with NodeProcess(node.module, *arguments, "--ros-args", "--params-file", str(file)):
         wait_for(lambda: node.name in peer.node.get_node_names(), node.name)
         yield
 
@@ -177,7 +171,7 @@ def running(node: Documented, parameters: Mapping[str, Any], peer: Peer, folder:
 @pytest.mark.parametrize("node", NODES, ids=lambda node: node.name)
 def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
     """The tables hold every topic and service of the node, and nothing else."""
-    with running(node, node.most, peer, tmp_path):
+    with running(node, peer, tmp_path):
         _check_topics(node, peer.node)
         for other in node.others:
             wait_for(lambda name=other: name in peer.node.get_node_names(), other)

@@ -64,7 +64,6 @@ class Bag(Contents):
         self.source = source
         self._max_size = max_size
         self.warnings: list[str] = []
-        self._left_out: set[str] = set()  # topics with messages that cannot be decompressed
         self.distro = ""
         try:
             self.files = self._find()
@@ -91,10 +90,11 @@ class Bag(Contents):
             try:
                 with closing(self._open(file)) as opened:
                     for message in opened.messages(topics):
-                        if not message.data.startswith(_FRAME):
+                        if message.data.startswith(_FRAME):
+                            plain = decompressed(message.data, self._max_size)
+                            yield message._replace(data=plain)
+                        else:
                             yield message
-                        elif (data := self._decompressed_message(message)) is not None:
-                            yield message._replace(data=data)
             except DAMAGE as error:
                 name = f"{file} ({megabytes(file.stat().st_size)})"
                 self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
@@ -136,19 +136,6 @@ class Bag(Contents):
         except (OSError, zstandard.ZstdError, ValueError) as error:
             raise OneBotError(f"{file} cannot be decompressed into {folder}: {error}") from error
         return target
-
-    def _decompressed_message(self, message: BagMessage) -> bytes | None:
-        """Return a message's data; None, with one warning per topic, if they are damaged."""
-        try:
-            return decompressed(message.data, self._max_size)
-        except (zstandard.ZstdError, ValueError) as error:
-            if message.topic not in self._left_out:
-                self._left_out.add(message.topic)
-                self.warnings.append(
-                    f"{self.source} has messages of {message.topic} that cannot be decompressed: "
-                    f"{error}"
-                )
-        return None
 
     def _find(self) -> list[Path]:
         source = self.source

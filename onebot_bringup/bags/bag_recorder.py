@@ -5,7 +5,7 @@ The folder is completed about once a second: whatever ends the recorder, everyth
 second can be read by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove and
 ``onebot replay``.
 
-The recorder warns of messages that were lost, and if it was stopped for a while.
+The recorder warns of messages that were lost.
 
 Subscribes:
     /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
@@ -18,7 +18,6 @@ if __name__ == "__main__":  # first: the imports take a second
 
     start_node()
 
-import math
 import re
 import sys
 import time
@@ -34,7 +33,6 @@ from rclpy.qos import LivelinessPolicy, QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.parameters.reader import (
     REQUIRED,
     declare,
@@ -64,7 +62,6 @@ _POLL_PERIOD = 0.2  # seconds between looking for topics
 _POLLS = 8  # number of polls after which every topic is checked, even if no count has changed
 _WRITE_PERIOD = 1.0  # minimum seconds between checkpoints
 _LEAST_IDLE = 10.0  # minimum pause between checkpoints, as a multiple of a checkpoint's duration
-_AWAY = 3.0  # seconds between two polls after which the recorder must have been stopped
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
 _DEFAULT = QoSProfile(depth=_DEPTH)
 _LATCHED = make_qos(_DEPTH, reliable=True, latched=True)
@@ -196,7 +193,6 @@ class TopicRecorder:
         self._topics: dict[str, _Recorded] = {}
         self._counts: dict[str, Any] = {}
         self._polls = 0
-        self._polled = math.inf
         self._warn = Throttled(node.get_logger().warning)
 
     @property
@@ -209,7 +205,6 @@ class TopicRecorder:
         Nothing is subscribed to before simulated time is known: otherwise latched messages would be
         stamped with 0, and playing the recording would take decades.
         """
-        self._report_absence()
         if not self._now():
             self._warn.once("waiting for the first message on /clock, as use_sim_time is true")
             return
@@ -225,14 +220,6 @@ class TopicRecorder:
                 if self._counts.get(topic) != counts:
                     self._counts[topic] = counts
                     self._update(topic)
-
-    def _report_absence(self) -> None:
-        last_poll, self._polled = self._polled, boot_time()
-        if self._polled - last_poll > _AWAY:
-            self._node.get_logger().warning(
-                f"received nothing for {self._polled - last_poll:.1f} s: the recorder was stopped, "
-                "the computer slept or is overloaded; messages may be missing"
-            )
 
     def _subscribe_to_known(self) -> None:
         for name, (kind, transient_local) in _KNOWN.items():

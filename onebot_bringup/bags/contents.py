@@ -15,7 +15,6 @@ from mcap.exceptions import McapError
 from onebot_bringup.bags.writer import Qos
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.wire.cdr import NS_PER_S
 
 OFFERED = "offered_qos_profiles"  # a topic's entry in both formats
 # Errors that mcap, the decompressors and sqlite3 raise for damaged files.
@@ -23,7 +22,6 @@ DAMAGE = (
     McapError, OSError, struct.error, zstandard.ZstdError, sqlite3.Error, ValueError, KeyError,
     EOFError, RuntimeError, TypeError, OverflowError, MemoryError,
 )  # fmt: skip
-_INFINITE_S = 2**31 - 1  # s; durations from this on are infinite (in Foxy, exactly this)
 
 
 class BagMessage(NamedTuple):
@@ -79,11 +77,6 @@ def _offered(text: str) -> list[Qos]:
             Qos(  # values are words, or rmw's numbers
                 reliability=_word(qos.get("reliability"), {2: "best_effort"}, "reliable"),
                 durability=_word(qos.get("durability"), {1: "transient_local"}, "volatile"),
-                depth=int(qos.get("depth", 0)),
-                liveliness=_word(qos.get("liveliness"), {3: "manual_by_topic"}, "automatic"),
-                deadline=_limit(qos.get("deadline")),
-                lifespan=_limit(qos.get("lifespan")),
-                lease=_limit(qos.get("liveliness_lease_duration")),
             )
             for qos in bounded_yaml.load(text) or ()
         ]
@@ -92,15 +85,6 @@ def _offered(text: str) -> list[Qos]:
 
 def _word(value: Any, words: Mapping[int, str], default: str) -> str:
     return next((word for number, word in words.items() if value in (number, word)), default)
-
-
-def _limit(duration: Mapping[str, Any] | None) -> int | None:
-    """Return a duration, ns; None if it is infinite or missing."""
-    if duration is None:
-        return None
-    seconds, nanoseconds = int(duration.get("sec", 0)), int(duration.get("nsec", 0))
-    limit = seconds * NS_PER_S + nanoseconds
-    return limit if seconds < _INFINITE_S and 0 < limit < _INFINITE_S * NS_PER_S else None
 
 
 def open_file(path: Path) -> IO[bytes]:

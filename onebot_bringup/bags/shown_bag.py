@@ -89,7 +89,7 @@ class ShownBag:
         if hidden_spaces and not namespace:
             warn(f"not shown: the transforms in {listing(hidden_spaces)}; namespace:= chooses one")
         descriptions = descriptions_in(bag, [robot.description for robot in robots])
-        source = self._source = ViewSource(view, warn)
+        source = ViewSource(view, warn)
         if descriptions:
             name = next(iter(descriptions.values())).robot_name
             source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
@@ -114,7 +114,6 @@ class ShownBag:
         robot_view = RobotView(
             stream,
             self._config,
-            blueprint=self._source.blueprint_file,
             robots=self._robots,
             resolve=self._first.resolved,
             clock=lambda: player.now_ns / 1e9,

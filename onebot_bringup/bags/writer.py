@@ -29,7 +29,6 @@ class Qos:
     reliability: str = "reliable"  # the other value is best_effort
     durability: str = "volatile"  # the other value is transient_local
     liveliness: str = "automatic"  # the other value is manual_by_topic
-    depth: int = 0  # length of the history
     deadline: int | None = None  # ns; None for infinite, as in the next two
     lifespan: int | None = None
     lease: int | None = None  # lease duration of the liveliness
@@ -289,8 +288,8 @@ def _topic(topic: RecordedTopic, count: int) -> dict[str, Any]:
 
 def _qos(qos: Qos) -> dict[str, Any]:
     return {
-        "history": "unknown",  # DDS does not report it
-        "depth": qos.depth,
+        "history": "unknown",  # DDS reports neither this nor the depth
+        "depth": 0,
         "reliability": qos.reliability,
         "durability": qos.durability,
         "deadline": _duration(qos.deadline),

@@ -1,11 +1,9 @@
 """``onebot bag ...``: records topics, plays and describes recordings, like ``ros2 bag``."""
 
-import argparse
 import json
-import re
 import time
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -53,7 +51,7 @@ def info(args: Namespace) -> None:
     """Show what a recording contains."""
     with KeyboardInterrupts():  # Ctrl-C leaves no temporary files
         bag = _open(args)
-        print("\n".join(sorted(bag.topics)) if args.topic_name else _information(bag))
+        print(_information(bag))
 
 
 def _open(args: Namespace) -> "Bag":
@@ -169,20 +167,11 @@ def play(args: Namespace) -> None:
             _Player(session, bag, args).run()
 
 
-def _regex(text: str) -> re.Pattern[str]:
-    try:
-        return re.compile(text)
-    except re.error as error:
-        raise argparse.ArgumentTypeError(f"{text} is no regular expression: {error}") from None
-
-
 _PLAY = (
     *_SOURCE,
     option("-r --rate", "RATE", "2 plays twice as fast (1)", positive, 1.0),
     option("--topics", "TOPIC", "play only these", default=[], nargs="+"),
     option("--exclude-topics", "TOPIC", "play all but these", default=[], nargs="+"),
-    option("-e --regex", "REGEX", "play topics whose whole name this matches: .*/scan", _regex),
-    option("-x --exclude-regex", "REGEX", "play no topics whose whole name this matches", _regex),
     flag("-l --loop", "begin again at the end"),
     option("-m --remap", "OLD:=NEW", "publish by other names", default=[], nargs="+"),
     option(
@@ -193,7 +182,6 @@ _PLAY = (
         0.0,
     ),
     option("--playback-duration", "S", "end after S s", positive),
-    option("-d --delay", "S", "wait S s first, in a loop each time", not_negative, 0.0),
     option(
         "--clock",
         "HZ",
@@ -227,7 +215,6 @@ class _Player:
         print(f"playing {self._bag.source}: {seconds:.1f} s of {len(self._publishers)} topics")
         while True:
             began = time.monotonic()
-            self._session.spin_until(began + self._args.delay)
             self._play()
             if not self._args.loop:
                 break
@@ -256,17 +243,8 @@ class _Player:
             if name not in topics:
                 hint = did_you_mean(name, topics, "topics")
                 raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
-        return [topic for topic in topics if self._is_chosen(topic)]
-
-    def _is_chosen(self, topic: str) -> bool:
-        args = self._args
-        if topic in args.exclude_topics or (topic == _CLOCK and args.clock is not None):
-            return False
-        if args.exclude_regex is not None and args.exclude_regex.fullmatch(topic):
-            return False
-        if args.regex is not None and args.regex.fullmatch(topic):
-            return True
-        return topic in args.topics if args.topics else args.regex is None
+        left_out = {*args.exclude_topics, *([] if args.clock is None else [_CLOCK])}
+        return [topic for topic in args.topics or topics if topic not in left_out]
 
     def _publisher(self, topic: str) -> Any:
         """Return a topic's publisher; None, with a warning, if ROS rejects the name or the type."""
@@ -324,36 +302,17 @@ def _are_latched(offered: Sequence["Qos"]) -> bool:
 def played_qos(offered: Sequence["Qos"]) -> Any:
     """Return the QoS that suits every subscriber of the recorded publishers.
 
-    It is reliable if any of them was (which also suits best-effort subscribers), latched if all
-    were, and has their deadline, liveliness and lifespan if these were the same.
+    It is reliable if any of them was (which also suits best-effort subscribers), and latched if all
+    were.
     """
-    from rclpy.duration import Duration, Infinite
-    from rclpy.qos import LivelinessPolicy
-
     from onebot_description.ros.topic_qos import make_qos
 
-    def duration(values: Iterable[int | None]) -> Duration:
-        limits = set(values)
-        limit = limits.pop() if len(limits) == 1 else None
-        return Infinite if limit is None else Duration(nanoseconds=limit)
-
     reliable = not offered or any(qos.reliability == "reliable" for qos in offered)
-    played = make_qos(_DEPTH, reliable=reliable, latched=_are_latched(offered))
-    played.deadline = duration(qos.deadline for qos in offered)
-    played.lifespan = duration(qos.lifespan for qos in offered)
-    played.liveliness_lease_duration = duration(qos.lease for qos in offered)
-    if offered and all(qos.liveliness == "manual_by_topic" for qos in offered):
-        played.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC
-    return played
+    return make_qos(_DEPTH, reliable=reliable, latched=_are_latched(offered))
 
 
 COMMANDS = {
-    "info": Subcommand(
-        "show what a recording holds",
-        info,
-        *_SOURCE,
-        flag("-t --topic-name", "show only the names of the topics"),
-    ),
+    "info": Subcommand("show what a recording holds", info, *_SOURCE),
     "record": Subcommand("record topics into a new folder", record, *_RECORD),
     "play": Subcommand(
         "publish the messages of a recording", play, *_PLAY, endless=lambda args: args.loop

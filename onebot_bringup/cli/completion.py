@@ -95,8 +95,7 @@ def _discover(session: Session) -> Session:
 def _parameters(session: Session, given: Namespace) -> list[str]:
     from onebot_bringup.introspection.parameter_client import ParameterClient
 
-    names = ParameterClient(session, session.find_node(given.node)).names()
-    return [] if len(getattr(given, "pairs", None) or ()) % 2 else names  # the next word is a value
+    return ParameterClient(session, session.find_node(given.node)).names()
 
 
 def _frames(session: Session, _: Namespace) -> Iterable[str]:
@@ -110,7 +109,7 @@ _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
     "TOPIC": _discovered(lambda session, _: [name for name, _ in _discover(session).topics()]),
     "NODE": _discovered(lambda session, _: _discover(session).nodes()),
     "SERVICE": _discovered(lambda session, _: [name for name, _ in _discover(session).services()]),
-    **dict.fromkeys(("PARAMETER", "PARAMETER VALUE"), _discovered(_parameters)),
+    "PARAMETER": _discovered(_parameters),
     "TYPE": _types,
     **dict.fromkeys(("A", "B"), _discovered(_frames)),
 }

@@ -13,16 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import onebot_description
-from onebot_bringup.cli.options import Parser, flag, option, positive
+from onebot_bringup.cli.options import Parser, option, positive
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
-from onebot_description.ros.shared_memory import FOLDER, find_segments, remove_segments
+from onebot_description.ros.shared_memory import FOLDER, find_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-_EPHEMERAL_DOMAINS = range(102, 216)  # their ports are among Linux's ephemeral ports
 _MULTICAST = "239.255.0.1", 7400  # DDS's group; any port will do for the test
 _LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
@@ -42,12 +41,9 @@ class Verdict(NamedTuple):
 
 def run(argv: Sequence[str]) -> int:
     """Print the report; return 1 if something is broken."""
-    options = (
-        flag("--clean", "remove shared memory that killed processes left"),
-        option("--timeout", "S", "for a message between two processes (20 s)", positive, 20.0),
-    )
+    timeout = option("--timeout", "S", "for a message between two processes (20 s)", positive, 20.0)
     summary = "check what ROS and this project need of this computer"
-    args = Parser("onebot doctor", summary, options).parse(argv)
+    args = Parser("onebot doctor", summary, [timeout]).parse(argv)
     use_local_discovery()
     python = f"Python {platform.python_version()} on {platform.platform()}"
     print(f"onebot {onebot_description.__version__}, {python}")
@@ -58,7 +54,7 @@ def run(argv: Sequence[str]) -> int:
         "domain": lambda: domain(os.environ),
         "multicast": lambda: multicast(os.environ),
         "messages": lambda: _messages(args.timeout),
-        "shared memory": lambda: shared_memory(FOLDER, args.clean),
+        "shared memory": lambda: shared_memory(FOLDER),
         "renderer": _renderer,
     }
     levels = [_print(name, check) for name, check in checks.items()]
@@ -156,11 +152,6 @@ def domain(environment: Mapping[str, str]) -> Verdict:
             NOTE, "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
             "unset ROS_LOCALHOST_ONLY",
         )  # fmt: skip
-    if int(text) in _EPHEMERAL_DOMAINS:
-        return Verdict(
-            NOTE, f"ROS_DOMAIN_ID={text}: Linux hands the ports of 102 to 215 out to others, too",
-            "export ROS_DOMAIN_ID with 0 to 101",
-        )  # fmt: skip
     by = environment.get(SERVER, "")
     return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")
 
@@ -222,8 +213,8 @@ def _messages(timeout: float) -> Verdict:
     )
 
 
-def shared_memory(folder: Path, clean: bool) -> Verdict:
-    """Check free shared memory and remains of killed processes; remove these with ``clean``."""
+def shared_memory(folder: Path) -> Verdict:
+    """Check free shared memory, and report remains of killed processes."""
     try:
         space = os.statvfs(folder)
     except OSError as error:
@@ -231,23 +222,16 @@ def shared_memory(folder: Path, clean: bool) -> Verdict:
             PROBLEM, f"{folder}: {error.strerror}; DDS falls back to UDP", "mount a tmpfs there"
         )
     segments = find_segments(folder)
-    removed = remove_segments(segments.stale) if clean else 0
-    left = len(segments.stale) - removed
     free = space.f_bavail * space.f_frsize
     text = f"{free / 2**20:.0f} MiB free, {len(segments.used)} segments in use"
-    if removed:
-        text += f", {removed} of killed processes removed"
-    if free < _LEAST_MEMORY:
-        remedy = (
-            "onebot doctor --clean" if left else "in a container: --shm-size=256m or --ipc host"
-        )
-        return Verdict(PROBLEM, text, remedy)
-    if left:
+    if segments.stale:
         size = segments.stale_bytes / 2**20
-        return Verdict(
-            NOTE, f"{text}, {left} ({size:.0f} MiB) of killed processes", "onebot doctor --clean"
-        )
-    return Verdict(OK, text)
+        text += f", {len(segments.stale)} ({size:.0f} MiB) of killed processes"
+    remedy = "the next bringup that starts removes what they left" if segments.stale else ""
+    if free < _LEAST_MEMORY:
+        room = "in a container: --shm-size=256m or --ipc host"
+        return Verdict(PROBLEM, text, remedy or room)
+    return Verdict(NOTE if segments.stale else OK, text, remedy)
 
 
 def _renderer() -> Verdict:

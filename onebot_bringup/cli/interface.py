@@ -4,7 +4,7 @@ import re
 from argparse import Namespace
 from collections.abc import Iterator
 
-from onebot_bringup.cli.options import Subcommand, exclusive, flag, positional
+from onebot_bringup.cli.options import Subcommand, flag, positional
 from onebot_bringup.introspection.interfaces import full_name, installed
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.wire.interface_text import interface_text
@@ -13,17 +13,16 @@ _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 
-def list_types(args: Namespace) -> None:
+def list_types(_: Namespace) -> None:
     """List the types."""
     for title, kind in _TITLES:
-        if not (args.msg or args.srv) or getattr(args, kind, False):
-            print(f"{title}:")
-            print("".join(f"    {name}\n" for name in installed(kind)), end="")
+        print(f"{title}:")
+        print("".join(f"    {name}\n" for name in installed(kind)), end="")
 
 
 def show(args: Namespace) -> None:
     """Show the fields of a type."""
-    for line in _lines(_find(args.type), not args.no_comments, args.all_comments, ""):
+    for line in _lines(_find(args.type), not args.no_comments, ""):
         print(line)
 
 
@@ -37,7 +36,7 @@ def _find(name: str) -> str:
     raise OneBotError(f'no type "{name}"{did_you_mean(name, types, "installed")}')
 
 
-def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Iterator[str]:
+def _lines(name: str, comments: bool, indent: str) -> Iterator[str]:
     package = name.partition("/")[0]
     for line in interface_text(name).splitlines():
         text = line.rstrip()
@@ -48,7 +47,7 @@ def _lines(name: str, comments: bool, nested_comments: bool, indent: str) -> Ite
         yield f"{indent}{text}" if text else ""
         nested = _nested(text, package)
         if nested:
-            yield from _lines(nested, nested_comments, nested_comments, f"{indent}\t")
+            yield from _lines(nested, False, f"{indent}\t")
 
 
 def _nested(line: str, package: str) -> str | None:
@@ -68,14 +67,10 @@ COMMANDS = {
         "show the fields of a type",
         show,
         positional("TYPE", "such as geometry_msgs/msg/Twist"),
-        exclusive(
-            flag("--all-comments", "of nested types too"), flag("--no-comments", "none at all")
-        ),
+        flag("--no-comments", "fields only"),
     ),
     "list": Subcommand(
         "list the installed types",
         list_types,
-        flag("-m --only-msgs", "messages only", dest="msg"),
-        flag("-s --only-srvs", "services only", dest="srv"),
     ),
 }

@@ -14,7 +14,7 @@ def nodes(session: Session, args: Namespace) -> None:
     """List the nodes."""
     session.discover()
     names = session.nodes(args.all)
-    print_rows(names, count=args.count_nodes)
+    print_rows(names)
     if duplicates := sorted({name for name in names if names.count(name) > 1}):
         print(
             "WARNING: Be aware that there are nodes in the graph that share an exact name, which "
@@ -63,7 +63,6 @@ COMMANDS = {
         "list the nodes",
         nodes,
         flag("-a --all", "hidden nodes too"),
-        flag("-c --count-nodes", "show their number only"),
         SPIN_TIME,
     ),
     "info": Subcommand(

@@ -77,6 +77,13 @@ def exclusive(*options: Option) -> Option:
 # Matches words that are values, not options; argparse itself does not recognize -1e-3.
 _NEGATIVE = re.compile(r"-(\d|\.|inf|nan)")
 
+# Commands of ros2 that a verb of ours leaves to ros2cli.
+_LEFT_TO_ROS2 = {
+    "param": ("describe", "delete"),
+    "topic": ("type", "find", "delay"),
+    "service": ("type", "find"),
+}
+
 ALLOW_NON_FINITE = flag("--allow-non-finite", "accept .nan and .inf")
 
 
@@ -103,14 +110,18 @@ class Subcommand:
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
     """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
+    left = _LEFT_TO_ROS2.get(group, ())
     if argv and argv[0] in ("-h", "--help", "help"):
-        print(f"{commands_text(f'onebot {group}', table)}.")
+        others = f"; ros2cli has {', '.join(f'ros2 {group} {name}' for name in left)}"
+        print(f"{commands_text(f'onebot {group}', table)}{others if left else ''}.")
         return 0
     if not argv:
         raise UsageError(f"onebot {group} what? ({', '.join(table)})")
     name, *words = argv
     if name not in table:
         hint = did_you_mean(name, table, "commands")
+        if name in left:
+            hint = f": ros2cli has it, ros2 {group} {name}"
         raise UsageError(f'onebot {group} has no command "{name}"{hint}')
     subcommand = table[name]
     parser = Parser(f"onebot {group} {name}", subcommand.summary, subcommand.options)
@@ -160,10 +171,9 @@ class Parser(argparse.ArgumentParser):
         return parsed
 
 
-def print_rows(rows: Iterable[str], *, count: bool) -> None:
-    """Print these lines, or only their number."""
-    lines = list(rows)
-    print(len(lines) if count else "\n".join(lines), end="\n" if count or lines else "")
+def print_rows(rows: Iterable[str]) -> None:
+    """Print these lines, if there are any."""
+    print("".join(f"{row}\n" for row in rows), end="")
 
 
 def warn(text: str) -> None:

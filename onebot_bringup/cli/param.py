@@ -1,17 +1,20 @@
-"""``onebot param ...``: shows, sets, saves and loads parameters, like ``ros2 param``."""
+"""``onebot param ...``: shows, sets, saves and loads parameters, like ``ros2 param``.
+
+``describe`` and ``delete`` are left to ros2cli.
+"""
 
 import sys
 from argparse import Namespace
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, flag, option, positional
+from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, flag, positional
 from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
 from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import NOT_SET
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.files import no_section, read_parameters, read_text
 
 
@@ -25,7 +28,7 @@ def list_parameters(session: Session, args: Namespace) -> int:
     failed = 0
     for node in _nodes_to_list(session, args):
         try:
-            rows = _rows(ParameterClient(session, node), args.param_prefixes, args.param_type)
+            names = sorted(ParameterClient(session, node).names())
         except OneBotError as error:
             if args.node:
                 raise
@@ -34,7 +37,7 @@ def list_parameters(session: Session, args: Namespace) -> int:
             continue
         if not args.node:
             print(f"{node}:")
-        print("".join(f"  {row}\n" for row in rows), end="")
+        print("".join(f"  {name}\n" for name in names), end="")
     return failed
 
 
@@ -45,16 +48,6 @@ def _nodes_to_list(session: Session, args: Namespace) -> list[str]:
     services = {name for name, _ in session.services(hidden=True)}
     nodes = sorted(set(session.nodes(args.include_hidden_nodes)))
     return [node for node in nodes if f"{node}/list_parameters" in services]
-
-
-def _rows(client: ParameterClient, prefixes: Sequence[str], types: bool) -> list[str]:
-    parameters = sorted(client.names(prefixes))
-    if not types:
-        return parameters
-    return [
-        f"{name} (type: {parameter_values.type_label(descriptor.type)})"
-        for name, descriptor in zip(parameters, client.describe(parameters), strict=True)
-    ]
 
 
 @in_session
@@ -69,17 +62,13 @@ def get(session: Session, args: Namespace) -> None:
         print(parameter_values.label(value), parameter_values.value_of(value))
 
 
-def set_values(args: Namespace) -> int:
-    """Set parameters; return 1 if the node rejected any."""
-    if len(args.pairs) % 2:
-        raise UsageError(f"parameters come as name and value; {args.pairs[-1]} has no value")
-    pairs = list(zip(args.pairs[::2], args.pairs[1::2], strict=True))
-    with Session(args.ros_args) as session:
-        results = _client(session, args).set(pairs, finite=not args.allow_non_finite)
-    prefix = "{}: " if len(pairs) > 1 else ""
-    names = [name for name, _ in pairs]
-    done, failed = f"{prefix}Set parameter successful", f"{prefix}Setting parameter failed"
-    return _exit_code(names, results, done, failed)
+@in_session
+def set_value(session: Session, args: Namespace) -> int:
+    """Set a parameter; return 1 if the node rejected it."""
+    pair = args.parameter, args.value
+    results = _client(session, args).set([pair], finite=not args.allow_non_finite)
+    done, failed = "Set parameter successful", "Setting parameter failed"
+    return _exit_code([args.parameter], results, done, failed)
 
 
 def _exit_code(names: Iterable[str], results: Iterable[Any], done: str, failed: str) -> int:
@@ -103,48 +92,10 @@ def load(session: Session, args: Namespace) -> int:
     written = read_parameters(text, str(args.file), node)
     if problem := no_section(written, [args.file], node):
         raise OneBotError(problem)
-    pairs = [
-        (name, parameter_values.quoted(value))
-        for name, value in written.values.items()
-        if not (args.no_use_wildcard and name in written.shared)
-    ]
+    pairs = [(name, parameter_values.quoted(value)) for name, value in written.values.items()]
     results = ParameterClient(session, node).set(pairs, finite=not args.allow_non_finite)
-    names = [name for name, _ in pairs]
-    return _exit_code(names, results, "Set parameter {} successful", "Set parameter {} failed")
-
-
-@in_session
-def delete(session: Session, args: Namespace) -> int:
-    """Unset a parameter; return 1 if the node rejected it."""
-    result = _client(session, args).delete(args.parameter)
-    done, failed = "Deleted parameter successfully", "Deleting parameter failed"
-    return _exit_code([args.parameter], [result], done, failed)
-
-
-@in_session
-def describe(session: Session, args: Namespace) -> None:
-    """Show the descriptions, types and ranges of parameters."""
-    client = _client(session, args)
-    client.require(args.parameter)
-    for descriptor in client.describe(args.parameter):
-        print("\n".join(_described(descriptor)))
-
-
-def _described(descriptor: Any) -> Iterator[str]:
-    yield f"Parameter name: {descriptor.name}"
-    yield f"  Type: {parameter_values.type_label(descriptor.type)}"
-    if descriptor.description:
-        yield f"  Description: {descriptor.description}"
-    yield "  Constraints:"
-    if descriptor.read_only:
-        yield "    Read only: true"
-    for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
-        yield f"    Min value: {limits.from_value}"
-        yield f"    Max value: {limits.to_value}"
-        if limits.step:
-            yield f"    Step: {limits.step}"
-    if descriptor.additional_constraints:
-        yield f"    Additional constraints: {descriptor.additional_constraints}"
+    done, failed = "Set parameter {} successful", "Set parameter {} failed"
+    return _exit_code(written.values, results, done, failed)
 
 
 @in_session
@@ -166,8 +117,6 @@ COMMANDS = {
         list_parameters,
         positional("NODE", f"{_EXAMPLE} (all nodes)", nargs="?"),
         flag("--include-hidden-nodes", "hidden nodes too"),
-        option("--param-prefixes", "PREFIX", "only below these", default=[], nargs="+"),
-        flag("--param-type", "show the types too"),
         SPIN_TIME,
     ),
     "get": Subcommand(
@@ -175,21 +124,17 @@ COMMANDS = {
     ),
     "set": Subcommand(
         "set a parameter",
-        set_values,
+        set_value,
         _NODE,
-        option("pairs", "PARAMETER VALUE", "the value in YAML: 0.5, true, [a, b]", nargs="+"),
+        _PARAMETER,
+        positional("VALUE", "in YAML: 0.5, true, [a, b]"),
         ALLOW_NON_FINITE,
-    ),
-    "delete": Subcommand("unset a parameter", delete, _NODE, _PARAMETER),
-    "describe": Subcommand(
-        "show what parameters are and may be", describe, _NODE, positional("PARAMETER", nargs="+")
     ),
     "load": Subcommand(
         "set the parameters that a file has for a node",
         load,
         _NODE,
         positional("FILE", "such as param dump prints", type=Path),
-        flag("--no-use-wildcard", "not what is for several nodes, as in /**"),
         ALLOW_NON_FINITE,
     ),
     "dump": Subcommand("print all parameters of a node as a parameter file", dump, _NODE),

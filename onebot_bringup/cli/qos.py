@@ -1,10 +1,9 @@
 """Quality of service on the command line: the ``--qos-*`` options, and compatible profiles."""
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Option, group, natural, not_negative, option
+from onebot_bringup.cli.options import Option, group, natural, option, warn
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -19,7 +18,6 @@ PRESETS = (
     "best_available",
 )
 _OTHERS = ("system_default", "best_available")
-_LEASE = "--qos-liveliness-lease-duration-seconds"
 
 
 def options(default: str) -> Option:
@@ -28,7 +26,6 @@ def options(default: str) -> Option:
         "history": ("keep_last", "keep_all", "system_default"),
         "reliability": ("reliable", "best_effort", *_OTHERS),
         "durability": ("transient_local", "volatile", *_OTHERS),
-        "liveliness": ("automatic", "manual_by_topic", *_OTHERS),
     }
     return group(
         "quality of service",
@@ -36,7 +33,6 @@ def options(default: str) -> Option:
         option("--qos-profile", None, "a preset to start from", choices=PRESETS),
         option("--qos-depth", "N", "queue size", natural),
         *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
-        option(_LEASE, "SECONDS", None, not_negative, dest="qos_lease"),
     )
 
 
@@ -48,10 +44,9 @@ def given(args: argparse.Namespace) -> bool:
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
     """Return the profile that the options define, starting from a preset."""
     from rclpy import qos
-    from rclpy.duration import Duration
 
     chosen = qos.QoSPresetProfiles.get_from_short_key(args.qos_profile or preset)
-    for name in ("history", "reliability", "durability", "liveliness"):
+    for name in ("history", "reliability", "durability"):
         if key := getattr(args, f"qos_{name}"):
             policy = getattr(qos, f"{name.capitalize()}Policy")
             setattr(chosen, name, policy.get_from_short_key(key))
@@ -59,8 +54,6 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
         chosen.depth = args.qos_depth
     if args.qos_durability == "transient_local" and chosen.depth == 0:
         chosen.depth = 1  # depth 0 would keep nothing for late subscribers
-    if args.qos_lease is not None:
-        chosen.liveliness_lease_duration = Duration(seconds=args.qos_lease)
     return chosen
 
 
@@ -76,18 +69,12 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
     if given(args) or not offered:
         return chosen
     suited = compatible_qos(offered, chosen.depth)
-    if any(map(is_reliable, offered)) and not is_reliable(suited):
-        _warn_fallback("QoSReliabilityPolicy.RELIABLE", "QoSReliabilityPolicy.BEST_EFFORT")
-    if any(map(is_transient_local, offered)) and not is_transient_local(suited):
-        _warn_fallback("QoSDurabilityPolicy.TRANSIENT_LOCAL", "QoSDurabilityPolicy.VOLATILE")
+    for has, best, fallback in (
+        (is_reliable, "RELIABLE", "BEST_EFFORT"),
+        (is_transient_local, "TRANSIENT_LOCAL", "VOLATILE"),
+    ):
+        if any(map(has, offered)) and not has(suited):
+            warn(f"not all publishers of {topic} offer {best}: it is received as {fallback}")
     if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
         suited.depth = max(suited.depth, 100)
     return suited
-
-
-def _warn_fallback(best: str, fallback: str) -> None:
-    print(
-        f"Some, but not all, publishers are offering {best}. "
-        f"Falling back to {fallback} as it will connect to all publishers",
-        file=sys.stderr,
-    )

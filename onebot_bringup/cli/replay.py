@@ -77,15 +77,13 @@ def run(argv: Sequence[str]) -> int:
 
 def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> None:
     is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder, too
-    view = view_file(values["view"])
     if is_rrd:
-        _check_rrd(source, view, values)
+        _check_rrd(source, values)
     else:  # before the server, which replaces the file to save
         bag = _shown_bag(source, values, interrupts)
     with _server(values) as server:
         if is_rrd:
-            for file in filter(None, (source, view)):
-                server.stream.log_file_from_path(file)
+            server.stream.log_file_from_path(source)
             _Log().info(f"showing {source}")
         else:
             replayed = bag.log(server.stream)
@@ -119,12 +117,12 @@ def _shown_bag(
     )
 
 
-def _check_rrd(source: Path, view: Path | None, values: Mapping[str, str]) -> None:
+def _check_rrd(source: Path, values: Mapping[str, str]) -> None:
     from onebot_bringup.viewer.rrd import check_rrd, has_content  # slower to import
 
     check_rrd(source)
-    if view is not None and view.suffix != ".rbl":
-        raise UsageError(f"a .rrd file has its view in it: view:={view.name} must be a .rbl file")
+    if view_file(values["view"]) is not None:
+        raise UsageError(f"a .rrd file has its view in it: leave out view:={values['view']}")
     for name in ("save", "fixed_frame", "frame_prefix", "namespace"):
         if values[name]:
             raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")

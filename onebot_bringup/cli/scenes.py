@@ -99,7 +99,6 @@ class RunningRobots:
         self._view = RobotView(
             recording,
             self._source.view,
-            blueprint=self._source.blueprint_file,
             robots=robots,
             resolve=session.node.resolve_topic_name,
             report=self._report,
@@ -232,7 +231,8 @@ def record_pose(
     config = source.view
     if config.fixed_frame not in description.link_names:
         config = replace(config, fixed_frame="")
-    robot_view = RobotView(recording, config, blueprint=source.blueprint_file, plots=False)
+    # Plots of a single instant are empty.
+    robot_view = RobotView(recording, config, robots=[RobotToShow(plotted=False)])
     messages = (*robot.standing(_NOW_NS), *robot.moving(_NOW_NS, positions))
     for topic, kind, data in messages:
         robot_view.take(topic, kind, data, _NOW_NS)

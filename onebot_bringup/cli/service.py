@@ -1,19 +1,10 @@
 """``onebot service ...``: lists services and calls them, like ``ros2 service``."""
 
-import sys
-import time
 from argparse import Namespace
 from typing import Any
 
 from onebot_bringup.cli.names import SERVICES
-from onebot_bringup.cli.options import (
-    ALLOW_NON_FINITE,
-    Subcommand,
-    flag,
-    option,
-    positional,
-    positive,
-)
+from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, positional
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
@@ -27,21 +18,15 @@ def call_service(args: Namespace) -> None:
 
     kind = service_class(args.type)
     request = kind.Request()
-    values = sys.stdin.read() if args.stdin else args.values
-    times = fill(request, values, finite=not args.allow_non_finite)
+    times = fill(request, args.values, finite=not args.allow_non_finite)
     with Session(args.ros_args) as session:
         name = session.full_name(args.service)
         _await_service(session, name, full_name(args.type, "srv"))
         client = session.node.create_client(kind, name)
         session.spin(client.service_is_ready)
-        while True:
-            began = time.monotonic()
-            stamp(times, session.node.get_clock().now().nanoseconds)
-            print(f"requester: making request: {request!r}\n")
-            print(f"response:\n{_response(session, client, name, request)!r}\n")
-            if args.rate is None:
-                return
-            session.spin_until(began + 1.0 / args.rate)
+        stamp(times, session.node.get_clock().now().nanoseconds)
+        print(f"requester: making request: {request!r}\n")
+        print(f"response:\n{_response(session, client, name, request)!r}\n")
 
 
 def _await_service(session: Session, name: str, kind: str) -> None:
@@ -63,8 +48,6 @@ def _response(session: Session, client: Any, name: str, request: Any) -> Any:
     return future.result()
 
 
-_NAMES = SERVICES.commands()
-
 COMMANDS = {
     "call": Subcommand(
         "call a service",
@@ -72,11 +55,7 @@ COMMANDS = {
         positional("SERVICE", "such as /reset"),
         positional("TYPE", "such as std_srvs/srv/Trigger"),
         positional("VALUES", 'in YAML, such as "{data: true}"', nargs="?", default=""),
-        flag("--stdin", "read the values from stdin"),
-        option("-r --rate", "HZ", "call again and again", positive),
         ALLOW_NON_FINITE,
     ),
-    "find": _NAMES["find"],
-    "list": _NAMES["list"],
-    "type": _NAMES["type"],
+    "list": SERVICES.listing(),
 }

@@ -199,12 +199,9 @@ class Session:
             raise OneBotError(f'node "{full}" not found{did_you_mean(full, self.nodes(), "nodes")}')
         return full
 
-    def look_for(
-        self, condition: Callable[[], Any], what: str, hint: Callable[[], str] = lambda: ""
-    ) -> Any:
+    def look_for(self, condition: Callable[[], Any], what: str) -> Any:
         """Wait for a condition as long as discovery can take; return its last value."""
-        notice = f"looking for {what} ..."
-        return self.await_or_report(condition, lambda: notice, _LOOKUP, hint=hint)
+        return self.await_or_report(condition, lambda: f"looking for {what} ...", _LOOKUP)
 
     def await_or_report(
         self,

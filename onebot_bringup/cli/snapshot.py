@@ -119,7 +119,7 @@ OPTIONS = (
     option(
         "--view",
         "FILE",
-        "how to look at it: .yaml, .rviz, .rbl or none (default: the view of its description)",
+        "how to look at it: .yaml, .rviz or none (default: the view of its description)",
         default="",
     ),
 )

@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable
 from functools import cache, partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive, warn
 from onebot_bringup.cli.session import PATIENCE, Session, in_session
@@ -16,6 +16,9 @@ from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 from onebot_description.ros.names import node_name
 from onebot_description.ros.wire.cdr import NS_PER_S
+
+if TYPE_CHECKING:
+    from onebot_description.arrays import Floats
 
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
@@ -109,10 +112,10 @@ def echo(session: Session, args: Namespace) -> None:
     """
     transforms = _Transforms(session)
     _await_transform(transforms, args, args.timeout)
-    due, period = time.monotonic(), 1.0 / (args.echo_rate or args.rate)
+    due, period = time.monotonic(), 1.0 / args.rate
     while True:
         pose = transforms.frames.lookup(args.a, args.b)
-        print(_shown(pose.stamp_ns, pose.transform, args.precision))
+        print(_shown(pose.stamp_ns, pose.matrix, args.precision))
         if args.once:
             return
         due = max(due + period, time.monotonic())
@@ -142,35 +145,25 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
         transforms.session.spin(lambda: not problem(), 0.1)
 
 
-def _shown(stamp_ns: int, transform: Any, precision: int) -> str:
-    """Return the text that tf2_echo prints of a transform."""
-    import numpy as np
-
+def _shown(stamp_ns: int, pose: "Floats", precision: int) -> str:
+    """Return the text that tf2_echo prints of a pose."""
     from onebot_description.geometry.poses import rpy_of_rows
-    from onebot_description.geometry.quaternions import to_matrix
-
-    translation, quaternion = transform
-    rotation = to_matrix(np.array(quaternion)).tolist()
-    angles = rpy_of_rows(rotation)
+    from onebot_description.geometry.quaternions import from_matrix
 
     def vector(numbers: Iterable[float]) -> str:
         return f"[{', '.join(f'{number:.{precision}f}' for number in numbers)}]"
 
-    matrix = [[*row, x] for row, x in zip(rotation, translation, strict=True)]
-    rows = [
-        " " + "".join(f" {number:{precision + 3}.{precision}f}" for number in row)
-        for row in (*matrix, [0.0, 0.0, 0.0, 1.0])
-    ]
+    angles = rpy_of_rows(pose[:3, :3].tolist())
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return "\n".join(
         (
             f"At time {seconds}.{nanoseconds:09d}",
-            f"- Translation: {vector(translation)}",
-            f"- Rotation: in Quaternion (xyzw) {vector(quaternion)}",
+            f"- Translation: {vector(pose[:3, 3])}",
+            f"- Rotation: in Quaternion (xyzw) {vector(from_matrix(pose[:3, :3]))}",
             f"- Rotation: in RPY (radian) {vector(angles)}",
             f"- Rotation: in RPY (degree) {vector(map(math.degrees, angles))}",
             "- Matrix:",
-            *rows,
+            *(f"  {' '.join(f'{x:{precision + 3}.{precision}f}' for x in row)}" for row in pose),
         )
     )
 
@@ -231,7 +224,6 @@ COMMANDS = {
         echo,
         positional("A", "a frame, such as odom"),
         positional("B", "the frame whose pose in A is shown"),
-        option("echo_rate", "RATE", "the same as --rate HZ", positive, nargs="?"),
         option("-r --rate", "HZ", "prints per second (1)", positive, 1.0),
         flag("-1 -o --once", "print it once and exit"),
         option("-t --timeout", "S", "give up after S s", positive),

@@ -7,6 +7,7 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
+from threading import Event
 from types import CodeType
 from typing import Any, NoReturn
 
@@ -20,7 +21,6 @@ from onebot_bringup.cli.options import (
     expression,
     flag,
     natural,
-    not_negative,
     option,
     positional,
     positive,
@@ -30,11 +30,11 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
 
-_NO_MESSAGE = 2.0  # s without a message after which echo prints a note
+_NO_MESSAGE = 2.0  # s without a message after which a note is printed
 _NO_SUBSCRIBER = 2.0  # s without a subscriber after which pub prints a note
 _REPORT = 1.0  # s between reports of hz and bw
-_SILENT_REPORTS = 2  # reports without any message after which a note is printed
 _SETTLE = 0.1  # s to discover further publishers
+_KEEP_ALIVE = 0.1  # s before pub exits, for subscribers that acknowledge nothing
 
 _TOPIC = positional("TOPIC", "such as /joint_states")
 
@@ -82,7 +82,6 @@ def echo(session: Session, args: Namespace) -> None:
     style = Style(
         longest=None if args.full_length else args.truncate_length,
         arrays=not args.no_arr,
-        strings=not args.no_str,
         flow=args.flow_style,
     )
     printed = 0
@@ -93,7 +92,7 @@ def echo(session: Session, args: Namespace) -> None:
         if args.once and printed or not _passes(part, args.filter):
             return
         printed += 1
-        if args.csv and not args.raw:
+        if args.csv:
             print(to_csv(part, style))
         elif is_message(part):
             print(to_yaml(part, style), end="---\n")
@@ -103,11 +102,9 @@ def echo(session: Session, args: Namespace) -> None:
     began = time.monotonic()
     topic, kind = _await_class(session, args.topic, args.type, args.timeout)
     # The default callback, which logs incompatible QoS, stays.
-    events = SubscriptionEventCallbacks(message_lost=None if args.no_lost_messages else _on_lost)
+    events = SubscriptionEventCallbacks(message_lost=_on_lost)
     profile = qos.matching(session.node, topic, args)
-    session.node.create_subscription(
-        kind, topic, on_message, profile, event_callbacks=events, raw=args.raw
-    )
+    session.node.create_subscription(kind, topic, on_message, profile, event_callbacks=events)
     # The time to find the topic counts, too.
     left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
     message = "message that passes --filter" if args.filter else "message"
@@ -140,13 +137,10 @@ _ECHO = (
         expression,
     ),
     flag("--csv", "print values separated by commas"),
-    flag("--raw", "print the bytes on the wire"),
     flag("--flow-style", "one line per message"),
     flag("-f --full-length", "print lists and strings in full"),
     option("-l --truncate-length", "N", "cut lists and strings after N items (128)", natural, 128),
     flag("--no-arr", "print no list's items"),
-    flag("--no-str", "print no strings"),
-    flag("--no-lost-messages", "do not report lost messages"),
     SPIN_TIME,
     qos.options("compatible with the publishers"),
 )
@@ -209,45 +203,22 @@ def _measure(
     arrived: Callable[[bytes], None],
     report: Callable[[], str | None],
 ) -> NoReturn:
+    """Print ``report()`` each second, and a note if no message comes."""
     topic, kind = _await_class(session, args.topic)
-    received = 0
+    first = Event()
 
     def on_message(data: bytes) -> None:
-        nonlocal received
-        received += 1
+        first.set()
         arrived(data)
 
-    session.node.create_subscription(
-        kind, topic, on_message, qos.matching(session.node, topic, args), raw=True
-    )
-    due, rounds = time.monotonic() + _REPORT, 0
+    profile = qos.matching(session.node, topic, args)
+    session.node.create_subscription(kind, topic, on_message, profile, raw=True)
+    notice = partial(_no_message, session, topic)
+    session.await_or_report(first.is_set, notice, patience=_NO_MESSAGE)
     while True:
-        session.spin_until(due)
-        due, rounds = due + _REPORT, rounds + 1
-        text = report()
-        if text is not None:
+        session.spin_for(_REPORT)
+        if (text := report()) is not None:
             print(text)
-        elif rounds == _SILENT_REPORTS and not received:
-            print(_no_message(session, topic), file=sys.stderr)
-
-
-@in_session
-def topics(session: Session, args: Namespace) -> None:
-    """List the topics."""
-    if not args.verbose or args.count:
-        TOPICS.print_names(session, args)
-        return
-    session.discover()
-    for title, role, number_of in (
-        ("Published", "publisher", session.node.count_publishers),
-        ("Subscribed", "subscriber", session.node.count_subscribers),
-    ):
-        print(f"{title} topics:")
-        for name, types in session.topics(args.hidden):
-            if number := number_of(name):
-                plural = "s" if number > 1 else ""
-                print(f" * {name} [{', '.join(types)}] {number} {role}{plural}")
-        print()
 
 
 @in_session
@@ -281,18 +252,17 @@ def pub(args: Namespace) -> None:
 
     kind = message_class(args.type)
     message = kind()
-    values = sys.stdin.read() if args.stdin else args.values
-    times = fill(message, values, finite=not args.allow_non_finite)
+    times = fill(message, args.values, finite=not args.allow_non_finite)
     most = 1 if args.once else args.times
     wait = int(most is not None) if args.wait is None else args.wait
-    with Session(args.ros_args, args.node_name) as session:
+    with Session(args.ros_args) as session:
         topic = session.full_name(args.topic)
         publisher = session.node.create_publisher(kind, topic, qos.profile(args, "default"))
         _await_subscribers(session, publisher, wait, args.max_wait_time_secs)
         print("publisher: beginning loop")
         _publish(session, publisher, message, times, args)
         await_acknowledgements(publisher)
-        session.spin_for(args.keep_alive)
+        session.spin_for(_KEEP_ALIVE)
 
 
 def _await_subscribers(
@@ -358,7 +328,6 @@ _PUB = (
         nargs="?",
         default="",
     ),
-    flag("--stdin", "read the values from stdin"),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
     exclusive(
@@ -373,15 +342,10 @@ _PUB = (
         dest="wait",
     ),
     option("--max-wait-time-secs", "S", "wait no longer than S seconds", positive),
-    option("--keep-alive", "S", "wait before exit (0.1 s)", not_negative, 0.1),
-    option("-n --node-name", "NAME", "name of the publishing node"),
     ALLOW_NON_FINITE,
     qos.options("default (reliable, volatile, depth 10)"),
 )
 
-
-_NAMES = TOPICS.commands()
-_VERBOSE = "-v --verbose"
 
 COMMANDS = {
     "pub": Subcommand(
@@ -390,21 +354,14 @@ COMMANDS = {
     "echo": Subcommand(
         "print messages as they are received", echo, *_ECHO, endless=lambda args: not args.once
     ),
-    "list": Subcommand(
-        "list the topics",
-        topics,
-        flag(_VERBOSE, "show the number of publishers and subscribers"),
-        *_NAMES["list"].options,
-    ),
+    "list": TOPICS.listing(),
     "info": Subcommand(
         "show the publishers and subscribers",
         info,
         _TOPIC,
-        flag(_VERBOSE, "show each node and its quality of service"),
+        flag("-v --verbose", "show each node and its quality of service"),
         SPIN_TIME,
     ),
-    "type": _NAMES["type"],
-    "find": _NAMES["find"],
     "hz": Subcommand(
         "measure the rate of messages",
         hz,

@@ -1,8 +1,5 @@
 """``onebot trajectory``: moves joints to positions by a joint_trajectory_controller."""
 
-import shutil
-import sys
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -51,6 +48,7 @@ codes: 0 the goal was reached; 1 it was rejected, aborted or canceled; 2 the com
 _ACTION = "control_msgs/action/FollowJointTrajectory"
 _ANSWER = 10.0  # s to wait for an answer of the controller
 _LOG = 0.3  # s to wait for the controller's log messages
+_PROGRESS = 1.0  # s between two lines of the progress
 _CODES = {
     -1: "INVALID_GOAL",
     -2: "INVALID_JOINTS",
@@ -217,15 +215,15 @@ class _Motion:
         return future.result()
 
     def _show_until(self, ended: Callable[[], bool]) -> None:
-        began, progress = self._time(), _Progress()
+        """Print the progress once a second until ``ended()``, or the controller ends."""
+        began = self._time()
 
-        def shown() -> bool:
-            passed = self._time() - began
-            progress.show(lambda: f"{passed:.1f} of {self._seconds:g} s: {self._at()}")
+        def over() -> bool:
             return ended() or not self._client.server_is_ready()
 
-        self._session.spin(shown)
-        progress.end()
+        while not over():
+            print(f"{self._time() - began:.1f} of {self._seconds:g} s: {self._at()}")
+            self._session.spin(over, _PROGRESS)
 
     def _time(self) -> float:
         stamp = self._controller.state.header.stamp
@@ -263,27 +261,3 @@ class _Motion:
         logged = [line for line in self._logged if line not in text]
         reasons = logged or [f"the log of {self._controller.name} has the reason"]
         return OneBotError("\n".join([text, *reasons]))
-
-
-class _Progress:
-    """A line that is updated on a terminal; otherwise, a line each second."""
-
-    def __init__(self) -> None:
-        self._terminal = sys.stdout.isatty()
-        self._due = 0.0
-
-    def show(self, text: Callable[[], str]) -> None:
-        """Print ``text()``, unless it was printed a moment ago."""
-        if (now := time.monotonic()) < self._due:
-            return
-        self._due = now + (0.1 if self._terminal else 1.0)
-        if self._terminal:
-            columns = shutil.get_terminal_size().columns
-            print(f"\r{text()[: columns - 1]}\x1b[K", end="", flush=True)
-        else:
-            print(text())
-
-    def end(self) -> None:
-        """Begin a new line."""
-        if self._terminal:
-            print()

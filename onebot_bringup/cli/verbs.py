@@ -3,7 +3,7 @@
 import os
 import sys
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from onebot_bringup.launch.program import INTERRUPTED, USAGE, VERSION, print_version
 from onebot_description.errors import UsageError, did_you_mean
@@ -23,7 +23,7 @@ VERBS = {
     "view": Verb("bring up any robot from its file and move it", 0),
     "topic": Verb("list, print, measure and publish topics"),
     "node": Verb("list nodes and show what they do"),
-    "param": Verb("list, describe, get, set, save and load parameters"),
+    "param": Verb("list, get, set, save and load parameters"),
     "service": Verb("list and call services"),
     "interface": Verb("list types of messages and show them"),
     "tf": Verb("show the tree of frames, and transforms between frames"),
@@ -36,23 +36,6 @@ VERBS = {
     "steer": Verb("drive from a page in the browser", 0),
     "teleop": Verb("drive from the keyboard", 0),
     "trajectory": Verb("move joints to positions, and list those that can be moved"),
-}
-# Commands of ROS 1 and ros2 with other names, and our verbs for them.
-_FORMER = {
-    "rostopic": "topic",
-    "rosnode": "node",
-    "rosparam": "param",
-    "rosservice": "service",
-    **dict.fromkeys(("rosmsg", "rossrv", "msg", "srv"), "interface"),
-    "rosbag": "bag",
-    **dict.fromkeys(("roswtf", "wtf"), "doctor"),
-    "rosrun": "run",
-    **dict.fromkeys(("tf_echo", "tf2_echo"), "tf echo"),
-    **dict.fromkeys(("tf_monitor", "tf2_monitor", "view_frames"), "tf tree"),
-    "check_urdf": "check",
-    **dict.fromkeys(("rviz", "rviz2", "urdf_launch"), "view"),
-    **dict.fromkeys(("teleop_twist_keyboard", "rqt_robot_steering"), "teleop"),
-    "rqt_joint_trajectory_controller": "trajectory",
 }
 _LAUNCH = ("launch", "roslaunch")
 
@@ -87,7 +70,7 @@ def run_verb(words: list[str]) -> int:
     if first in VERSION:
         return print_version("onebot")
     if first not in VERBS:
-        raise UsageError(f'onebot has no command "{first}"{_instead(first, arguments)}')
+        raise UsageError(f'onebot has no command "{first}"{_instead(first)}')
     if table := subcommands(first):
         from onebot_bringup.cli.options import dispatch
 
@@ -110,14 +93,10 @@ def take_settings(words: list[str]) -> list[str]:
     return words[count:]
 
 
-def _instead(verb: str, rest: Sequence[str]) -> str:
+def _instead(verb: str) -> str:
     """Return what to write in place of a verb that does not exist."""
     if verb in _LAUNCH:
         return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
-    if verb in _FORMER:
-        import shlex
-
-        return f": write onebot {shlex.join([*_FORMER[verb].split(), *rest])}"
     return did_you_mean(verb, VERBS, "commands")
 
 

@@ -44,7 +44,6 @@ class Style:
 
     longest: int | None = 128  # truncate lists, bytes and strings after this many; None: never
     arrays: bool = True  # print the items of lists; otherwise their type and length
-    strings: bool = True  # print strings; otherwise their length
     flow: bool = False  # YAML on one line, with braces
 
 
@@ -103,7 +102,7 @@ def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
 
 def _plain(value: Any, slot: Any, style: Style) -> Any:
     if isinstance(value, str):
-        return _cut(value, style) if style.strings else _length(value)
+        return _cut(value, style)
     if isinstance(value, _LISTS):
         if not style.arrays and isinstance(slot, AbstractNestedType):
             return _summary(value, slot)
@@ -122,10 +121,6 @@ def _cut(text: str, style: Style) -> str:
     if style.longest is None or len(text) <= style.longest:
         return text
     return text[: style.longest] + "..."
-
-
-def _length(text: str) -> str:
-    return f"<string length: <{len(text)}>>"
 
 
 def _summary(values: Any, slot: Any) -> str:
@@ -216,10 +211,9 @@ class _Filler:
         slots = dict(zip(message.get_fields_and_field_types(), message.SLOT_TYPES, strict=True))
         for name, value in values.items():
             if name not in slots:
-                space = '; write a space after each ":"' if ":" in name else ""
                 raise OneBotError(
                     f'{type_name(message)}{f" ({path})" if path else ""} has no field "{name}"'
-                    f"{did_you_mean(name, slots, 'fields')}{space}"
+                    f"{did_you_mean(name, slots, 'fields')}{_hint(name)}"
                 )
             inner = f"{path}.{name}" if path else name
             setattr(message, name, self._value(slots[name], value, inner, getattr(message, name)))
@@ -333,30 +327,19 @@ def _floating(kind: str, text: str, finite: bool) -> float:
 
 def _integer(kind: str, text: str) -> int:
     try:
-        value = int(text, 0) if not text.lstrip("+-").isdigit() else int(text)
+        value = int(text) if text.lstrip("+-").isdigit() else int(text, 0)
     except ValueError:
-        value = _whole(kind, text)
+        raise ValueError(f'is an integer ({kind}), not "{text}"') from None
     limits = np.iinfo(kind)
     if not limits.min <= value <= limits.max:
         raise ValueError(f"is an {kind} from {limits.min} to {limits.max}, not {text}")
     return value
 
 
-def _whole(kind: str, text: str) -> int:
-    """Parse integers such as 2.0 and 1e3; 2.5 is an error, not truncated."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number) or number != int(number):
-        raise ValueError(f'is an integer ({kind}), not "{text}"')
-    return int(number)
-
-
 def _read_fields(text: str) -> dict[str, Any]:
     """Parse the fields in YAML text; scalars stay strings, empty values are ""."""
     try:
-        values = bounded_yaml.load(text, _TextLoader)
+        values = bounded_yaml.load(text, yaml.BaseLoader)
     except yaml.YAMLError as error:
         raise OneBotError(f"the values are invalid YAML: {_where(error)}{_hint(text)}") from None
     if values in (None, ""):
@@ -369,21 +352,6 @@ def _read_fields(text: str) -> dict[str, Any]:
     return cast(dict[str, Any], values)
 
 
-class _TextLoader(yaml.BaseLoader):
-    """Keeps scalars as text, to be parsed for each field; rejects duplicate keys."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            name = str(key.value)
-            if name in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'"{name}" is given twice', key.start_mark
-                )
-            seen.add(name)
-        return super().construct_mapping(node, deep=deep)
-
-
 def _where(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
@@ -392,4 +360,4 @@ def _where(error: yaml.YAMLError) -> str:
 
 def _hint(text: str) -> str:
     """Return a hint on the most common mistake, if the text has it."""
-    return '; write a space after each ":"' if re.search(r"\w:[\[{\d]", text) else ""
+    return '; write a space after each ":"' if re.search(r"\w:\S", text) else ""

@@ -58,9 +58,9 @@ class ParameterClient:
                 return answered[0].result()
         raise OneBotError(f"the service {name} does not answer (waited {_ANSWER:g} s)")
 
-    def names(self, prefixes: Sequence[str] = ()) -> list[str]:
-        """Return the names of all parameters, or of the parameters below the prefixes."""
-        return list(self._call("list", prefixes=list(prefixes)).result.names)
+    def names(self) -> list[str]:
+        """Return the names of all parameters."""
+        return list(self._call("list").result.names)
 
     def values(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterValue for each name; its type is NOT_SET if there is no value."""
@@ -74,18 +74,6 @@ class ParameterClient:
             return [ParameterValue()]
         return [value for name in names for value in self.values([name])]
 
-    def require(self, names: Sequence[str]) -> None:
-        """Check that all parameters exist.
-
-        Raises:
-            OneBotError: one does not; lists similar names.
-        """
-        parameters = self.names()
-        for name in names:
-            if name not in parameters:
-                hint = did_you_mean(name, parameters, "parameters")
-                raise OneBotError(f'{self._node} has no parameter "{name}"{hint}')
-
     def describe(self, names: Sequence[str]) -> list[Any]:
         """Return a ParameterDescriptor for each name; all have to exist."""
         return list(self._call("describe", names=list(names)).descriptors)
@@ -97,17 +85,10 @@ class ParameterClient:
             OneBotError: there is no such parameter; lists similar names.
         """
         [value] = self.values([name])
-        if value.type == NOT_SET:
-            self.require([name])
+        if value.type == NOT_SET and name not in (names := self.names()):
+            hint = did_you_mean(name, names, "parameters")
+            raise OneBotError(f'{self._node} has no parameter "{name}"{hint}')
         return value
-
-    def delete(self, name: str) -> Any:
-        """Unset a parameter and return a SetParametersResult; raises as ``get`` does."""
-        from rcl_interfaces.msg import Parameter
-
-        self.require([name])
-        [result] = self._call("set", parameters=[Parameter(name=name)]).results
-        return result
 
     def set(
         self, pairs: Sequence[tuple[str, str]], *, same_types: bool = False, finite: bool = False

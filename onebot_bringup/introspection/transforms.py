@@ -13,7 +13,7 @@ import numpy as np
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.matrices import of_transform
-from onebot_description.geometry.poses import IDENTITY, Transform, compose, inverse, of_arrays
+from onebot_description.geometry.poses import of_arrays
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE, slerp
 from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.messages import TfArrays
@@ -36,11 +36,11 @@ class Edge(NamedTuple):
     rotation: Floats
 
 
-class StampedTransform(NamedTuple):
-    """A transform at a time."""
+class StampedPose(NamedTuple):
+    """The pose of a frame in another at a time."""
 
     stamp_ns: int  # 0 for a static one
-    transform: Transform
+    matrix: Floats  # (4, 4)
 
 
 def _stamp_ns(message: TfArrays) -> int:
@@ -277,7 +277,7 @@ class FrameTree:
         block, row = self._places.get(frame, (None, 0))
         return block.span(row) if block is not None and block.history else None
 
-    def lookup(self, target: str, source: str) -> StampedTransform:
+    def lookup(self, target: str, source: str) -> StampedPose:
         """Return the pose of ``source`` in ``target`` at the latest common time.
 
         Raises:
@@ -290,16 +290,13 @@ class FrameTree:
                     f'Invalid frame ID "{name}" passed to lookupTransform argument {role} - '
                     f"frame does not exist{did_you_mean(name, self.names, 'frames')}"
                 )
-        up, down = self.above(target), self.above(source)
-        shared = set(down)
-        common = next((name for name in up if name in shared), None)
-        if common is None:
+        if self.top(target) != self.top(source):
             raise TransformError(
                 f"Could not find a connection between '{target}' and '{source}' because they are "
                 "not part of the same tree. Tf has two or more unconnected trees."
             )
-        up, down = up[: up.index(common)], down[: down.index(common)]
-        spans = [span for child in (*up, *down) if (span := self.span(child)) is not None]
+        between = {*self.above(target)} ^ {*self.above(source)}  # below their common ancestor
+        spans = [span for child in between if (span := self.span(child)) is not None]
         time_ns = min((newest for _, newest in spans), default=0)
         oldest = max((oldest for oldest, _ in spans), default=0)
         if oldest > time_ns:
@@ -309,19 +306,9 @@ class FrameTree:
                 f"{oldest / NS_PER_S:.6f}, "
                 f"when looking up transform from frame [{source}] to frame [{target}]"
             )
-        ways = self._in_ancestor(up, time_ns), self._in_ancestor(down, time_ns)
-        return StampedTransform(time_ns, compose(inverse(ways[0]), ways[1]))
-
-    def _in_ancestor(self, frames: Iterable[str], time_ns: int) -> Transform:
-        """Return the pose of the first of ``frames``, each the parent of the one before.
-
-        It is given in the parent of the last one.
-        """
-        pose = IDENTITY
-        for frame in frames:
-            block, row = self._places[frame]
-            pose = compose(of_arrays(*block.at(row, time_ns)), pose)
-        return pose
+        pose = self.pose(source, target, time_ns)
+        assert pose is not None
+        return StampedPose(time_ns, pose)
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 from PIL import Image
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image as ImageMessage
 
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
@@ -58,7 +57,7 @@ class _Camera:
 
     shows: bool | None = None
     used: float = -math.inf
-    drawn: tuple[bytes | None, bytes | None] = None, None
+    drawn: tuple[ImageMessage | None, bytes | None] = None, None
 
     @property
     def is_used(self) -> bool:
@@ -89,9 +88,9 @@ class CameraFeed:
         names = namespace.topics(self._node, {_IMAGE})
         self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
         for name, camera in self._cameras.items():
-            data, _ = self._topics.newest(name)
-            if camera.shows is None and data is not None:
-                camera.shows = deserialize_message(data, ImageMessage).encoding in _MODES
+            message, _ = self._topics.newest(name)
+            if camera.shows is None and message is not None:
+                camera.shows = message.encoding in _MODES
         followed = [
             name
             for name, camera in self._cameras.items()
@@ -108,9 +107,9 @@ class CameraFeed:
         if camera is None:
             return None
         camera.used = time.monotonic()
-        data, age = self._topics.newest(name)
-        if age > _OLD:
+        message, age = self._topics.newest(name)
+        if message is None or age > _OLD:
             return None
-        if data is not camera.drawn[0]:
-            camera.drawn = data, jpeg(deserialize_message(data, ImageMessage))
+        if message is not camera.drawn[0]:
+            camera.drawn = message, jpeg(message)
         return camera.drawn[1]

@@ -3,7 +3,7 @@
 import contextlib
 import math
 from collections.abc import Callable, Collection, Container, Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -13,11 +13,19 @@ from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.topic_qos import compatible_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
 from onebot_description.ros.wire.interfaces import load_interface
-from onebot_description.ros.wire.messages import tf_arrays
+from onebot_description.ros.wire.messages import (
+    BAD_MESSAGE,
+    TfArrays,
+    deserialize_message,
+    odometry_sample,
+    tf_arrays,
+)
 
-_STATIC = "/tf_static"
-_TF_TOPICS = dict.fromkeys(("/tf", _STATIC), "tf2_msgs/msg/TFMessage")
+ODOMETRY = "nav_msgs/msg/Odometry"
+_TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
+_TF_TOPICS = dict.fromkeys(("/tf", _STATIC), _TF)
 _TF_DEPTH = 100  # queue depth; /tf has several publishers
+_READERS: Mapping[str, Callable[[bytes], Any]] = {ODOMETRY: odometry_sample, _TF: tf_arrays}
 
 
 class RobotNamespace(NamedTuple):
@@ -44,6 +52,23 @@ class RobotNamespace(NamedTuple):
         }
 
 
+class _Received:
+    """A message that was received; it is decoded when it is first needed."""
+
+    def __init__(self, kind: str, data: bytes) -> None:
+        self._kind, self._data, self.time = kind, data, boot_time()
+
+    @cached_property
+    def message(self) -> Any:
+        """The message, or its arrays; None if it is invalid, which other nodes report."""
+        try:
+            if read := _READERS.get(self._kind):
+                return read(self._data)
+            return deserialize_message(self._data, load_interface(self._kind))
+        except BAD_MESSAGE:
+            return None
+
+
 class FollowedTopics:
     """Subscribes to topics while they are needed, and keeps the newest message of each.
 
@@ -57,32 +82,32 @@ class FollowedTopics:
         self,
         node: Node,
         depth: int,
-        received: Callable[[str, str, Any], None] = lambda topic, kind, message: None,
-        *,
-        raw: bool = True,
+        received: Mapping[str, Callable[[str, Any], None]] | None = None,
     ) -> None:
         """Follow nothing yet.
 
         Args:
             node: the node that subscribes.
             depth: the queue depth.
-            received: called with the topic's name, its type and each message.
-            raw: receive messages as bytes.
+            received: for some types, what is called with the topic's name and each valid message.
         """
-        self._node, self._depth, self._received, self._raw = node, depth, received, raw
+        self._node, self._depth, self._received = node, depth, received or {}
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
         self.topics: Mapping[str, str] = {}
-        self._newest: dict[str, tuple[Any, float]] = {}  # message and boot_time(), by topic
+        self._newest: dict[str, _Received] = {}  # by topic
 
     def newest(self, topic: str) -> tuple[Any, float]:
-        """Return the newest message of a topic, and its age in s; None and infinity for none."""
-        message, received = self._newest.get(topic, (None, -math.inf))
-        return message, boot_time() - received
+        """Return the newest message of a topic, and its age in s; None and infinity for none.
+
+        The message is None if it is invalid.
+        """
+        newest = self._newest.get(topic)
+        return (newest.message, boot_time() - newest.time) if newest else (None, math.inf)
 
     def recent(self, types: Container[str], most: float) -> list[Any]:
         """Return the newest message of each topic of some types, unless older than ``most``, s."""
         newest = [self.newest(topic) for topic, kind in self.topics.items() if kind in types]
-        return [message for message, age in newest if age < most]
+        return [message for message, age in newest if age < most and message is not None]
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
         """Follow exactly these topics; call this several times per second.
@@ -102,7 +127,7 @@ class FollowedTopics:
             if (name, kind) not in self._subscriptions:
                 received = partial(self._receive, name)
                 self._subscriptions[name, kind] = TopicSubscription(
-                    self._node, name, received, load_interface, raw=self._raw
+                    self._node, name, received, load_interface
                 )
             offered = offers(self._node, name, [kind]).get(kind)
             if offered:
@@ -111,9 +136,10 @@ class FollowedTopics:
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}
 
-    def _receive(self, topic: str, kind: str, message: Any) -> None:
-        self._newest[topic] = message, boot_time()
-        self._received(topic, kind, message)
+    def _receive(self, topic: str, kind: str, data: bytes) -> None:
+        self._newest[topic] = newest = _Received(kind, data)
+        if kind in self._received and newest.message is not None:
+            self._received[kind](topic, newest.message)
 
 
 class FollowedTransforms:
@@ -125,13 +151,12 @@ class FollowedTransforms:
 
     def __init__(self, node: Node) -> None:
         self.tree = FrameTree()
-        self._topics = FollowedTopics(node, _TF_DEPTH, self._receive)
+        self._topics = FollowedTopics(node, _TF_DEPTH, {_TF: self._receive})
 
     def update(self, needed: bool) -> None:
         """Follow TF if it is ``needed``; call this several times per second."""
         if self._topics.update(_TF_TOPICS if needed else {}):
             self.tree = FrameTree()
 
-    def _receive(self, topic: str, _: str, data: bytes) -> None:
-        with contextlib.suppress(ValueError):  # other nodes report a bad message
-            self.tree.add(tf_arrays(data), static=topic == _STATIC)
+    def _receive(self, topic: str, transforms: TfArrays) -> None:
+        self.tree.add(transforms, static=topic == _STATIC)

@@ -24,7 +24,8 @@ from onebot_bringup.steering.followed_topics import (
 )
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_description.geometry.poses import Transform, compose, of_arrays, yaw_of
+from onebot_description.geometry.matrices import of_transform
+from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.messages import OdometrySample
 
@@ -69,7 +70,7 @@ class Ground:
 
     def __init__(self, node: Node, odometry: OdometryTopic) -> None:
         self._node, self._odometry = node, odometry
-        self._topics = FollowedTopics(node, _DEPTH, self._receive, raw=False)
+        self._topics = FollowedTopics(node, _DEPTH, {_GRID: self._on_grid})
         self._transforms = FollowedTransforms(node)
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self.grid: PublishedMap | None = None
@@ -88,10 +89,9 @@ class Ground:
         if _GRID in self._topics.update(topics):
             self.grid = None
 
-    def _receive(self, _: str, kind: str, message: Any) -> None:
-        if kind == _GRID:
-            grid = PublishedMap(message)
-            self.grid = grid if grid.is_whole else None
+    def _on_grid(self, _: str, message: OccupancyGrid) -> None:
+        grid = PublishedMap(message)
+        self.grid = grid if grid.is_whole else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).
@@ -154,10 +154,12 @@ class Ground:
     def _pose(self, frame: str, of: str, transform: Transform) -> dict[str, float] | None:
         """Transform a pose in the frame ``of`` to ``frame``; None if that is not possible."""
         of = of.removeprefix("/")
+        matrix = of_transform(transform)
         if of != frame:
             try:
-                transform = compose(self._transforms.tree.lookup(frame, of).transform, transform)
+                matrix = self._transforms.tree.lookup(frame, of).matrix @ matrix
             except TransformError:
                 return None
-        pose = {"x": transform[0][0], "y": transform[0][1], "yaw": yaw_of(*transform[1])}
+        (x, y), yaw = matrix[:2, 3].tolist(), math.atan2(matrix[1, 0], matrix[0, 0])
+        pose = {"x": x, "y": y, "yaw": yaw}
         return pose if all(map(math.isfinite, pose.values())) else None

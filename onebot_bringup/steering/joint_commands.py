@@ -19,8 +19,6 @@ from onebot_bringup.steering.command_topic import RobotLock
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
 from onebot_description.description import Description
-from onebot_description.ros.wire.interfaces import load_interface
-from onebot_description.ros.wire.messages import deserialize_message
 
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _STATE_TOPIC, _COMMAND_TOPIC = "controller_state", "joint_trajectory"
@@ -169,13 +167,8 @@ class _JointController:
 
     def _state(self, most: float) -> tuple[Any, float] | None:
         """Return its latest state and the state's age, s; None if older than ``most``."""
-        data, age = self._topics.newest(self._topic)
-        if age > most:
-            return None
-        try:
-            return deserialize_message(data, load_interface(_STATE)), age
-        except ValueError:
-            return None
+        state, age = self._topics.newest(self._topic)
+        return (state, age) if state is not None and age <= most else None
 
 
 def _trajectory(

@@ -7,11 +7,12 @@ distance.
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan, Range
+from std_msgs.msg import String
 
 from onebot_bringup.steering.followed_topics import (
     FollowedTopics,
@@ -163,7 +164,7 @@ class Obstacles:
             command: returns the current command.
         """
         self._node, self._odometry, self._command = node, odometry, command
-        self._topics = FollowedTopics(node, 1, self._receive, raw=False)
+        self._topics = FollowedTopics(node, 1, {_STRING: self._on_description})
         self._transforms = FollowedTransforms(node)
         self._footprint: Footprint | None = None
         self.robot: Description | None = None
@@ -205,7 +206,6 @@ class Obstacles:
         if _STRING in self._topics.update(sensors | description):
             self._footprint = self.robot = None
 
-    def _receive(self, _: str, kind: str, message: Any) -> None:
-        if kind == _STRING:
-            self.robot = robot = described(message.data)
-            self._footprint = Footprint.from_description(robot) if robot is not None else None
+    def _on_description(self, _: str, message: String) -> None:
+        self.robot = robot = described(message.data)
+        self._footprint = Footprint.from_description(robot) if robot is not None else None

@@ -6,19 +6,14 @@ from typing import Any
 
 from rclpy.node import Node
 
-from onebot_bringup.steering.followed_topics import FollowedTopics
+from onebot_bringup.steering.followed_topics import ODOMETRY, FollowedTopics
 from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.names import node_name
-from onebot_description.ros.wire.messages import OdometrySample, odometry_sample
-
-_ODOMETRY = "nav_msgs/msg/Odometry"
+from onebot_description.ros.wire.messages import OdometrySample
 
 
 def choose_odometry(
-    publishers: Mapping[str, Collection[str]],
-    commands: str,
-    controllers: Collection[str],
-    subscribers: Collection[str],
+    publishers: Mapping[str, Collection[str]], commands: str, controllers: Collection[str]
 ) -> str:
     """Return the topic with the robot's odometry; "" if it cannot be determined.
 
@@ -26,20 +21,14 @@ def choose_odometry(
         publishers: for each odometry topic, the nodes that publish it.
         commands: the command topic.
         controllers: the nodes known to be the robot's controllers.
-        subscribers: all nodes that subscribe to the command topic.
     """
-
-    def published_by(nodes: Collection[str]) -> str:
-        topics = [topic for topic, names in publishers.items() if not set(nodes).isdisjoint(names)]
-        if len(topics) > 1:  # a simulation publishes the ground truth, too
-            topics = [topic for topic in topics if topic.endswith("/odom")]
-        return topics[0] if len(topics) == 1 else ""
-
-    sibling = f"{commands.rpartition('/')[0]}/odom"
-    only = next(iter(publishers)) if len(publishers) == 1 else ""
-    return published_by(controllers) or (
-        sibling if sibling in publishers else published_by(subscribers) or only
-    )
+    topics = [name for name, nodes in publishers.items() if not set(controllers).isdisjoint(nodes)]
+    if len(topics) > 1:  # a simulation publishes the ground truth, too
+        topics = [topic for topic in topics if topic.endswith("/odom")]
+    if len(topics) != 1:
+        sibling = f"{commands.rpartition('/')[0]}/odom"
+        topics = [sibling] if sibling in publishers else list(publishers)
+    return topics[0] if len(topics) == 1 else ""
 
 
 class OdometryTopic:
@@ -50,26 +39,19 @@ class OdometryTopic:
         self._topics = FollowedTopics(node, 1)
         self.topic = ""  # full name; "" for none
 
-    def update(
-        self, commands: str, controllers: Collection[str], subscribers: Collection[str]
-    ) -> None:
+    def update(self, commands: str, controllers: Collection[str]) -> None:
         """Follow the robot's odometry; call this several times per second.
 
         See ``choose_odometry`` for the arguments.
         """
-        self.topic = self._fixed or choose_odometry(
-            self._publishers(), commands, controllers, subscribers
-        )
-        self._topics.update({self.topic: _ODOMETRY} if self.topic else {})
+        self.topic = self._fixed or choose_odometry(self._publishers(), commands, controllers)
+        self._topics.update({self.topic: ODOMETRY} if self.topic else {})
 
     @property
     def sample(self) -> OdometrySample | None:
         """The latest odometry; None if there is none, or if it cannot be decoded."""
-        data, _ = self._topics.newest(self.topic)
-        try:
-            return odometry_sample(data) if data is not None else None
-        except ValueError:
-            return None
+        sample: OdometrySample | None = self._topics.newest(self.topic)[0]
+        return sample
 
     @property
     def age(self) -> float:
@@ -102,6 +84,6 @@ class OdometryTopic:
         publishers = {
             name: [node_name(end) for end in find(name)]
             for name, kinds in self._node.get_topic_names_and_types()
-            if _ODOMETRY in kinds
+            if ODOMETRY in kinds
         }
         return {name: nodes for name, nodes in publishers.items() if nodes}

@@ -17,6 +17,7 @@ from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message_text, parse
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
+from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import boot_time
 from onebot_description.ros.throttled import Throttled
 
@@ -41,7 +42,6 @@ class _Page:
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     received: int = 0  # number of messages
     changed: asyncio.Event = field(default_factory=asyncio.Event)
-    topic_error: str = ""  # unsent reason why its last choice of a topic was rejected
 
 
 @dataclass(eq=False)
@@ -53,9 +53,7 @@ class SteeringServer:
     view: ViewProxy
     tools: ToolRequests
     robot: Callable[[], Mapping[str, Any]]  # returns the node's part of a page's state
-    # Called with the names of a page and of the topic that it chose; if the topic cannot be used,
-    # reply to the page with ``show_topic_error``.
-    choose_topic: Callable[[str, str], None]
+    choose_topic: Callable[[str], None]  # blocks; raises a OneBotError if it cannot be used
     logger: RcutilsLogger
 
     def __post_init__(self) -> None:
@@ -81,18 +79,6 @@ class SteeringServer:
         """Send the state to all pages now; call this in the server's thread."""
         for page in self._pages:
             page.changed.set()
-
-    def show_topic_error(self, name: str, sentence: str) -> None:
-        """Show one page why its topic cannot be used; call this in the server's thread.
-
-        Args:
-            name: the page.
-            sentence: the reason.
-        """
-        for page in self._pages:
-            if page.name == name:
-                page.topic_error = sentence
-                page.changed.set()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
@@ -133,19 +119,19 @@ class SteeringServer:
         self._pages.append(page)
         self.arbiter.join(page.name)
         sender = asyncio.ensure_future(self._send_states(page))
-        lost = "it broke off"
+        closed = False
         try:
-            lost = await self._receive(page)
+            closed = await self._receive(page)
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
-            self._report_end(lost, self.arbiter.leave(page.name))
+            self._report_end(closed, self.arbiter.leave(page.name))
             self._pages.remove(page)
             sender.cancel()
         return socket
 
-    async def _receive(self, page: _Page) -> str:
-        """Handle a page's messages; return why its connection was lost, or "" if it was closed."""
+    async def _receive(self, page: _Page) -> bool:
+        """Handle a page's messages to the end; return False if its connection was lost."""
         while True:
             message = await page.socket.receive()
             if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
@@ -153,26 +139,24 @@ class SteeringServer:
                 await self._on_message(page, message.data)
             elif isinstance(message.data, WebSocketError):
                 self._reject(page, "too large, or no WebSocket frame")
-                return ""
-            elif message.type in (WSMsgType.CLOSE, WSMsgType.CLOSING):
-                return ""
-            elif isinstance(page.socket.exception(), asyncio.TimeoutError):
-                return "it does not respond"
+                return True
             else:
-                return "it broke off"
+                return message.type in (WSMsgType.CLOSE, WSMsgType.CLOSING)
 
     async def _on_message(self, page: _Page, data: str | bytes) -> None:
         try:
             message = parse(data)
         except ProtocolError as error:
             self._reject(page, str(error))
-            refusal = message_text("error", message=f"Refused: {error}.", about=error.about)
-            await page.socket.send_str(refusal)
+            await _send_error(page, f"Refused: {error}.", error.about)
             return
-        if isinstance(message, ChooseTopic):
-            self.choose_topic(page.name, message.topic)
-        else:
+        if not isinstance(message, ChooseTopic):
             self.arbiter.handle(page.name, message)
+            return
+        try:
+            await asyncio.to_thread(self.choose_topic, message.topic)
+        except OneBotError as error:
+            await _send_error(page, f"{error}.", "topic")
 
     def _reject(self, page: _Page, problem: str) -> None:
         drove = self.arbiter.reject(page.name)
@@ -180,12 +164,12 @@ class SteeringServer:
         end = f"{problem}{_STOPPED * drove}"
         self._warn(end, f"rejected a message of a page ({self._rejected} so far): {end}")
 
-    def _report_end(self, reason: str, drove: bool) -> None:
-        if reason:
-            text = f"lost the connection to a page: {reason}{_STOPPED * drove}"
-            self._warn(text, text)
-        else:
+    def _report_end(self, closed: bool, drove: bool) -> None:
+        if closed:
             self.logger.info(f"a page was closed{_STOPPED * drove}")
+        else:
+            text = f"lost the connection to a page{_STOPPED * drove}"
+            self._warn(text, text)
 
     async def _send_states(self, page: _Page) -> None:
         """Send the state to one page, ten times a second and whenever something changes."""
@@ -194,9 +178,6 @@ class SteeringServer:
             await send(message_text("welcome", id=page.name, stamp=_stamp()))
             while not page.socket.closed:
                 page.changed.clear()
-                if sentence := page.topic_error:
-                    page.topic_error = ""
-                    await send(message_text("error", message=sentence, about="topic"))
                 await send(message_text("state", **self._state(page)))
                 await asyncio.sleep(_MIN_PERIOD)
                 try:
@@ -228,6 +209,10 @@ class SteeringServer:
     async def _close_pages(self, _: web.Application) -> None:
         for page in list(self._pages):
             await page.socket.close(code=1001, message=b"the server is stopped")
+
+
+async def _send_error(page: _Page, sentence: str, about: str | None) -> None:
+    await page.socket.send_str(message_text("error", message=sentence, about=about))
 
 
 def _stamp() -> int:

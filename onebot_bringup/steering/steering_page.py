@@ -46,6 +46,7 @@ if __name__ == "__main__":  # first: the imports take a second
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 from urllib.parse import quote
 
@@ -132,7 +133,6 @@ class SteeringPage(Node):
         self._braking: Braking | None = None
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
-        self._choices: dict[str, str] = {}  # the topic that each page chose last, until handled
         self._joints = JointCommands(self, self._on_lock)
         self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.check)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
@@ -167,23 +167,19 @@ class SteeringPage(Node):
         tools = ToolRequests(
             self._thread, self._commands, self._ground, self._cameras, publishers, self._nodes
         )
-        self._page_server = server = SteeringServer(
+        server = SteeringServer(
             arbiter=self._arbiter,
             access=access,
             view=ViewProxy(self._viewer),
             tools=tools,
             robot=self._robot,
-            choose_topic=self._request_topic,
+            choose_topic=lambda topic: self._thread.call(partial(self._choose, topic)),
             logger=self.get_logger(),
         )
         self._server = thread = ServerThread(server.app, listener, "steering")
         self._arbiter.changed = lambda: thread.call(server.notify)
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         self._url = f"http://{reachable_as(listener)}{query}"
-
-    def _request_topic(self, page: str, topic: str) -> None:
-        """Steer a topic soon; of the requests of a page, the last one counts."""
-        self._choices[page] = topic
 
     def _announce(self) -> None:
         """Print the page's address and open it, once."""
@@ -240,31 +236,27 @@ class SteeringPage(Node):
             self._warn(
                 "timeout", "stopped: no message from the page that drives, or one that is too old"
             )
-        if self._choices:  # only one, so that a flood of choices does not delay this check
-            self._choose(*self._choices.popitem())
 
-    def _choose(self, page: str, name: str) -> None:
+    def _choose(self, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
         if topic == self._commands.topic:
             return
-        kind = foreign_type(self, topic)
-        if kind and self._server is not None:
-            sentence = f"{topic} has the type {kind}, not Twist or TwistStamped: choose another."
-            self._server.call(lambda: self._page_server.show_topic_error(page, sentence))
-        elif not kind:
-            self._arbiter.halt()
-            self._controllers.forget()
-            self._commands.choose(topic)
-            self._poll_graph()
+        if kind := foreign_type(self, topic):
+            raise OneBotError(
+                f"{topic} has the type {kind}, not Twist or TwistStamped: choose another"
+            )
+        self._arbiter.halt()
+        self._controllers.forget()
+        self._commands.choose(topic)
+        self._poll_graph()
 
     def _poll_graph(self) -> None:
         commands = self._commands
         previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
         commands.update(robots)
-        subscribers = [end.node for end in commands.subscribers]
-        self._controllers.update(subscribers)
-        self._odometry.update(commands.topic, robots, subscribers)
+        self._controllers.update(end.node for end in commands.subscribers)
+        self._odometry.update(commands.topic, robots)
         self._topics = command_topics(self)
         self._robots = commanded_robots(self, self._topics)
         name = namespace_of(commands.topic)

@@ -40,7 +40,6 @@ T = TypeVar("T")
 
 _POLL = 0.01  # s
 _TIMEOUT = 5.0  # s to wait for the node's thread
-_DISCOVERY = 2.0  # s for subscribers of a click to discover its publisher
 _LONGEST = 1 << 14  # maximum characters of a request to set parameters
 _LONGEST_VALUE = 1000  # characters; longer values, such as a description, cannot be edited here
 
@@ -157,11 +156,8 @@ class ToolRequests:
         data = (await body_of(request)).decode(errors="replace")
 
         def publish() -> Mapping[str, Any]:
-            thread, click = self._thread, parse_click(data)
-            # Subscribers that have not discovered the publisher yet would miss the message.
-            reaches_all = partial(self._publishers.reaches_all, click)
-            thread.spin(lambda: thread.call(reaches_all), _DISCOVERY)
-            topic, subscribers = thread.call(partial(self._publishers.publish, click))
+            click = parse_click(data)
+            topic, subscribers = self._thread.call(partial(self._publishers.publish, click))
             return {"topic": topic, "subscribers": subscribers}
 
         return await _json(publish)

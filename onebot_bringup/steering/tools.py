@@ -100,22 +100,12 @@ class ToolPublishers:
             except RCLError:
                 pass  # this process uses another type; reported on a click
 
-    def reaches_all(self, click: Click) -> bool:
-        """Whether all subscribers of a click's topic have discovered its publisher."""
-        topic, publisher = self._publisher(click)
-        return bool(publisher.get_subscription_count() >= self._node.count_subscribers(topic))
-
     def publish(self, click: Click) -> tuple[str, int]:
         """Publish a click; return the topic's full name and the number of its subscribers.
 
         Raises:
             OneBotError: the click is for another robot, or the topic has another type.
         """
-        topic, publisher = self._publisher(click)
-        publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
-        return topic, publisher.get_subscription_count()
-
-    def _publisher(self, click: Click) -> tuple[str, Any]:
         if click.command_topic != self._commands.topic:
             raise OneBotError("another robot is steered now")
         self.prepare()
@@ -123,7 +113,9 @@ class ToolPublishers:
         topic = self._topic(tool)
         if topic not in self._publishers:
             raise OneBotError(f"{topic} has another type than {tool.kind.__name__}")
-        return topic, self._publishers[topic]
+        publisher = self._publishers[topic]
+        publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
+        return topic, publisher.get_subscription_count()
 
     def _topic(self, tool: Tool) -> str:
         return f"{namespace_of(self._commands.topic)}/{tool.topic}"

@@ -117,34 +117,36 @@ class Viewer:
         self._changed()
 
     def _on_displays(self, message: String) -> None:
-        self._shown = rows_of(message.data, "shown", shown_topic)
-        self._legend = rows_of(message.data, "legend", legend_entry)
+        self._shown, self._legend = parse_displays(message.data)
 
 
-def rows_of(data: str, name: str, read: Callable[[Any], Row]) -> list[Row]:
-    """Parse one of the lists in a viewer's ~/displays; empty if it is invalid.
+def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
+    """Parse a viewer's ~/displays; return what a page needs of it, nothing if it is invalid.
 
-    Args:
-        data: the message.
-        name: the list's name.
-        read: returns what the page needs of an item.
+    Returns:
+        The topics that it shows, and its legend, with colours as in CSS.
     """
     try:
-        return [read(item) for item in json.loads(data)[name]]
+        displays = json.loads(data)
+        shown: list[Row] = [
+            {
+                "topic": str(topic["topic"]),
+                "type": str(topic["type"]),
+                "visible": bool(topic["visible"]),
+            }
+            for topic in displays["shown"]
+        ]
+        legend: list[Row] = [
+            {
+                "kind": str(entry["kind"]),
+                "name": str(entry["name"]),
+                "color": "#{:02x}{:02x}{:02x}".format(*entry["color"]),
+            }
+            for entry in displays["legend"]
+        ]
     except (ValueError, LookupError, TypeError, RecursionError):
-        return []
-
-
-def shown_topic(item: Any) -> Row:
-    """Return a topic of the list ``shown``."""
-    topic, kind, visible = item["topic"], item["type"], item["visible"]
-    return {"topic": str(topic), "type": str(kind), "visible": bool(visible)}
-
-
-def legend_entry(item: Any) -> Row:
-    """Return an entry of the list ``legend``, with its colour as in CSS."""
-    color = "#{:02x}{:02x}{:02x}".format(*item["color"])
-    return {"kind": str(item["kind"]), "name": str(item["name"]), "color": color}
+        return [], []
+    return shown, legend
 
 
 class ViewProxy:

@@ -70,10 +70,6 @@ class Layout:
         names = tuple(str(robot.names) for robot in robots if robot.description is not None)
         return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
-    def without_plots(self) -> "Layout":
-        """Return the layout without the views beside the robot."""
-        return replace(self, parts=tuple(replace(part, views=(), wide=()) for part in self.parts))
-
     def in_page(self, cameras: Collection[str]) -> "Layout":
         """Return the layout for a page with little room that shows these cameras itself."""
         pictures = {topic_entity(ImageDrawing.key, topic) for topic in cameras}
@@ -103,14 +99,10 @@ class BlueprintSender:
         self._from_start = from_start
         self._sent: Layout | None = None
 
-    def update(self, layout: Layout, *, send: bool = True) -> None:
-        """Make a new blueprint if the layout has changed.
+    def update(self, layout: Layout) -> None:
+        """Send a new blueprint if the layout has changed.
 
         It is not sent otherwise, since that would undo what the user has rearranged.
-
-        Args:
-            layout: the current layout.
-            send: send it to the viewer; False only measures the robots.
         """
         sent = self._sent
         if sent and sent.complete and _same_frames(layout, sent):
@@ -119,8 +111,7 @@ class BlueprintSender:
             return
         self._sent = layout
         blueprint = self._made(layout)
-        if send:
-            self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
+        self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
         boxes_of_robots = [self._fitted(robot, layout.fixed_frame) for robot in self._robots]

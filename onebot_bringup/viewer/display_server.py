@@ -6,7 +6,6 @@ import re
 import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -132,19 +131,16 @@ class WebPage:
         from onebot_bringup.serving.http_server import ServerThread  # imports aiohttp
         from onebot_bringup.serving.rerun_proxy import page_app
 
-        self._uri = recording_uri
         listener = listen(LOOPBACK, port, "web_port")
         self._backend = free_port(0)
-        self._child = self._start()
+        arguments = ["--serve-web", "--web-viewer-port", str(self._backend), recording_uri]
+        self._child = Child(arguments)
         # persist=0: show this robot's view, not one that the browser remembers of another robot.
         options = "hide_welcome_screen&theme=dark&persist=0&notebook=1"
         self.port = int(listener.getsockname()[1])
         self.url = f"http://{LOOPBACK}:{self.port}"
         self.address = f"{self.url}/?url={quote(recording_uri, safe=':/')}&{options}"
         self._server = ServerThread(page_app(self._backend, options, data), listener, "page")
-
-    def _start(self) -> Child:
-        return Child(["--serve-web", "--web-viewer-port", str(self._backend), self._uri])
 
     @property
     def ready(self) -> bool:
@@ -156,12 +152,9 @@ class WebPage:
         """False if the server's process has ended."""
         return self._child.running
 
-    def restart(self) -> str:
-        """Host the page again at the same address after its server died; return why it died."""
-        reason = self._child.last_words()
-        self._child.stop()
-        self._child = self._start()
-        return reason
+    def last_words(self) -> str:
+        """Return why the server's process has ended."""
+        return self._child.last_words()
 
     def stop(self) -> None:
         """Stop hosting."""
@@ -247,10 +240,6 @@ def _open_recording_file(path: Path) -> FileIO:
         raise OneBotError(f"save:={path}: {error.strerror}") from error
 
 
-# Saved blueprints (.rbl) belong to this application id: if it changes, Rerun no longer finds them.
-APPLICATION = "onebot"
-
-
 @dataclass(frozen=True)
 class Recording:
     """An open recording; the server lives as long as ``stream`` is referenced."""
@@ -292,7 +281,7 @@ def open_recording(
     listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
     server = hidden_address()
     file = None if save is None else RecordingFile(save)
-    stream = rr.RecordingStream(APPLICATION)
+    stream = rr.RecordingStream("onebot")
     with ExitStack() as opening:
         sinks: list[rr.GrpcServerSink | rr.FileSink] = []
         if listener is not None:
@@ -307,9 +296,6 @@ def open_recording(
         return Recording(stream, file)
     own_port = int(listener.getsockname()[1])
     return Recording(stream, file, own_port, server, GrpcGate(listener, server))
-
-
-_RESTART_AFTER = 5.0  # seconds between two starts of a page's server that keeps dying
 
 
 class Log(Protocol):
@@ -343,10 +329,8 @@ class DisplayServer:
             # This raises the page's error before the file is replaced.
             free_port(parameters.web_port, "web_port")
         self._parameters, self._log = parameters, log
-        self._page: WebPage | None = None
-        self._window: Child | None = None
-        self._announced = False
-        self._next_restart = 0.0
+        self._viewer: WebPage | Child | None = None  # None once it ended, too
+        self._page_address = ""
         if save is not None and save.is_file() and save.stat().st_size:
             log.info(f"replacing the recording {save}")
         served = None if viewer == "none" else parameters.grpc_port
@@ -358,10 +342,10 @@ class DisplayServer:
             log.info(f"recording to {save}")
         if viewer == "web":
             port = parameters.web_port
-            self._page = WebPage(port, self._recording.uri, self._recording.server)
-            self._say_port("web_port", port, self._page.port)
+            self._viewer = WebPage(port, self._recording.uri, self._recording.server)
+            self._say_port("web_port", port, self._viewer.port)
         elif viewer == "native":
-            self._window = native_window(self._recording.uri)
+            self._viewer = native_window(self._recording.uri)
             log.info("opening the viewer's window")
 
     def _say_port(self, name: str, wanted: int | None, got: int | None) -> None:
@@ -371,10 +355,10 @@ class DisplayServer:
     @property
     def page_address(self) -> str:
         """The page's full address once it can be opened; "" before that or without a page."""
-        return self._page.address if self._page is not None and self._announced else ""
+        return self._page_address
 
     def watch(self) -> None:
-        """Announce the page once it is up, restart it if it dies, report a closed window.
+        """Announce the page once it is up; report a page that died or a window that was closed.
 
         Call this a few times a second, from the main thread.
 
@@ -382,41 +366,39 @@ class DisplayServer:
             OneBotError: the file cannot be written, and there is nothing else to show.
         """
         self._watch_file()
-        if self._page is not None:
-            self._watch_page(self._page)
-        if self._window is not None and not self._window.running:
-            reason = self._window.last_words()
-            self._window.stop()
-            self._window = None
-            self._log.warning(f"the viewer's window was closed ({reason})")
+        viewer = self._viewer
+        if viewer is None:
+            return
+        if not viewer.running:
+            reason = viewer.last_words()
+            viewer.stop()
+            self._viewer, self._page_address = None, ""
+            is_page = isinstance(viewer, WebPage)
+            end = "the page's server died" if is_page else "the viewer's window was closed"
+            self._log.warning(f"{end} ({reason})")
+        elif isinstance(viewer, WebPage) and not self._page_address and viewer.ready:
+            self._announce(viewer)
 
     def _watch_file(self) -> None:
         try:
             if self._file is not None:
                 self._file.check()
         except OneBotError as error:
-            if self._page is None and self._window is None:
+            if self._viewer is None:
                 raise
             self._file = None
             self._log.warning(f"no longer recording: {error}")
 
-    def _watch_page(self, page: WebPage) -> None:
-        now = time.monotonic()
-        if not page.running:
-            if now >= self._next_restart:
-                self._next_restart = now + _RESTART_AFTER
-                self._log.warning(f"the page's server died, restarting: {page.restart()}")
-        elif not self._announced and page.ready:
-            self._announced = True
-            if self._parameters.embedded:
-                return
-            self._log.info(f"open {page.url}")
-            if self._parameters.open_browser:
-                open_in_browser(page.url)
+    def _announce(self, page: WebPage) -> None:
+        self._page_address = page.address
+        if self._parameters.embedded:
+            return
+        self._log.info(f"open {page.url}")
+        if self._parameters.open_browser:
+            open_in_browser(page.url)
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""
-        for process in (self._page, self._window):
-            if process is not None:
-                process.stop()
+        if self._viewer is not None:
+            self._viewer.stop()
         self._recording.close()

@@ -40,7 +40,6 @@ class LiveView:
         node: Node,
         own: Any,
         apply: Callable[[], None],
-        use_blueprint: Callable[[Path], None],
     ) -> None:
         """Declare the settings as parameters, with the view's values where none are given.
 
@@ -48,13 +47,12 @@ class LiveView:
             node: the node that gets the parameters and serves ``~/save_view``.
             own: the node's other parameters, with ``view`` and ``save_view_to``.
             apply: called after each change of the view.
-            use_blueprint: called with a layout file that was edited.
 
         Raises:
             OneBotError: there is no such view, or a parameter has an invalid value.
         """
         self._node, self._own, self._log = node, own, node.get_logger()
-        self._apply, self._use_blueprint = apply, use_blueprint
+        self._apply = apply
         self.source = ViewSource(own.view, self._log.warning)
         self._mirroring = False
         self._refused: set[Path] = set()  # files with a mistake
@@ -121,17 +119,13 @@ class LiveView:
     # --- files ----------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Apply edits of the view's files; call this periodically."""
+        """Apply edits of the view's file; call this periodically."""
         saved, removed = self.source.poll()
         for file in removed:
             self._log.warning(f"{file} was removed: keeping the view shown so far")
         for file in saved:
-            changed = False
             try:
-                if file == self.source.blueprint_file:
-                    self._use_blueprint(file)
-                else:
-                    changed = self.source.reload()
+                changed = self.source.reload()
             except OneBotError as error:
                 self._refused.add(file)
                 self._log.warning(f"keeping the view shown so far: {error}")

@@ -68,16 +68,13 @@ class RerunViewer(Node):
         if parameters.viewer == "none" and parameters.recording is None:
             self.get_logger().warning("viewer:=none and no save:=FILE.rrd: nothing will be shown")
             return
-        self._live_view = LiveView(
-            self, parameters, self._apply_view, lambda file: self._view.use_blueprint(file)
-        )
+        self._live_view = LiveView(self, parameters, self._apply_view)
         robots = parameters.robots_to_show(self.resolve_topic_name)
         # After the checks of the parameters and the view, since it replaces the file.
         self._server = DisplayServer(parameters, self.get_logger())
         self._view = RobotView(
             self._server.stream,
             self._live_view.source.view,
-            blueprint=self._live_view.source.blueprint_file,
             robots=robots,
             resolve=self.resolve_topic_name,
             report=self._report,

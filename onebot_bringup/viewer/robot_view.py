@@ -7,7 +7,6 @@ lays out what is drawn.
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import rerun as rr
@@ -52,13 +51,11 @@ class RobotView:
         recording: rr.RecordingStream,
         view: ViewConfig | None = None,
         *,
-        blueprint: Path | None = None,
         robots: Sequence[RobotToShow] = (RobotToShow(),),
         resolve: Callable[[str], str] = str,
         clock: Callable[[], float] = time.monotonic,
         report: ReportBad | None = None,
         from_start: bool = False,
-        plots: bool = True,
         definitions: Callable[[str], str] = full_definition,
         live: bool = False,
     ) -> None:
@@ -67,13 +64,11 @@ class RobotView:
         Args:
             recording: where to log.
             view: what is shown, and how.
-            blueprint: a ``.rbl`` file, saved in the viewer, that replaces our blueprint.
             robots: the robots to show; if there are several, each logs below its namespace.
             resolve: returns the full name of a topic that the view names.
             clock: returns the time, seconds.
             report: called with the topic and the error of a bad message; the default raises it.
             from_start: play from the beginning instead of following the latest data.
-            plots: show the view's plots; useless for a snapshot of a single instant.
             definitions: returns the definition of a message type, or raises an OneBotError.
             live: messages come as they are published, so old ones may be dropped and a description
                 may still come.
@@ -91,7 +86,7 @@ class RobotView:
             clock=clock,
             definitions=definitions,
         )
-        self._live, self._plots = live, plots
+        self._live = live
         self._changed = clock()  # when the robot or the view changed
         self._warnings = WarningFilter(clock)
         self._published: Mapping[str, str] = {}
@@ -99,7 +94,6 @@ class RobotView:
         self._laid_out_of: tuple[object, ...] = ()
         self._selection = TopicSelection(stage)
         self._blueprint = BlueprintSender(recording, stage.robots, from_start=from_start)
-        self._own_blueprint = True
         # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
         self.message_displays = [MessageDisplay(stage, draws) for draws in MESSAGE_DRAWINGS]
@@ -119,8 +113,6 @@ class RobotView:
         problems = self.inbox.subscribe(self._subscriptions())
         if problems:
             raise OneBotError("; ".join(problems))
-        if blueprint is not None:
-            self.use_blueprint(blueprint)
 
     # --- messages -------------------------------------------------------------------------------
 
@@ -326,11 +318,6 @@ class RobotView:
         self._changed = self.stage.clock()
         return problems + self._wrong_names()
 
-    def use_blueprint(self, blueprint: Path) -> None:
-        """Arrange the viewer by a ``.rbl`` file that was saved in it."""
-        self._own_blueprint = False
-        self.stage.recording.log_file_from_path(blueprint)
-
     def _set_descriptions(self) -> list[str]:
         """Show the descriptions that have come, each in place of the robot's previous one."""
         warnings = []
@@ -393,11 +380,9 @@ class RobotView:
         for display in (*self.message_displays, *self.robot_displays):
             parts += (replace(part, robot=display.root) for part in display.layout())
         layout = Layout.from_view(self._view, parts, stage.fixed_frame, complete, stage.robots)
-        if not self._plots:
-            layout = layout.without_plots()
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
-        self._blueprint.update(layout, send=self._own_blueprint)
+        self._blueprint.update(layout)
 
 
 class WarningFilter:

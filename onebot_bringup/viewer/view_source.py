@@ -25,36 +25,25 @@ class ViewSource:
     Attributes:
         view: the current view.
         file: the view file; None if there is none.
-        blueprint_file: the ``.rbl`` file whose layout replaces the view's; None if there is none.
     """
 
     def __init__(self, source: str, notice: Callable[[str], object] = print) -> None:
         """Read the view of ``source``.
 
         Args:
-            source: a view file (.yaml), RViz's own (.rviz), a layout saved in the viewer (.rbl),
-                "" for the view that belongs to the robot, or "none" for none.
+            source: a view file (.yaml), RViz's own (.rviz), "" for the view that belongs to the
+                robot, or "none" for none.
             notice: called with a sentence about what is not shown of an RViz file.
         """
         self._notice = notice
-        self.file: Path | None = None
-        self.blueprint_file: Path | None = None
-        path = view_file(source)
-        if path is not None and path.suffix == ".rbl":
-            with path.open("rb") as file:
-                if file.read(3) != b"RRF":
-                    raise OneBotError(f"view:={path}: this is no layout saved in the viewer")
-            self.blueprint_file = path
-        else:
-            self.file = path
-        # A layout only arranges what is logged for the robot's own view.
-        self._of_robot = not source or self.blueprint_file is not None
+        self.file = view_file(source)
+        self._of_robot = not source
         self._base = self.view = self._loaded()
         self._watch = FileWatch(self._files)
 
     @property
     def _files(self) -> list[Path]:
-        return [file for file in (self.file, self.blueprint_file) if file is not None]
+        return [] if self.file is None else [self.file]
 
     def _loaded(self) -> ViewConfig:
         if self.file is None:
@@ -87,7 +76,7 @@ class ViewSource:
         return True
 
     def poll(self) -> Changes:
-        """Return which of the files the user has saved or removed since the last call."""
+        """Return the view file if the user has saved or removed it since the last call."""
         return self._watch.poll()
 
     def reload(self) -> bool:

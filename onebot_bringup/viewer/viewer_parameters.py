@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 VIEWERS = ("web", "native", "none")
 _NO_VIEW = "none"
-_VIEW_FILES = (".yaml", ".yml", ".rviz", ".rbl")
+_VIEW_FILES = (".yaml", ".yml", ".rviz")
 
 
 def view_file(view: str) -> Path | None:
@@ -46,20 +46,17 @@ class ViewerParameters:
     save: str = parameter("", "a .rrd file to write the recording to", read_only=True)
     view: str = parameter(
         "",
-        "a .yaml, .rviz or .rbl file, reloaded when edited; empty: config/view.yaml of "
+        "a .yaml or .rviz file, reloaded when edited; empty: config/view.yaml of "
         "<robot name>_description; none: none",
         read_only=True,
     )
     robots: tuple[str, ...] = parameter(
         (),
-        "namespaces of the robots to show; empty: the node's own",
+        "namespaces of the robots to show, the first five with curves; empty: the node's own",
         pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
         write="a list of namespaces, such as [robot1, robot2]",
         unique=True,
         read_only=True,
-    )
-    plots: tuple[str, ...] = parameter(
-        (), "namespaces of robots with curves; empty: the first five", unique=True, read_only=True
     )
     frame_prefix: str = parameter(
         "", "robot_state_publisher's; with robots: each one's namespace", read_only=True
@@ -82,24 +79,15 @@ class ViewerParameters:
     save_view_to: str = parameter("", "the file that ~/save_view writes; empty: the view's own")
 
     def robots_to_show(self, resolve: Callable[[str], str]) -> "list[RobotToShow]":
-        """Return the robots to show; ``resolve`` returns the full name of a topic.
-
-        Raises:
-            OneBotError: ``plots`` names a robot that ``robots`` does not.
-        """
+        """Return the robots to show; ``resolve`` returns the full name of a topic."""
         from onebot_bringup.viewer.core.shown_robot import (  # slow to import
             MOST_PLOTTED,
             RobotToShow,
         )
 
-        spaces = [resolve(name) for name in self.robots]
-        plotted = [resolve(name) for name in self.plots] or spaces[:MOST_PLOTTED]
-        for space in plotted:
-            if space not in spaces:
-                raise OneBotError(f'plots: no "{space}"{did_you_mean(space, spaces, "robots")}')
         robots = [
-            RobotToShow(space, namespace_prefix(space), plotted=space in plotted)
-            for space in spaces
+            RobotToShow(space, namespace_prefix(space), plotted=number < MOST_PLOTTED)
+            for number, space in enumerate(map(resolve, self.robots))
         ]
         return robots or [RobotToShow(frame_prefix=self.frame_prefix)]
 

@@ -52,8 +52,6 @@ class ParameterChanges:
             if not config.world_frame(in_scene=in_scene):
                 text = "there is no frame to publish odom in; set world_frame_id first"
                 raise ConfigError([Problem("ground_truth_tf", text)])
-            if source := self._robot.localization.found:
-                raise ConfigError([Problem("ground_truth_tf", f"another node publishes {source}")])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         settings, robot = self._settings, self._robot

@@ -22,7 +22,6 @@ from std_msgs.msg import String
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.odometry import fill_diagonal
 from onebot_control.fleet import Divider
-from onebot_control.nodes.foreign_localizer import FramesTransform
 from onebot_control.nodes.frames import Frames
 from onebot_control.physics import SceneBodies, Twist
 from onebot_description.description import Description
@@ -47,8 +46,8 @@ class Publishers:
     Attributes:
         world_frame: frame of true poses; "" for none.
         odom_frame: frame of the odometry.
-        localized: whether another node publishes a parent of odom, so that the truth is not on TF.
-        truths: true transforms that were published lately.
+        localized: whether another node has published a parent of odom; then the truth is not on TF.
+        truths: parents, stamps in ns and poses of odom that were published lately.
     """
 
     def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
@@ -61,7 +60,7 @@ class Publishers:
             self._truth = node.create_publisher(Odometry, "~/ground_truth", DEPTH)
             self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
         self.localized = False
-        self.truths: deque[FramesTransform] = deque(maxlen=_KEPT)
+        self.truths: deque[tuple[str, int, Transform]] = deque(maxlen=_KEPT)
         self._origin: tuple[str, str, Transform] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
         self._clock: Publisher | None = None
@@ -75,6 +74,7 @@ class Publishers:
         self._in_scene = robot.body.world.scene is not None  # there, odom drifts from the truth
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
+        self.localized = self.localized and config.ground_truth_tf
         self._stamp = Time()  # shared by all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
         self._constant = any(config.pose_covariance_diagonal)
@@ -101,8 +101,16 @@ class Publishers:
 
     @property
     def publishes_truth(self) -> bool:
-        """Whether the parameters ask for the truth on TF."""
-        return bool(self.world_frame) and self._robot.config.ground_truth_tf
+        """Whether the truth is on TF."""
+        asked = bool(self.world_frame) and self._robot.config.ground_truth_tf
+        return asked and not self.localized
+
+    def give_way(self, source: str) -> None:
+        """Take the truth off TF, because another node publishes ``source``, a parent of odom."""
+        self.localized = True
+        text = f"another node publishes {source} on TF, so {self.world_frame} -> {self.odom_frame}"
+        text += " is not published any more; a restart, or ground_truth_tf set to false and to true"
+        self._node.get_logger().info(f"{text}, brings it back")
 
     def _advertise(self, limited: bool) -> None:
         """Create or destroy the publisher of the limited command."""
@@ -153,7 +161,7 @@ class Publishers:
         if self._robot.config.enable_odom_tf and _is_subscribed(self._tf):
             _fill_transform(self._transform.transform, pose)
             self._tf.publish(self._tf_message)
-        if self._in_scene and self.publishes_truth and not self.localized:
+        if self._in_scene and self.publishes_truth:
             self._publish_true_origin(snapshot, stamp_ns)
 
     def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
@@ -181,7 +189,7 @@ class Publishers:
         the last one for late subscribers.
         """
         origin: tuple[str, str, Transform] | None = None
-        if self._placed_frame and self.publishes_truth and not self.localized:
+        if self._placed_frame and self.publishes_truth:
             pose = snapshot.pose if self._stands else self._robot.odom_in_world.transform
             origin = self.world_frame, self._placed_frame, pose
         if origin == self._origin:
@@ -204,8 +212,7 @@ class Publishers:
 
     def _fill_origin(self, pose: Transform, stamp_ns: int) -> None:
         _fill_transform(self._origin_transform.transform, pose)
-        truth = FramesTransform(self.world_frame, self._placed_frame, stamp_ns, pose)
-        self.truths.append(truth)
+        self.truths.append((self.world_frame, stamp_ns, pose))
 
 
 def _is_subscribed(publisher: Publisher) -> bool:

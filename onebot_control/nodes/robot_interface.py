@@ -13,7 +13,6 @@ from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.frames import Frames
-from onebot_control.nodes.ground_truth_tf import LocalizerCheck
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
@@ -61,7 +60,6 @@ class RobotInterface:
         description: of the robot; None until it is known.
         slot: the robot's place in the control loop.
         publishing: publishes its state.
-        localization: decides whether the truth is on TF.
         commands: receives ~/cmd_vel and its lock.
         sensors: its simulated sensors.
         step_topics: what a step waits for.
@@ -87,7 +85,6 @@ class RobotInterface:
         self.refuse = Throttled(lambda text: node.get_logger().error(text))
         self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
         self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
-        self.localization = LocalizerCheck(node, self.publishing)
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
         choice = None if stands else config.cmd_vel_type
         self.commands = CommandGate(node, self.slot, choice, self._warn)

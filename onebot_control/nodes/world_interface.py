@@ -12,8 +12,8 @@ from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet, located
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.frames import Frames, check_frames
-from onebot_control.nodes.ground_truth_tf import LocalizerWatch
 from onebot_control.nodes.parameter_changes import ParameterChanges
 from onebot_control.nodes.publishing import ScenePublisher
 from onebot_control.nodes.real_time import PaceReports
@@ -89,8 +89,7 @@ class WorldInterface:
         ]
         for robot in self.robots:
             ParameterChanges(robot, self)
-        driving = [robot.localization for robot in self.robots if not robot.settings.stands]
-        self._localizers = LocalizerWatch(nodes, driving)
+        self._localizers = LocalizerWatch(nodes, [robot.publishing for robot in self.robots])
 
     @classmethod
     def from_descriptions(

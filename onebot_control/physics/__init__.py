@@ -8,8 +8,8 @@ Example:
     ...     [robot] = world.robots
     ...     robot.turn([3.0, 3.0])  # rad/s
     ...     world.step(1.0)
-    ...     x, y, z = robot.base_pose().translation
-    >>> x > 0.1
+    ...     joints, pose, velocity = robot.state()
+    >>> pose.translation[0] > 0.1
     True
 """
 

@@ -235,19 +235,6 @@ class RobotBody:
             MassVelocity(*self._velocity, self.parts.mass_frame[0]),
         )
 
-    def joint_states(self) -> JointStates:
-        """Return positions, velocities and motor efforts, in the order of ``joints``."""
-        return self.state()[0]
-
-    def base_pose(self) -> Pose:
-        """Return the true pose of the root link's frame in the world."""
-        return self.state()[1]
-
-    def base_twist(self) -> Twist:
-        """Return the true velocity of the root link's frame, in its own axes."""
-        _, pose, velocity = self.state()
-        return velocity.twist(pose.rotation)
-
     def reset(self) -> None:
         """Move the robot and the scene's boxes back to their start; time continues.
 

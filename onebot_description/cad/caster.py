@@ -5,118 +5,55 @@ The fork's frame is where the swivel axis meets the base; the wheel's is on its 
 
 from manifold3d import CrossSection, Manifold
 
-from onebot_description.cad.dimensions import Caster, CasterWheel, Dimensions
-from onebot_description.cad.primitives import Part, cylinder_y, lathe, lathe_y, weigh_all
+from onebot_description.cad.dimensions import Section
+from onebot_description.cad.solids import Part, around, box, lathe, ring, rod_y, weigh
+from onebot_description.geometry.poses import Triple
 
-_SEGMENTS = 40  # a multiple of 4, as for the driven wheels
+_TYRE = ((0, 0.8), (0.25, 0.95), (0.55, 0.92), (0.8, 0.74), (0.95, 0.45), (1, 0.16))
+_RIM = ((1.02, 0.84), (0.9, 0.84), (0.78, 0.5), (0.4, 0.55), (0.34, 1), (0, 1))
+_STRIPE = ((0.8, 0.5), (0.92, 0.86), (0.84, 0.86))  # on either side of the rim
+_BEARING = ((0, 1), (0.72, 1), (0.8, 0.62), (0.8, 0.4), (1, 0.34), (1, 0), (0, 0))
 
 
-def make_caster_wheel(dimensions: Dimensions) -> Part:
-    """Return the part "caswheel"."""
+def make_caster_wheel(dimensions: Section) -> Part:
+    """Return the part "caswheel", which is drawn about z."""
     wheel = dimensions.caster.wheel
-    seen = (("rubber", _tyre(wheel)), ("metal", _rim(wheel)), ("accent", _cap(wheel)))
-    return Part("caswheel", seen, weigh_all(seen, dimensions.densities))
-
-
-def _tyre(wheel: CasterWheel) -> Manifold:
-    half, top, seat = wheel.width / 2, wheel.radius, wheel.rim_radius
-    wall = top - seat
-    side = [
-        (seat, half * 0.80),
-        (seat + wall * 0.25, half * 0.95),
-        (seat + wall * 0.55, half * 0.92),
-        (seat + wall * 0.80, half * 0.74),
-        (seat + wall * 0.95, half * 0.45),
-        (top, half * 0.16),
-    ]
-    profile = side + [(radius, -y) for radius, y in reversed(side)]
-    return lathe_y(profile, _SEGMENTS)
-
-
-def _rim(wheel: CasterWheel) -> Manifold:
     half, edge = wheel.width / 2, wheel.rim_radius
-    side = [
-        (0.0, half),
-        (edge * 0.34, half),
-        (edge * 0.40, half * 0.55),
-        (edge * 0.78, half * 0.50),
-        (edge * 0.90, half * 0.84),
-        (edge + 0.0003, half * 0.84),
-    ]
-    profile = side[::-1] + [(radius, -y) for radius, y in side]
-    rim = lathe_y(profile, 40)
-    hole = cylinder_y(edge * 0.14, -half * 2, half * 2, 12).translate((0, 0, edge * 0.59))
-    return rim - Manifold.compose([hole.rotate((0.0, 60.0 * index, 0.0)) for index in range(6)])
+    hole = Manifold.cylinder(wheel.width, edge * 0.14, -1.0, 12, True)
+    stripe = lathe(edge, half, _STRIPE)
+    seen = {
+        "rubber": ring(edge, wheel.radius, half, _TYRE),
+        "metal": ring(0.0, edge, half, _RIM) - around(hole.translate((edge * 0.59, 0, 0)), 6),
+        "accent": stripe + stripe.mirror((0.0, 0.0, 1.0)),
+    }
+    upright = {name: solid.rotate((-90.0, 0.0, 0.0)) for name, solid in seen.items()}
+    return Part("caswheel", upright, weigh(upright.items(), dimensions.densities))
 
 
-def _cap(wheel: CasterWheel) -> Manifold:
-    """A coloured line on either side of the rim."""
-    half, edge = wheel.width / 2, wheel.rim_radius
-    profile = [(edge * 0.80, half * 0.5), (edge * 0.92, half * 0.86), (edge * 0.84, half * 0.86)]
-    ring = lathe_y(profile, 40)
-    return Manifold.compose([ring, ring.mirror((0.0, 1.0, 0.0))])
-
-
-def make_fork(dimensions: Dimensions) -> Part:
+def make_fork(dimensions: Section) -> Part:
     """Return the part "caster_base2"."""
     caster = dimensions.caster
-    seen = (
-        ("metal", _bearing(caster)),
-        ("trim", _legs(caster)),
-        ("accent", _axle(caster)),
-    )
-    return Part("caster_base2", seen, weigh_all(seen, dimensions.densities))
-
-
-def _crown_height(caster: Caster) -> float:
-    """Return the height of the crown's lower face above the axle."""
-    return caster.wheel.radius + caster.crown_gap
-
-
-def _bearing(caster: Caster) -> Manifold:
-    """The swivel's bearing, from the mount down to the crown."""
-    radius = caster.plate_radius
-    crown = _crown_height(caster) - caster.axle_drop + 0.004
-    profile = [
-        (0.0, crown),
-        (radius * 0.72, crown),
-        (radius * 0.80, crown * 0.62),
-        (radius * 0.80, crown * 0.40),
-        (radius, crown * 0.34),
-        (radius, 0.0),
-        (0.0, 0.0),
-    ]
-    return lathe(profile, 40)
-
-
-def _legs(caster: Caster) -> Manifold:
-    """Two legs, broad at the crown and round about the axle, that the crown joins."""
-    low, high = _crown_height(caster), _crown_height(caster) + 0.005
+    # The legs are drawn about the wheel's axle: inner and outer face, the crown's low and high end.
     inner = caster.wheel.width / 2 + caster.gap
     outer = inner + caster.leg_thickness
-    # Drawn from the side, in x and z about the axle; the swivel axis is ahead, at x = trail.
-    boss = CrossSection.circle(caster.boss_radius, 24)
-    back = CrossSection.circle(0.004, 16).translate((caster.trail - 0.021, high - 0.004))
-    head = CrossSection.circle(0.004, 16).translate((caster.trail + 0.010, high - 0.004))
-    side = CrossSection.batch_hull([boss, back, head]) - CrossSection.square(
-        (0.1, 0.02), center=True
-    ).translate((0.0, high + 0.01))
+    low = caster.wheel.radius + caster.crown_gap
+    high = low + 0.005
+    boss, corner = CrossSection.circle(caster.boss_radius, 24), CrossSection.circle(0.004, 16)
+    ends = [corner.translate((caster.trail + x, high - 0.004)) for x in (-0.021, 0.010)]
+    side = CrossSection.batch_hull([boss, *ends])
     slab = Manifold.extrude(side, 2 * outer).rotate((90.0, 0.0, 0.0)).translate((0, outer, 0))
-    # The space of the wheel: between the legs, below the crown.
-    room = Manifold.cube((0.2, 2 * inner, 0.2)).translate((-0.1, -inner, low - 0.2))
-    bosses = [
-        cylinder_y(caster.boss_radius * 0.85, outer - 0.0005, outer + 0.0012, 24),
-        cylinder_y(caster.boss_radius * 0.85, -outer - 0.0012, -outer + 0.0005, 24),
-    ]
-    legs = slab - room + bosses[0] + bosses[1]
-    return legs.translate(axle_position(caster))
+    bosses = rod_y(caster.boss_radius * 0.85, 2 * outer + 0.0024, 24)
+    legs = slab + bosses - box((-0.1, -inner, low - 0.2), (0.1, inner, low))
+    axle = rod_y(0.0028, 2 * (outer + caster.axle_end), 6)
+    place = axle_position(caster)
+    seen = {
+        "metal": lathe(caster.plate_radius, low + place[2] + 0.004, _BEARING),
+        "trim": legs.translate(place),
+        "accent": axle.translate(place),
+    }
+    return Part("caster_base2", seen, weigh(seen.items(), dimensions.densities))
 
 
-def _axle(caster: Caster) -> Manifold:
-    half = caster.wheel.width / 2 + caster.gap + caster.leg_thickness + caster.axle_end
-    return cylinder_y(0.0028, -half, half, 6).translate(axle_position(caster))
-
-
-def axle_position(caster: Caster) -> tuple[float, float, float]:
-    """Return where the wheel's axle is in the fork's frame."""
-    return (-caster.trail, 0.0, -caster.axle_drop)
+def axle_position(caster: Section) -> Triple:
+    """Return where the wheel's axle is in the fork's frame, with the wheel on the ground."""
+    return (-caster.trail, 0.0, caster.wheel.radius - caster.mount_height)

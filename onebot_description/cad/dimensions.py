@@ -1,123 +1,38 @@
-"""config/dimensions.yaml as typed values, each key checked."""
+"""config/dimensions.yaml (m, kg, kg/m3; colours are sRGB, 0 to 1)."""
 
-from dataclasses import dataclass
+import math
 from pathlib import Path
+from typing import Any
 
-from onebot_description.geometry.poses import Triple
-from onebot_description.ros.parameters.files import read_map, read_text
-from onebot_description.ros.parameters.reader import read
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """A driven wheel (m, N m, rad/s)."""
-
-    radius: float
-    separation: float
-    width: float
-    rim_radius: float
-    hub_radius: float
-    spokes: int
-    tread_blocks: int
-    tread_depth: float
-    contact_width: float
-    effort: float
-    velocity: float
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.ros.parameters.files import Parameters, read_map, read_text
 
 
-@dataclass(frozen=True)
-class CasterWheel:
-    """The caster's wheel (m)."""
+class Section:
+    """A map of the file; its keys are attributes: numbers, lists of three numbers, or sections."""
 
-    radius: float
-    width: float
-    rim_radius: float
+    def __init__(self, file: str, content: Parameters, prefix: str = "") -> None:
+        self._file, self._content, self._prefix = file, content, prefix
 
-
-@dataclass(frozen=True)
-class Caster:
-    """The caster and its mounting position (m)."""
-
-    x: float
-    mount_height: float
-    trail: float
-    plate_radius: float
-    leg_thickness: float
-    gap: float
-    crown_gap: float
-    boss_radius: float
-    axle_end: float
-    wheel: CasterWheel
-
-    @property
-    def axle_drop(self) -> float:
-        """The distance of the wheel's axle below the mount, with the wheel on the ground."""
-        return self.mount_height - self.wheel.radius
+    def __getattr__(self, key: str) -> Any:
+        name = f"{self._prefix}{key}"
+        values = self._content.values
+        if name in values:
+            value = values[name]
+            for number in value if isinstance(value, list) and len(value) == 3 else [value]:
+                if not isinstance(number, (int, float)) or not math.isfinite(number):
+                    place = self._content.places[name]
+                    raise OneBotError(
+                        f"{place}: {name}: {value!r} is neither a finite number nor three"
+                    )
+            return value
+        if any(entry.startswith(f"{name}.") for entry in values):
+            return Section(self._file, self._content, f"{name}.")
+        inside = (entry for entry in values if entry.startswith(self._prefix))
+        known = {entry.removeprefix(self._prefix).split(".")[0] for entry in inside}
+        raise OneBotError(f"{self._file} has no {name}{did_you_mean(key, known)}")
 
 
-@dataclass(frozen=True)
-class SensorDome:
-    """The dome on the deck (m)."""
-
-    x: float
-    radius: float
-    height: float
-
-
-@dataclass(frozen=True)
-class Motor:
-    """A motor inside the base (m)."""
-
-    radius: float
-    length: float
-
-
-@dataclass(frozen=True)
-class Ballast:
-    """The block that gives the base its mass and centre of mass (m)."""
-
-    length: float
-    width: float
-    height: float
-
-
-@dataclass(frozen=True)
-class Base:
-    """The base (m), in the frame of base_link."""
-
-    front: float
-    rear: float
-    width: float
-    bottom: float
-    deck: float
-    tail_start: float
-    tail_bottom: float
-    wall: float
-    bumper: float
-    seam_height: float
-    seam_slope: float
-    seam_width: float
-    axle_radius: float
-    axle_length: float
-    sensor: SensorDome
-    motor: Motor
-    ballast: Ballast
-
-
-@dataclass(frozen=True)
-class Dimensions:
-    """The whole file (m, kg, kg/m3; colours are sRGB, 0 to 1)."""
-
-    wheel: Wheel
-    caster: Caster
-    base: Base
-    base_mass: float
-    base_center_of_mass: Triple
-    densities: dict[str, float]
-    colors: dict[str, Triple]
-
-
-def read_dimensions(path: Path) -> Dimensions:
+def read_dimensions(path: Path) -> Section:
     """Read the file of dimensions."""
-    content = read_map(read_text(path), str(path))
-    return read(Dimensions, content.values, content.places)
+    return Section(str(path), read_map(read_text(path), str(path)))

@@ -13,7 +13,7 @@ from dataclasses import replace
 from onebot_description.elements.description import MOVING_KINDS, Inertial, Joint, Material
 from onebot_description.elements.reading import ELEMENTS, Element, Findings, local_name
 from onebot_description.elements.xml import XACRO_NAMESPACES
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import listing
 
 # Robots in other formats, by their outermost elements.
 _FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
@@ -229,12 +229,11 @@ def check_meshes(findings: Findings) -> None:
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
-    """Check the names and textures of the robot's materials, then of its visuals'."""
+    """Check the names of the robot's materials, then of its visuals'."""
     robots = dict.fromkeys(findings.document.root.iterfind("material"))
     visuals = [element for element in materials if element not in robots]
     definitions: dict[str, Material] = {}
     for element in (*robots, *visuals):
-        _check_texture(findings, element, materials[element])
         _check_material(findings, element, materials[element], definitions, element in robots)
     for element in visuals:
         name = materials[element].name
@@ -266,21 +265,6 @@ def _check_material(
     elif definitions[material.name] != material:
         text = "a material of that name looks different elsewhere, and is used here; rename one"
         findings.warning(element, text)
-
-
-def _check_texture(findings: Findings, element: Element, material: Material) -> None:
-    texture = element.find("texture")
-    if texture is None or material.texture is None:
-        return
-    try:
-        path, uri = findings.resources.locate(material.texture)
-        is_file = path.is_file()
-    except (OneBotError, OSError, ValueError) as error:
-        findings.warning(texture, str(error))
-        return
-    texture.set("filename", uri)
-    if not is_file:
-        findings.warning(texture, f'there is no file "{material.texture}"')
 
 
 # Other programs' elements; they may hold anything.

@@ -31,7 +31,6 @@ _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
 _LEVELS = 4  # below a folder that is searched, which may be anybody's home
-_MOST_PACKAGES = 100  # a description; the message about a missing one takes milliseconds
 _INDEX = "share/ament_index/resource_index/packages"  # below a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
@@ -98,10 +97,6 @@ class Resources:
             OneBotError: there is no such package; the text lists the searched places.
         """
         if name not in self._packages:
-            if len(self._packages) >= _MOST_PACKAGES:
-                raise OneBotError(
-                    f"more than {_MOST_PACKAGES} packages are named; no more are found"
-                )
             self._packages[name] = self._find(name) or str(_missing(name, self._folder))
         package = self._packages[name]
         if isinstance(package, str):

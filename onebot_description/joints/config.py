@@ -10,12 +10,11 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints.motions import (
     BLENDS,
     LINEAR,
-    MINIMUM_JERK,
     Keyframes,
     Motion,
     Sine,
 )
-from onebot_description.ros.parameters.reader import REQUIRED, Problem, group, parameter, read
+from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 Poses = Mapping[str, Mapping[str, float]]
 
@@ -183,29 +182,6 @@ class Dependent:
 
 
 @dataclass(frozen=True)
-class Sequence:
-    """The parameters ``sequence.*``: a sequence of poses of the whole robot."""
-
-    poses: tuple[str, ...] = parameter(
-        (), "poses to go through, for joints without a motion of their own"
-    )
-    durations: tuple[float, ...] = parameter((), "time to reach each pose, s", above=0.0)
-    blend: str = parameter(MINIMUM_JERK, "interpolation between poses", choices=BLENDS)
-    loop: bool = parameter(True, "start over after the last")
-
-    @property
-    def complete(self) -> bool:
-        """Whether both poses and durations are given; otherwise nothing moves."""
-        return bool(self.poses and self.durations)
-
-    def check(self) -> Iterator[Problem]:
-        """Yield all problems except unknown poses."""
-        if self.complete and len(self.poses) != len(self.durations):
-            counts = f"{len(self.poses)} poses but {len(self.durations)} durations"
-            yield Problem("", f"{counts}; give as many of each, at once")
-
-
-@dataclass(frozen=True)
 class JointsConfig:
     """All parameters of joint_state_publisher; the table in README.md explains them.
 
@@ -246,7 +222,6 @@ class JointsConfig:
         {}, "position of the joint in the pose, rad or m", keys=("pose", "joint")
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
-    sequence: Sequence = group(Sequence)
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
     config_file: str = parameter(
         "",
@@ -278,15 +253,13 @@ class JointsConfig:
     @property
     def moves(self) -> bool:
         """Whether any motion is configured, so that velocities are published too."""
-        return bool(self.motions or self.pose or self.sequence.complete or self.delta or self.swing)
+        return bool(self.motions or self.pose or self.delta or self.swing)
 
     def check(self) -> Iterator[Problem]:
         """Yield a problem for each pose that does not exist."""
-        for key, names in (("pose", (self.pose,)), ("sequence.poses", self.sequence.poses)):
-            for name in dict.fromkeys(names):
-                if name and name not in self.poses:
-                    hint = did_you_mean(name, self.poses, "poses")
-                    yield Problem(key, f'no pose "{name}"{hint}')
+        if self.pose and self.pose not in self.poses:
+            hint = did_you_mean(self.pose, self.poses, "poses")
+            yield Problem("pose", f'no pose "{self.pose}"{hint}')
         for joint, motion in self.motion_parameters.items():
             yield from _inside(f"motions.{joint}", motion.check_poses(joint, self.poses))
 
@@ -296,9 +269,6 @@ class JointsConfig:
         notes = []
         for joint, motion in self.motion_parameters.items():
             notes += _inside(f"motions.{joint}", motion.notes())
-        missing = [key for key in ("poses", "durations") if not getattr(self.sequence, key)]
-        if missing and self.sequence != Sequence():
-            notes.append(Problem("sequence", f"without {' and '.join(missing)} nothing moves"))
         return tuple(notes)
 
 

@@ -61,8 +61,8 @@ class Motion(ABC):
     """How a joint moves by itself."""
 
     @abstractmethod
-    def at(self, time: float, start: float) -> float:
-        """Return the position at ``time`` (at least 0); ``start`` is the position at time 0."""
+    def at(self, time: float) -> float:
+        """Return the position at ``time`` (at least 0)."""
 
     @abstractmethod
     def violations(self, allowed: Allowed) -> Iterator[str]:
@@ -78,8 +78,7 @@ class Sine(Motion):
     phase: float = 0.0
     offset: float = 0.0
 
-    def at(self, time: float, start: float) -> float:
-        """Return the position at ``time``, wherever the joint started."""
+    def at(self, time: float) -> float:
         angle = TURN * self.frequency * time + self.phase
         return self.offset + self.amplitude * math.sin(angle)
 
@@ -104,9 +103,6 @@ class Keyframes(Motion):
     positions: tuple[float, ...]  # one per time
     blend: str = LINEAR  # interpolation, one of BLENDS
     loop: bool = True  # start over after the last, instead of holding it
-    # Seconds to reach the first position from the current one, once, before the times begin; 0 for
-    # none.
-    lead: float = 0.0
     turn: float = 0.0  # added to the positions after each pass of the loop
     pose: str = ""  # name of the pose that the single position comes from
 
@@ -139,11 +135,8 @@ class Keyframes(Motion):
         way = self.positions[-1] - self.positions[0]
         return replace(self, turn=way) if abs(_beyond_turns(way)) < _WHOLE_TURN else self
 
-    def at(self, time: float, start: float) -> float:
-        """Return the position at ``time`` (at least 0); ``start`` is the position at time 0."""
-        if time < self.lead:
-            return self._between(start, self.positions[0], time / self.lead)
-        time, period, passes = time - self.lead, self.times[-1], 0.0
+    def at(self, time: float) -> float:
+        period, passes = self.times[-1], 0.0
         if self.loop and period > 0.0:
             passes, time = divmod(time, period)
         index = bisect_right(self.times, time)

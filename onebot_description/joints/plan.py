@@ -111,7 +111,7 @@ class _JointPlanner:
         return self.allowed.clamp(self.config.zeros.get(self.joint.name, default))
 
     def motion(self, zero: float, endless: bool) -> Motion:
-        """Return the motion: held pose, own motion, sequence, sweep, swing or rest, in that order.
+        """Return the motion: held pose, own motion, sweep, swing or rest, in that order.
 
         Args:
             zero: the position at rest, rad or m.
@@ -123,34 +123,12 @@ class _JointPlanner:
         if config.pose and name in config.poses[config.pose]:
             position = self.allowed.clamp(config.poses[config.pose][name])
             return Keyframes.hold(position, config.pose)
-        motion, key = config.motions.get(name), f"motions.{name}"
-        if motion is None and config.sequence.complete:
-            motion, key = self._sequence(zero), "sequence"
-        if motion is not None:
-            self.check(motion, key)
+        if (motion := config.motions.get(name)) is not None:
+            self.check(motion, f"motions.{name}")
             return motion.turning() if endless and isinstance(motion, Keyframes) else motion
         if config.delta:
             return self._sweep(zero)
         return self._swing() if config.swing else Keyframes.hold(zero)
-
-    def _sequence(self, zero: float) -> Keyframes | None:
-        sequence, name = self.config.sequence, self.joint.name
-        named = [self.config.poses[pose].get(name) for pose in sequence.poses]
-        keyframes = [position for position in named if position is not None]
-        if not keyframes:
-            return None
-        # A pose without this joint leaves it at its position in the previous pose.
-        last = keyframes[-1] if sequence.loop else zero
-        positions = []
-        for position in named:
-            last = last if position is None else position
-            positions.append(self.allowed.clamp(last))
-        times = np.cumsum([0.0, *sequence.durations[1:]]).tolist()
-        if sequence.loop:
-            times.append(times[-1] + sequence.durations[0])
-            positions.append(positions[0])
-        lead = sequence.durations[0]
-        return Keyframes(tuple(times), tuple(positions), sequence.blend, sequence.loop, lead)
 
     def _sweep(self, zero: float) -> Motion:
         allowed, speed = self.allowed, self.config.delta * self.config.rate

@@ -110,7 +110,7 @@ class JointStateSource:
         count = len(self.names)
         self._position = self._follow(self._plan.zeros)
         self._velocity = np.zeros(count)
-        self._origins, self._starts = np.zeros(count), self._position.copy()
+        self._origins = np.zeros(count)
         self._begun: list[Motion | None] = [None] * count
         if previous is not None:
             self._continue_from(previous)
@@ -152,7 +152,6 @@ class JointStateSource:
         turning = changed & plan.endless
         self._position = np.where(turning, wrapped(self._position), self._position)
         self._origins = np.where(changed, self._elapsed, self._origins)
-        self._starts = np.where(changed, self._position, self._starts)
         # A continuous joint turns the short way to its new target.
         turns = np.round((self._asked() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
@@ -194,8 +193,8 @@ class JointStateSource:
     def _asked(self) -> Floats:
         """The motions' positions of now; the present one where a motion's cannot be computed."""
         times = np.maximum(self._elapsed - self._origins, 0.0).tolist()
-        motions = zip(self._plan.motions, times, self._starts.tolist(), strict=True)
-        positions = np.array([motion.at(time, start) for motion, time, start in motions], float)
+        motions = zip(self._plan.motions, times, strict=True)
+        positions = np.array([motion.at(time) for motion, time in motions], float)
         return np.where(np.isfinite(positions), positions, self._position)
 
     def _toward(self, target: Floats, step: float) -> Floats:
@@ -232,7 +231,6 @@ class JointStateSource:
         for mine, theirs in pairs:
             self._position[mine] = previous._position[theirs]
             self._origins[mine] = previous._origins[theirs]
-            self._starts[mine] = previous._starts[theirs]
             self._begun[mine] = previous._begun[theirs]
         self.received.copy_from(previous.received, pairs)
 

@@ -9,7 +9,6 @@ import os
 import re
 import threading
 import time
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -45,17 +44,6 @@ def find_segments(folder: Path = FOLDER) -> Segments:
     return Segments(used, stale, size)
 
 
-def remove_segments(segments: Iterable[Path]) -> int:
-    """Remove segments that nobody uses, and their lock files; return how many could be."""
-    removed = 0
-    for path in segments:
-        with suppress(OSError):  # another user's
-            path.unlink()
-            removed += 1
-            _lock_of(path).unlink(missing_ok=True)
-    return removed
-
-
 def remove_broken_ports(folder: Path = FOLDER) -> None:
     """Remove ports whose creation was not finished, for example because shared memory was full.
 
@@ -79,7 +67,10 @@ def remove_stale_in_background(folder: Path = FOLDER) -> threading.Thread:
 
     def remove() -> None:
         with suppress(OSError):  # the folder may not be read
-            remove_segments(find_segments(folder).stale)
+            for path in find_segments(folder).stale:
+                with suppress(OSError):  # another user's
+                    path.unlink()
+                    _lock_of(path).unlink(missing_ok=True)
 
     thread = threading.Thread(target=remove, daemon=True)
     thread.start()

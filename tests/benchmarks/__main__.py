@@ -14,20 +14,10 @@ from tests.orphans import end_with_this_process
 
 # Each benchmark is a module of this package with ``run(quick: bool) -> Report``. It raises
 # ``WrongAnswer`` where an answer is wrong, and stops all that it has started however it ends.
-BENCHMARKS = {
-    "state_publisher": "CPU and latency of robot_state_publisher against a relay of bytes",
-    "simulation": "1 to 100 OneBots with controllers in one world against bare PyBullet",
-    "arms": "a step with 7 and 14 joints against bare PyBullet, and OneBot's cycle with an arm",
-    "from_python": "Simulation in Python: times real time with and without sensors, start, reset",
-    "lockstep": "a node in step with a Simulation: pace, and whether all runs end alike",
-    "stepping": "steps of a paused robot by another process: of one cycle and of many",
-    "fleet": "pace and memory of robots:=20, all driven: with lidars, and with the viewer",
-    "startup": "command to first /tf and /odom, and memory, against an empty node",
-    "control_loop": "jitter at 100 Hz with and without viewer and sensors",
-    "viewer": "CPU of the viewer for states, scans, clouds, images, maps and markers against "
-    "bare send_columns",
-    "sensing": "CPU of ranges and pictures against bare Embree",
-}
+BENCHMARKS = (
+    *("state_publisher", "simulation", "arms", "from_python", "lockstep", "stepping", "fleet"),
+    *("startup", "control_loop", "viewer", "sensing"),
+)
 
 
 def main(argv: list[str]) -> int:
@@ -41,9 +31,8 @@ def main(argv: list[str]) -> int:
         prog="python -m tests.benchmarks",
         description="Measures OneBot's parts, each against a floor that is measured in the same "
         "run. A wrong answer is an error; a missed goal is reported, and is none: times are the "
-        "machine's.",
-        epilog="\n".join(f"{name:16}{text}" for name, text in BENCHMARKS.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "machine's. tests/benchmarks/README.md says what each of them measures.",
+        epilog=f"benchmarks: {', '.join(BENCHMARKS)}",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to measure; default: all")
     parser.add_argument(
@@ -72,7 +61,7 @@ def _run(names: list[str], quick: bool, readme: Path | None) -> None:
     print(described, end="\n\n", flush=True)
     reports: dict[str, Report] = {}
     for name in names:
-        print(f"{time.strftime('%H:%M:%S')} {name}: {BENCHMARKS[name]}", file=sys.stderr)
+        print(f"{time.strftime('%H:%M:%S')} {name}", file=sys.stderr)
         reports[name] = importlib.import_module(f"{__package__}.{name}").run(quick)
         if quick:
             print(f"{name}: all answers were right; the times of a quick run mean nothing")

@@ -16,7 +16,8 @@ from onebot_control import RobotSetup, Simulation
 from onebot_description.description import Description, load_description, parse_description
 from tests.benchmarks.measuring import BARE_STEP, MODEL, WrongAnswer, fastest, in_turn, over
 from tests.benchmarks.report import Report, Result
-from tests.onebot_control.arm_models import joint, link, mimic, public_arm
+from tests.onebot_control.arm_models import joint, public_arm
+from tests.readme import CHECKOUT
 
 _IIWA = "kuka_iiwa/model.urdf"  # 7 joints
 _APART = 3.0  # m between arms
@@ -84,21 +85,11 @@ def run(quick: bool) -> Report:
 
 
 def _armed(onebot: Description) -> Description:
-    """OneBot with an arm of four joints and a gripper, as OpenManipulator-X is one."""
-    parts, below = [], "base_link"
-    for row, (axis, xyz) in enumerate(
-        (("0 0 1", "0 0 0.12"), ("0 1 0", "0 0 0.06"), ("0 1 0", "0 0 0.13"), ("0 1 0", "0.12 0 0"))
-    ):
-        name = f"arm{row}"
-        parts += [link(name, 0.12), joint(f"joint{row}", below, name, axis=axis, xyz=xyz)]
-        below = name
-    limits = 'lower="-0.01" upper="0.02" effort="20" velocity="1"'
-    for side, sign in (("left", 1), ("right", -1)):
-        name, axis, xyz = f"{side}_finger", f"0 {sign} 0", f"0.1 {0.02 * sign} 0"
-        more = mimic("left") if side == "right" else ""
-        finger = joint(side, below, name, "prismatic", axis, xyz, limits=limits, more=more)
-        parts += [link(name, 0.001, moment=1e-7), finger]
-    return parse_description(onebot.urdf.replace("</robot>", "".join(parts) + "</robot>"))
+    """OneBot with an OpenManipulator-X: four joints and a gripper."""
+    arm = load_description(CHECKOUT / "tests/robots/arms/open_manipulator_x.urdf")
+    mount = joint("mount", "base_link", arm.root_link, "fixed", xyz="0 0 0.1")
+    parts = arm.urdf.partition("<robot")[2].partition(">")[2]
+    return parse_description(onebot.urdf.replace("</robot>", mount + parts))
 
 
 def _measure(simulations: Sequence[Simulation], quick: bool) -> list[list[Taken]]:

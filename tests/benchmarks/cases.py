@@ -17,7 +17,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.transforms import TF_ENTITY
+from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
+from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 
@@ -103,7 +105,7 @@ def scalar_columns(arrays: Arrays, count: int) -> Any:
     return rr.Scalars.columns(scalars=scalars).partition([len(scalars) // count] * count)
 
 
-def laser_scan(number: int) -> tuple[list[Any], list[Arrays]]:
+def laser_scan(number: int) -> tuple[Any, Arrays]:
     """A scan of 1000 rays, with intensities of a byte."""
     noise = np.random.default_rng(number)
     ranges = (3.0 + np.sin(np.arange(1000) / 50) + 0.02 * noise.normal(size=1000)).astype("f4")
@@ -113,10 +115,10 @@ def laser_scan(number: int) -> tuple[list[Any], list[Arrays]]:
     message.header = Header(stamp=STAMP, frame_id=SENSOR)
     angles = np.float32(-np.pi) + np.arange(1000) * np.float32(2 * np.pi / 1000)
     places = [ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(1000)]
-    return [message], [points(np.column_stack(places), bytes_)]
+    return message, points(np.column_stack(places), bytes_)
 
 
-def point_cloud(number: int) -> tuple[list[Any], list[Arrays]]:
+def point_cloud(number: int) -> tuple[Any, Arrays]:
     """A cloud of 100,000 points with intensities of a byte."""
     noise = np.random.default_rng(number)
     count = 100_000
@@ -131,7 +133,7 @@ def point_cloud(number: int) -> tuple[list[Any], list[Arrays]]:
     ]
     message.data = values.tobytes()
     message.header = Header(stamp=STAMP, frame_id=SENSOR)
-    return [message], [points(values[:, :3], bytes_)]
+    return message, points(values[:, :3], bytes_)
 
 
 def points(places: NDArray[Any], intensities: NDArray[np.int64]) -> Arrays:
@@ -157,13 +159,13 @@ def point_columns(arrays: Arrays, count: int) -> Any:
     return rr.Points3D.columns(positions=positions, colors=colors).partition(lengths)
 
 
-def image(number: int) -> tuple[list[Any], list[Arrays]]:
+def image(number: int) -> tuple[Any, Arrays]:
     """A picture of 640 x 480 pixels, with noise."""
     noise = np.random.default_rng(number).integers(0, 16, (480, 640, 3))
     pixels = (noise + np.arange(640)[:, None] // 3).astype(np.uint8)
     message = Image(width=640, height=480, encoding="rgb8", step=3 * 640, data=pixels.tobytes())
     message.header = Header(stamp=STAMP, frame_id=SENSOR)
-    return [message], [{"Image:buffer": pixels.ravel()}]
+    return message, {"Image:buffer": pixels.ravel()}
 
 
 def image_columns(arrays: Arrays, _count: int) -> Any:
@@ -174,13 +176,13 @@ def image_columns(arrays: Arrays, _count: int) -> Any:
     return rr.Image.columns(buffer=[arrays["Image:buffer"]], format=[form])
 
 
-def occupancy_grid(number: int) -> tuple[list[Any], list[Arrays]]:
+def occupancy_grid(number: int) -> tuple[Any, Arrays]:
     """A map of 1000 x 1000 cells."""
     cells = np.random.default_rng(number).integers(-1, 101, (1000, 1000), np.int8)
     message = OccupancyGrid(data=cells.ravel().tolist())
     message.info.width, message.info.height, message.info.resolution = 1000, 1000, 0.05
     message.header = Header(stamp=STAMP, frame_id=FIXED)
-    return [message], [{"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}]
+    return message, {"GridMap:data": np.flipud(cells).view(np.uint8).ravel()}
 
 
 def map_columns(arrays: Arrays, _count: int) -> Any:
@@ -195,7 +197,7 @@ def map_columns(arrays: Arrays, _count: int) -> Any:
     )
 
 
-def markers(number: int) -> tuple[list[Any], list[Arrays]]:
+def markers(number: int) -> tuple[Any, Arrays]:
     """1000 cubes of any sizes and colours, which move and turn."""
     noise, look = np.random.default_rng(number), np.random.default_rng(0)
     places, turns = noise.normal(size=(1000, 3)), noise.normal(size=(1000, 4))
@@ -221,7 +223,7 @@ def markers(number: int) -> tuple[list[Any], list[Arrays]]:
         "InstancePoses3D:scales": scales.astype(np.float32),
         "Boxes3D:colors": colors.astype("u1").view(">u4").astype("u4").ravel(),
     }
-    return [message], [cubes]
+    return message, cubes
 
 
 def marker_columns(arrays: Arrays, _count: int) -> Any:
@@ -235,61 +237,32 @@ def marker_columns(arrays: Arrays, _count: int) -> Any:
 
 
 def _display(
-    name: str,
-    kind: str,
+    kind: Any,
+    what: str,
     topic: str,
-    entity: str,
-    sample: Callable[[int], tuple[list[Any], list[Arrays]]],
+    sample: Callable[[int], tuple[Any, Arrays]],
     columns: Callable[[Arrays, int], Any],
-    per_tick: int = 1,
-    tick_ns: int = 50_000_000,
+    part: str = "",
+    **timing: int,
 ) -> Case:
-    return Case(name, {topic: kind}, (Drawn(entity, columns),), sample, per_tick, tick_ns)
+    """A topic of one display; ``part``: of its entity, what is drawn."""
+    name = type_name(kind)
+
+    def samples(number: int) -> tuple[list[Any], list[Arrays]]:
+        message, drawn = sample(number)
+        return [message], [drawn]
+
+    entity = f"{DRAWING_BY_TYPE[name].key}{topic}{part}"
+    topics, drawn = {topic: name}, (Drawn(entity, columns),)
+    return Case(f"{kind.__name__}, {what}", topics, drawn, samples, **timing)
 
 
 CASES = (
     states(10),
     states(100),
-    _display(
-        "LaserScan, 1000 rays",
-        "sensor_msgs/msg/LaserScan",
-        "/scan",
-        "laser_scan/scan",
-        laser_scan,
-        point_columns,
-        per_tick=2,
-    ),
-    _display(
-        "PointCloud2, 100,000 points",
-        "sensor_msgs/msg/PointCloud2",
-        "/points",
-        "point_cloud2/points",
-        point_cloud,
-        point_columns,
-    ),
-    _display(
-        "Image, 640x480 rgb8",
-        "sensor_msgs/msg/Image",
-        "/image_raw",
-        "image/image_raw",
-        image,
-        image_columns,
-    ),
-    _display(
-        "OccupancyGrid, 1000x1000",
-        "nav_msgs/msg/OccupancyGrid",
-        "/map",
-        "map/map",
-        occupancy_grid,
-        map_columns,
-        tick_ns=SELDOM,
-    ),
-    _display(
-        "MarkerArray, 1000 cubes",
-        "visualization_msgs/msg/MarkerArray",
-        "/boxes",
-        "marker/boxes/boxes/cubes",
-        markers,
-        marker_columns,
-    ),
+    _display(LaserScan, "1000 rays", "/scan", laser_scan, point_columns, per_tick=2),
+    _display(PointCloud2, "100,000 points", "/points", point_cloud, point_columns),
+    _display(Image, "640x480 rgb8", "/image_raw", image, image_columns),
+    _display(OccupancyGrid, "1000x1000", "/map", occupancy_grid, map_columns, tick_ns=SELDOM),
+    _display(MarkerArray, "1000 cubes", "/boxes", markers, marker_columns, "/boxes/cubes"),
 )

@@ -8,12 +8,12 @@ each started afresh in a ROS domain of its own (timed_loop.py).
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, LaserScan
@@ -24,6 +24,7 @@ from tests.benchmarks.measuring import (
     MODEL,
     WrongAnswer,
     bringup,
+    command,
     cpu_ns,
     in_turn,
     median,
@@ -35,7 +36,6 @@ from tests.support import PATIENCE
 
 _RATE = 100.0
 _SPEED, _TOLERANCE = 0.2, 0.01  # m/s
-_PERIOD = 0.05  # s between commands
 _MOST_JITTER = 1000.0  # us
 _MEASURABLE = 1.1
 _SETTLED = 2.0  # s
@@ -56,11 +56,11 @@ def run(quick: bool) -> Report:
         urdf.write_text(load_description(MODEL, {"sensors_enabled": "true"}).urdf)
         controller = ["controller", str(urdf), "--ros-args", "-p", "world:=maze"]
         variants: dict[str, Callable[[], Window]] = {
-            "floor": lambda: _measure(_alone(), ["sleep"], quick),
+            "floor": lambda: _measure(used_domain(), ["sleep"], quick),
             "alone": lambda: _measure(_beside("none"), ["controller"], quick),
             "viewed": lambda: _measure(_beside("web"), ["controller"], quick),
-            "unheard": lambda: _measure(_alone(), controller, quick),
-            "heard": lambda: _measure(_alone(), controller, quick, subscribed=True),
+            "unheard": lambda: _measure(used_domain(), controller, quick),
+            "heard": lambda: _measure(used_domain(), controller, quick, subscribed=True),
         }
         windows = in_turn(variants, 1 if quick else 5)
     # Not the rounds' ratios: two starts have no more in common for being in the same round.
@@ -89,14 +89,6 @@ def _beside(viewer: str) -> Iterator[int]:
         yield domain
 
 
-@contextmanager
-def _alone() -> Iterator[int]:
-    """A domain without anything."""
-    with used_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("OPENBLAS_NUM_THREADS", "1")  # as a bringup has it
-        yield domain
-
-
 def _measure(
     surroundings: Any, words: Sequence[str], quick: bool, *, subscribed: bool = False
 ) -> Window:
@@ -117,16 +109,19 @@ def _measure(
                 images = "camera/image_raw", "camera/depth/image_raw"
                 for kind, topic in ((LaserScan, "scan"), *((Image, name) for name in images)):
                     peer.node.create_subscription(kind, topic, lambda data: None, 10, raw=True)
-            speeds, drives = _Speeds(peer), words[0] == "controller"
+            drives = words[0] == "controller"
+            publisher = peer.publisher(Twist, "/velocity_controller/cmd_vel")
+            drive = partial(command, [publisher], _SPEED)
+            odometry = peer.hear(Odometry, "/velocity_controller/odom", 1)
             if drives:
-                speeds.reach()
-            speeds.command(0.0 if quick else _SETTLED)
+                _reach(drive, odometry)
+            drive(0.0 if quick else _SETTLED)
             pid = loop.process.pid
             begin, cpu = time.monotonic(), cpu_ns(pid)
-            speeds.command(1.0 if quick else 6.0)
+            drive(1.0 if quick else 6.0)
             end, cpu = time.monotonic(), cpu_ns(pid) - cpu
             if drives:
-                speeds.reach()
+                _reach(drive, odometry)
         cycles = np.frombuffer(file.read_bytes()).reshape(-1, 3)
     cycles = cycles[(begin <= cycles[:, 0]) & (cycles[:, 0] < end)]
     due, late, left_out = cycles.T
@@ -136,28 +131,12 @@ def _measure(
     return Window(1e6 * median(late), 1e6 * percentile(late, 99), 1e-3 * cpu / len(due))
 
 
-class _Speeds:
-    """Commands a speed."""
-
-    def __init__(self, peer: Peer) -> None:
-        self._publisher = peer.publisher(Twist, "/velocity_controller/cmd_vel")
-        self._odometry = peer.hear(Odometry, "/velocity_controller/odom", 1)
-
-    def command(self, seconds: float) -> None:
-        """Command it for so long."""
-        message = Twist()
-        message.linear.x = _SPEED
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
-            self._publisher.publish(message)
-            time.sleep(_PERIOD)
-
-    def reach(self) -> None:
-        """Have the robot drive at it; on a busy machine commands come late, and it has braked."""
-        speed, deadline = float("nan"), time.monotonic() + PATIENCE
-        while not abs(speed - _SPEED) <= _TOLERANCE:
-            if time.monotonic() > deadline:
-                raise WrongAnswer(f"told to go at {_SPEED:g} m/s, the robot went at {speed:g}")
-            self.command(0.1)
-            if self._odometry:
-                speed = self._odometry[-1].twist.twist.linear.x
+def _reach(drive: Callable[[float], None], odometry: list[Odometry]) -> None:
+    """Drive until the speed is reached; where commands come late, the robot has braked."""
+    speed, deadline = float("nan"), time.monotonic() + PATIENCE
+    while not abs(speed - _SPEED) <= _TOLERANCE:
+        if time.monotonic() > deadline:
+            raise WrongAnswer(f"told to go at {_SPEED:g} m/s, the robot went at {speed:g}")
+        drive(0.1)
+        if odometry:
+            speed = odometry[-1].twist.twist.linear.x

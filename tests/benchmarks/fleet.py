@@ -5,6 +5,8 @@ each must drive at the commanded speed, clear of the others.
 """
 
 import time
+from collections.abc import Callable
+from functools import partial
 from itertools import combinations
 from math import hypot
 from typing import Any, NamedTuple
@@ -13,7 +15,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 
-from tests.benchmarks.measuring import WrongAnswer, bringup, median, rss_mb
+from tests.benchmarks.measuring import WrongAnswer, bringup, command, median, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import Peer
 from tests.support import PATIENCE
@@ -22,7 +24,6 @@ _RATE, _SCANS = 100.0, 10.0  # Hz
 _SPEED, _TOLERANCE = 0.2, 0.02  # m/s
 _CLEAR = 0.3  # m between two robots, at least
 _LEAST, _MOST = 0.99, 1000.0  # of real time, MB
-_PERIOD = 0.1  # s between commands; a fifth of cmd_vel_timeout
 
 
 class Window(NamedTuple):
@@ -31,48 +32,6 @@ class Window(NamedTuple):
     pace: float  # of 100 cycles a second
     scans: float  # of those due
     rss: float  # MB
-
-
-class Commander:
-    """Commands all robots, and counts the cycles of one."""
-
-    def __init__(self, domain: int, peer: Peer, robots: int, lidars: bool) -> None:
-        self._domain = domain
-        self._names = [f"/robot{row + 1}" for row in range(robots)]
-        self._publishers = [
-            peer.publisher(Twist, f"{name}/velocity_controller/cmd_vel") for name in self._names
-        ]
-        self.states = peer.hear(JointState, f"{self._names[-1]}/joint_states")
-        self.scans: list[Any] = []
-        for name in self._names if lidars else ():
-            peer.node.create_subscription(
-                LaserScan, f"{name}/scan", self.scans.append, 10, raw=True
-            )
-
-    def drive(self, seconds: float) -> None:
-        """Command all robots, with a pause between them, as many users would."""
-        message = Twist()
-        message.linear.x = _SPEED
-        until, pause = time.monotonic() + seconds, _PERIOD / len(self._publishers)
-        while time.monotonic() < until:
-            for publisher in self._publishers:
-                publisher.publish(message)
-                time.sleep(pause)
-
-    def look(self) -> dict[str, Odometry]:
-        """Return the truth of all; only now, as to receive all odometry takes time."""
-        last: dict[str, Odometry] = {}
-        with Peer(self._domain, "observer") as peer:
-            for name in self._names:
-                peer.node.create_subscription(
-                    Odometry,
-                    f"{name}/velocity_controller/ground_truth",
-                    lambda message, name=name: last.update({name: message}),
-                    1,
-                )
-            while len(last) < len(self._names):
-                self.drive(_PERIOD)
-        return last
 
 
 def run(quick: bool) -> Report:
@@ -103,26 +62,44 @@ def _measure(robots: int, words: list[str], quick: bool) -> Window:
         WrongAnswer: a robot does not drive as commanded.
     """
     lidars = "sensors_enabled:=true" in words
+    names = [f"/robot{row + 1}" for row in range(robots)]
     with (
         bringup(f"robots:={robots}", "reload:=false", *words) as (domain, process),
         Peer(domain) as peer,
     ):
-        commander = Commander(domain, peer, robots, lidars)
-        commander.drive(1.0 if quick else 2.0)
+        topics = [f"{name}/velocity_controller/cmd_vel" for name in names]
+        drive = partial(command, [peer.publisher(Twist, topic) for topic in topics], _SPEED)
+        states = peer.hear(JointState, f"{names[-1]}/joint_states")
+        scans: list[Any] = []
+        for name in names if lidars else ():
+            peer.node.create_subscription(LaserScan, f"{name}/scan", scans.append, 10, raw=True)
+        drive(1.0 if quick else 2.0)
         deadline = time.monotonic() + PATIENCE
-        while not all(map(_drives, commander.look().values())) and time.monotonic() < deadline:
-            continue  # it starts to drive: of many robots, slower than in real time
-        commander.states.clear()
-        commander.scans.clear()
-        commander.drive(1.0 if quick else 8.0)
-        stamps, scans = [_seconds(state) for state in list(commander.states)], len(commander.scans)
-        _check(commander.look())
+        # They start to drive: if there are many, slower than in real time.
+        while not all(map(_drives, _truths(domain, names, drive).values())):
+            if time.monotonic() > deadline:
+                break
+        states.clear()
+        scans.clear()
+        drive(1.0 if quick else 8.0)
+        stamps, heard = [_seconds(state) for state in list(states)], len(scans)
+        _check(_truths(domain, names, drive))
         simulated = stamps[-1] - stamps[0]
         return Window(
             (len(stamps) - 1) / simulated / _RATE,
-            scans / (robots * _SCANS * simulated),
+            heard / (robots * _SCANS * simulated),
             rss_mb(process.process.pid),
         )
+
+
+def _truths(domain: int, names: list[str], drive: Callable[[float], None]) -> dict[str, Odometry]:
+    """Return the truth of all; only now, as to receive all odometry takes time."""
+    topic = "velocity_controller/ground_truth"
+    with Peer(domain, "observer") as peer:
+        heard = {name: peer.hear(Odometry, f"{name}/{topic}", 1) for name in names}
+        while not all(heard.values()):
+            drive(0.1)
+    return {name: truths[-1] for name, truths in heard.items()}
 
 
 def _seconds(state: JointState) -> float:

@@ -11,8 +11,7 @@ from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 from onebot_control import SimulatedRobot, Simulation
-from onebot_control.physics.engine import engine
-from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, fastest, in_turn
+from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest, in_turn
 from tests.benchmarks.report import Report, Result
 
 _LINEAR = 0.3  # m/s, forward and back
@@ -31,18 +30,18 @@ class Case(NamedTuple):
     measure: Callable[[SimulatedRobot], object] = lambda robot: None
 
 
+def _look(robot: SimulatedRobot) -> None:
+    robot.image()
+    robot.depth()
+
+
 _MAZE = {"world": "maze"}
 _SENSED = {**_MAZE, "sensors": True}
 CASES = (
     Case("bare ground", 50.0, {}),
     Case("maze", 30.0, _MAZE),
     Case("maze, 360 ranges at 10 Hz", 20.0, _SENSED, lambda robot: robot.scan()),
-    Case(
-        "maze, picture and depth at 10 Hz",
-        10.0,
-        _SENSED,
-        lambda robot: (robot.image(), robot.depth()),
-    ),
+    Case("maze, picture and depth at 10 Hz", 10.0, _SENSED, _look),
 )
 
 
@@ -55,14 +54,15 @@ def run(quick: bool) -> Report:
             case.what: lambda s=simulation, c=case: _drive(s, c, seconds)
             for case, simulation in zip(CASES, simulations, strict=True)
         }
-        variants["bare"] = lambda: _step(simulations[0], seconds)
+        variants["bare"] = lambda: bare_step(simulations[0])
         taken = in_turn(variants, rounds)
         bare_steps = simulations[0]._fleet.world.settings.steps(1.0)
+    step = fastest(taken.pop("bare"))
     paces = {what: 1.0 / fastest(each) for what, each in taken.items()}
-    scale = paces["bare"] * bare_steps * BARE_STEP
+    scale = BARE_STEP / step
     taken = in_turn({"start": _start, "reset": _reset}, 1 if quick else 9)
     return [
-        Result("bare stepSimulation, bare ground: times real time", paces["bare"]),
+        Result("bare stepSimulation, bare ground: times real time", 1.0 / (bare_steps * step)),
         *(
             Result(
                 f"OneBot, {case.what}: times real time",
@@ -76,42 +76,22 @@ def run(quick: bool) -> Report:
     ]
 
 
-def _step(simulation: Simulation, seconds: float) -> float:
-    """Return the processor time of a simulated second of bare steps."""
-    world = simulation._fleet.world
-
-    def steps(_: int) -> None:
-        for _ in range(world.settings.steps(_PERIOD)):
-            engine.stepSimulation(world.bullet.client)
-
-    return _second(steps, seconds)
-
-
 def _drive(simulation: Simulation, case: Case, seconds: float) -> float:
-    """Drive forward and back from the start; return the processor time of a simulated second."""
+    """Drive forward and back from the start; return a simulated second's processor time."""
     simulation.reset()
     simulation.run(_SLEEP)
     robot = simulation.robot
 
-    def drive(period: int) -> None:
-        robot.drive(_LINEAR if period % 20 < 10 else -_LINEAR)
-        simulation.run(_PERIOD)
-        case.measure(robot)
-
-    taken = _second(drive, seconds)
-    off = robot.odometry.x - robot.pose.x
-    if not (abs(off) < _FARTHEST and robot.joints["left_wheel_joint"].position != 0.0):
-        raise WrongAnswer(f"after {seconds:g} s {robot}, by its odometry {robot.odometry}")
-    return taken
-
-
-def _second(work: Callable[[int], None], seconds: float) -> float:
-    """Do so many seconds' work, period by period; return what a second of the fastest one takes."""
     taken = []
     for period in range(round(seconds / _PERIOD)):
         began = time.thread_time()
-        work(period)
+        robot.drive(_LINEAR if period % 20 < 10 else -_LINEAR)
+        simulation.run(_PERIOD)
+        case.measure(robot)
         taken.append(time.thread_time() - began)
+    off = robot.odometry.x - robot.pose.x
+    if not (abs(off) < _FARTHEST and robot.joints["left_wheel_joint"].position != 0.0):
+        raise WrongAnswer(f"after {seconds:g} s {robot}, by its odometry {robot.odometry}")
     return fastest(taken) / _PERIOD
 
 

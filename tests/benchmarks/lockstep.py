@@ -4,13 +4,14 @@ Its floor is real time; the goal is scaled as in ``from_python``. A busy compute
 slow, but not another one.
 """
 
-import json
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
+from functools import partial
+from multiprocessing import get_context
 
 from geometry_msgs.msg import Twist
 from rclpy.node import Node
@@ -19,15 +20,14 @@ from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.testing.domains import used_domain
 from onebot_control import Simulation
-from onebot_control.physics.engine import engine
-from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, fastest
+from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest
 from tests.benchmarks.report import Report, Result
 
 _MAZE = {"world": "maze", "y": 0.8, "sensors": True}
 _BUSY_LOOPS, _WORKERS = 8, 4
 _PACE = 10.0  # times real time, at least, on the computer of the goals
 _PERIOD = 0.1  # s of simulated time: one scan
-_ROUNDS, _STEPS = 20, 100
+_ROUNDS = 20
 _NEAREST = 0.3  # m, from the lidar to the wall at the end
 
 
@@ -68,7 +68,7 @@ def run(quick: bool) -> Report:
     seconds, runs = (0.2, 2) if quick else (6.0, 100)
     with _busy(0 if quick else _BUSY_LOOPS):
         for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
-            outcomes = _outcomes(node, seconds, runs, 1 if quick else _WORKERS)
+            outcomes = _outcomes(node, seconds, runs)
             equal = outcomes.count(outcomes[0])
             text = f"{what}: equal outcomes of {runs} beside {_BUSY_LOOPS} busy loops"
             results.append(Result(text, equal, at_least=runs))
@@ -82,7 +82,9 @@ def _pace(seconds: float, runs: int) -> tuple[float, float]:
     """
     taken, steps = list[float](), list[float]()
     for _ in range(runs):
-        steps += _bare_steps()
+        with Simulation() as bare:
+            bare.run(1.0)
+            steps += [bare_step(bare, time.perf_counter) for _ in range(_ROUNDS)]
         with used_domain(), Simulation(**_MAZE) as simulation:
             simulation.ros().add(_ByScans())
             for _ in range(round(seconds / _PERIOD)):
@@ -90,19 +92,6 @@ def _pace(seconds: float, runs: int) -> tuple[float, float]:
                 simulation.run(_PERIOD)
                 taken.append(time.perf_counter() - began)
     return _PERIOD / fastest(taken), fastest(steps)
-
-
-def _bare_steps() -> list[float]:
-    """Return what bare steps take, s each, as means over some."""
-    taken = list[float]()
-    with Simulation() as simulation:
-        simulation.run(1.0)
-        for _ in range(_ROUNDS):
-            began = time.perf_counter()
-            for _ in range(_STEPS):
-                engine.stepSimulation(simulation._fleet.world.bullet.client)
-            taken.append((time.perf_counter() - began) / _STEPS)
-    return taken
 
 
 def _outcome(kind: type[_ByScans], seconds: float) -> tuple[float, ...]:
@@ -116,28 +105,10 @@ def _outcome(kind: type[_ByScans], seconds: float) -> tuple[float, ...]:
     return pose.x, pose.y, pose.yaw, ahead
 
 
-def _outcomes(
-    kind: type[_ByScans], seconds: float, runs: int, workers: int
-) -> list[tuple[float, ...]]:
-    """Return where the robot is after each run; so many processes share the runs."""
-    words = [kind.__name__, str(seconds), str(runs // workers)]
-    command = [sys.executable, "-m", "tests.benchmarks.lockstep", *words]
-    folder = Path(__file__).parents[2]
-    processes = [
-        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
-        for _ in range(workers)
-    ]
-    texts = [process.communicate()[0] for process in processes]
-    if any(process.returncode for process in processes):
-        raise WrongAnswer("a process of runs failed")
-    return [tuple(outcome) for text in texts for outcome in json.loads(text)]
-
-
-def _main(kind: str, seconds: str, runs: str) -> None:
-    """Print the outcomes of runs, for ``_outcomes``."""
-    kinds = {each.__name__: each for each in (_ByScans, _ByTimer)}
-    outcomes = [_outcome(kinds[kind], float(seconds)) for _ in range(int(runs))]
-    print(json.dumps(outcomes))
+def _outcomes(kind: type[_ByScans], seconds: float, runs: int) -> list[tuple[float, ...]]:
+    """Return where the robot is after each run; some processes share the runs."""
+    with ProcessPoolExecutor(min(runs, _WORKERS), get_context("spawn")) as pool:
+        return list(pool.map(partial(_outcome, kind), [seconds] * runs))
 
 
 @contextmanager
@@ -151,7 +122,3 @@ def _busy(count: int) -> Iterator[None]:
         for loop in loops:
             loop.kill()
             loop.wait()
-
-
-if __name__ == "__main__":
-    _main(*sys.argv[1:])

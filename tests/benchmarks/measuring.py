@@ -1,16 +1,20 @@
 """What the benchmarks measure with: processes, their processor time and memory, runs in turn."""
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import psutil
 import pytest
+from geometry_msgs.msg import Twist
 from numpy.typing import ArrayLike
 
 from onebot_bringup.testing.domains import used_domain
+from onebot_control import Simulation
+from onebot_control.physics.engine import engine
 from onebot_description.errors import OneBotError
 from tests.ros_support import NodeProcess
 
@@ -32,6 +36,17 @@ def bringup(*words: str) -> Iterator[tuple[int, NodeProcess]]:
             patch.delenv(display, raising=False)  # the page is served, but no browser opens it
         with NodeProcess("onebot_bringup.launch.onebot_bringup", *words) as process:
             yield domain, process
+
+
+def command(publishers: Sequence[Any], speed: float, seconds: float) -> None:
+    """Command robots to drive ahead for so long, each ten times a second, as many users would."""
+    message = Twist()
+    message.linear.x = speed
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        for publisher in publishers:
+            publisher.publish(message)
+            time.sleep(0.1 / len(publishers))
 
 
 def _tree(pid: int) -> list[psutil.Process]:
@@ -79,6 +94,27 @@ def fastest(seconds: Sequence[float]) -> float:
 def over(ours: Sequence[float], floor: Sequence[float]) -> float:
     """Return the middle one of the ratios of each round."""
     return median([a / b for a, b in zip(ours, floor, strict=True)])
+
+
+def cpu_of(function: Callable[[], object], seconds: float) -> float:
+    """Return this thread's processor time for a call, s, as the mean over at least ``seconds``."""
+    function()
+    calls, began = 0, time.thread_time()
+    while not calls or time.thread_time() - began < seconds:
+        function()
+        calls += 1
+    return (time.thread_time() - began) / calls
+
+
+def bare_step(
+    simulation: Simulation, clock: Callable[[], float] = time.thread_time, steps: int = 100
+) -> float:
+    """Return what a bare ``stepSimulation`` of a world takes, s, as the mean of some."""
+    client = simulation._fleet.world.bullet.client
+    began = clock()
+    for _ in range(steps):
+        engine.stepSimulation(client)
+    return (clock() - began) / steps
 
 
 def in_turn(variants: Mapping[str, Callable[[], T]], rounds: int) -> dict[str, list[T]]:

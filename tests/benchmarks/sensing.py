@@ -4,7 +4,6 @@ In a world of 50 boxes with one OneBot; ranges are checked against the bare call
 """
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,7 +16,7 @@ from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot,
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.lidar import Fan, Lidar
-from tests.benchmarks.measuring import MODEL, WrongAnswer, in_turn, over
+from tests.benchmarks.measuring import MODEL, WrongAnswer, cpu_of, in_turn, over
 from tests.benchmarks.report import Report, Result
 
 _SLICE = 0.1  # s of processor time
@@ -87,7 +86,7 @@ def _ratios(quick: bool) -> dict[str, float]:
         "picture": picture,
         "bare picture": bare(pixels, face),
     }
-    slices = {name: (lambda each=each: _cpu(each)) for name, each in variants.items()}
+    slices = {name: (lambda each=each: cpu_of(each, _SLICE)) for name, each in variants.items()}
     took = in_turn(slices, 1 if quick else 15)
     return {name: over(took[name], took[f"bare {name}"]) for name in ("scan", "picture")}
 
@@ -96,13 +95,3 @@ def _places(placed: Placed) -> Sequence[Any]:
     """Positions of OneBot's lidar and camera."""
     links = [placed.link(0, name) for name in ("lidar_link", "camera_link")]
     return [link.position for link in links if link is not None]
-
-
-def _cpu(function: Callable[[], object]) -> float:
-    """Processor time of this thread for a call, s."""
-    function()
-    count, began = 0, time.thread_time()
-    while time.thread_time() - began < _SLICE:
-        function()
-        count += 1
-    return (time.thread_time() - began) / count

@@ -22,8 +22,11 @@ from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 _ODOM = "/velocity_controller/odom"
-_BASE = ("odom", "base_link")
-_WHEELS = {"left_wheel", "right_wheel", "caster_base2", "caswheel"}
+_FRAMES = (  # parent and child
+    ("odom", "base_link"),
+    *(("base_link", child) for child in ("left_wheel", "right_wheel", "caster_base2")),
+    ("caster_base2", "caswheel"),
+)
 _GOAL, _MOST_MEMORY = 1.5, 250.0  # MB
 _SETTLED = 2.0  # s after the first messages, when memory is looked at
 
@@ -55,51 +58,31 @@ def run(quick: bool) -> Report:
     ]
 
 
-class _Listener:
-    """Notes when the first message of each topic and child frame comes."""
-
-    def __init__(self, peer: Peer) -> None:
-        self.times: dict[tuple[str, str], float] = {}
-        self.wrong = ""
-        create = peer.node.create_subscription
-        create(TFMessage, "/tf", self._hear_transforms, 100)
-        create(Odometry, _ODOM, self._hear_odometry, 100)
-
-    def _hear_transforms(self, message: Any) -> None:
-        for each in message.transforms:
-            xyz, q = each.transform.translation, each.transform.rotation
-            self._note("/tf", each.header.frame_id, each.child_frame_id, xyz, q)
-
-    def _hear_odometry(self, message: Any) -> None:
-        xyz, q = message.pose.pose.position, message.pose.pose.orientation
-        self._note(_ODOM, message.header.frame_id, message.child_frame_id, xyz, q)
-
-    def _note(self, topic: str, parent: str, child: str, xyz: Any, q: Any) -> None:
-        if not all(map(math.isfinite, (xyz.x, xyz.y, xyz.z, q.x, q.y, q.z, q.w))):
-            self.wrong = f"{topic} holds numbers that are not finite"
-        if (child == _BASE[1]) != ((parent, child) == _BASE):
-            self.wrong = f"{topic} says {parent} -> {child}"
-        self.times.setdefault((topic, child), time.monotonic())
-
-
 def _start(module: str, word: str, *, quick: bool) -> Start:
     """Start a command, time its first messages, and end it.
 
     Raises:
         WrongAnswer: the messages are not those of the robot.
     """
-    expected = {(_ODOM, "base_link")}
+    expected = {(_ODOM, "odom", "base_link")}
     if word != _ODOM:
-        expected |= {("/tf", name) for name in (*_WHEELS, "base_link")}
+        expected |= {("/tf", *frames) for frames in _FRAMES}
+    times: dict[tuple[str, str, str], float] = {}
+
+    def note(topic: str, message: Any) -> None:
+        frames = message.header.frame_id, message.child_frame_id
+        times.setdefault((topic, *frames), time.monotonic())
+
     with used_domain() as domain, Peer(domain) as peer:
-        listener = _Listener(peer)
+        create = peer.node.create_subscription
+        create(TFMessage, "/tf", lambda tf: [note("/tf", each) for each in tf.transforms], 100)
+        create(Odometry, _ODOM, lambda odometry: note(_ODOM, odometry), 100)
         began = time.monotonic()
         with NodeProcess(module, word) as node:
-            wait_for(lambda: listener.wrong or expected <= set(listener.times), "the messages")
-            if listener.wrong:
-                raise WrongAnswer(listener.wrong)
+            wait_for(lambda: expected <= times.keys(), "the messages")
             time.sleep(0.0 if quick else _SETTLED)
             memory = rss_mb(node.process.pid)
-    times = listener.times
-    first_tf = min((at for (topic, _), at in times.items() if topic == "/tf"), default=math.nan)
-    return times[_ODOM, "base_link"] - began, first_tf - began, memory
+    if times.keys() != expected:
+        raise WrongAnswer(f"there were transforms of other frames: {times.keys() - expected}")
+    first_tf = min((at for (topic, *_), at in times.items() if topic == "/tf"), default=math.nan)
+    return times[_ODOM, "odom", "base_link"] - began, first_tf - began, memory

@@ -4,11 +4,10 @@ The floor of a single cycle is a service of the same node that does nothing; of 
 time. The stamps on /clock tell whether all cycles were done.
 """
 
+import threading
 import time
 from typing import Any
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 
 from onebot_description.ros.wire.interfaces import load_interface
@@ -25,36 +24,15 @@ _STEP = load_interface("simulation_interfaces/srv/StepSimulation")
 _STATE = load_interface("simulation_interfaces/srv/GetSimulationState")
 
 
-class Caller:
-    """Calls services, one at a time, from a thread that does nothing else."""
-
-    def __init__(self, domain: int) -> None:
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=domain, args=[])
-        self._node = rclpy.create_node("caller", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._clients = {
-            kind: self._node.create_client(kind, name)
-            for kind, name in ((_STEP, "/step_simulation"), (_STATE, "/get_simulation_state"))
-        }
-        for client in self._clients.values():
-            client.wait_for_service(PATIENCE)
-
-    def time(self, kind: Any, **request: Any) -> float:
-        """Return how long a call took, s of the wall's time."""
-        began = time.perf_counter()
-        future = self._clients[kind].call_async(kind.Request(**request))
-        self._executor.spin_until_future_complete(future, PATIENCE)
-        if not future.done() or future.result().result.result != 1:
-            raise WrongAnswer(f"{kind.__name__}: {future.result()}")
-        return time.perf_counter() - began
-
-    def close(self) -> None:
-        """End."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+def _called(client: Any, **request: Any) -> float:
+    """Return how long a call of a service took, s of the wall's time."""
+    answered = threading.Event()
+    began = time.perf_counter()
+    future = client.call_async(client.srv_type.Request(**request))
+    future.add_done_callback(lambda _: answered.set())
+    if not answered.wait(PATIENCE) or future.result().result.result != 1:
+        raise WrongAnswer(f"{client.srv_name}: {future.result()}")
+    return time.perf_counter() - began
 
 
 def run(quick: bool) -> Report:
@@ -62,21 +40,21 @@ def run(quick: bool) -> Report:
     rounds, calls = (1, 5) if quick else (5, 60)
     with (
         bringup("use_sim_time:=true", "paused:=true", "viewer:=none") as (domain, _),
-        Peer(domain) as peer,
+        Peer(domain) as listener,
+        Peer(domain, "caller") as caller,  # whose thread does nothing else
     ):
-        clocks = peer.hear(Clock, "/clock", 10)
-        caller = Caller(domain)
-        try:
-            taken = in_turn(
-                {
-                    "one": lambda: median([caller.time(_STEP, steps=1) for _ in range(calls)]),
-                    "floor": lambda: median([caller.time(_STATE) for _ in range(calls)]),
-                    "many": lambda: caller.time(_STEP, steps=_MANY),
-                },
-                rounds,
-            )
-        finally:
-            caller.close()
+        clocks = listener.hear(Clock, "/clock", 10)
+        step = caller.node.create_client(_STEP, "/step_simulation")
+        state = caller.node.create_client(_STATE, "/get_simulation_state")
+        assert step.wait_for_service(PATIENCE) and state.wait_for_service(PATIENCE)
+        taken = in_turn(
+            {
+                "one": lambda: median([_called(step, steps=1) for _ in range(calls)]),
+                "floor": lambda: median([_called(state) for _ in range(calls)]),
+                "many": lambda: _called(step, steps=_MANY),
+            },
+            rounds,
+        )
         cycles = rounds * (calls + _MANY)
         expected = round((cycles * 10**9) / _RATE)
 

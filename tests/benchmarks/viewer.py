@@ -76,6 +76,9 @@ class Logger:
         """Return what logs the messages of a tick."""
         raise NotImplementedError
 
+    def finish(self) -> None:
+        """Log what is kept back."""
+
 
 class Viewer(Logger):
     """Receives raw messages and logs them as the viewer's node does."""
@@ -106,7 +109,6 @@ class Viewer(Logger):
         self._view.tick(taken[-1][-1])
 
     def finish(self) -> None:
-        """Log what is kept back."""
         self._view.finish()
 
 
@@ -137,9 +139,6 @@ class Bare(Logger):
             times = rr.TimeColumn(TIMELINE, timestamp=stamps)
             columns = drawn.columns(arrays, count)
             self.recording.stream.send_columns(drawn.entity, indexes=[times], columns=columns)
-
-    def finish(self) -> None:
-        """Nothing is kept back."""
 
 
 def run(quick: bool) -> Report:

@@ -91,7 +91,7 @@ def test_edits_of_the_joints_and_of_the_xacro_change_the_robot(
     assert "my_mrm.xacro" in running.err
     stands(0.5, -0.5)
     model.write_text(good)
-    running.says(f"{model}: mended")
+    running.says(f"{model}: edited, the robot is unchanged")
     model.write_text(taller)
     stands(1.0, -0.5)
     running.says(f"{model}: edited, robot_state_publisher publishes the new robot")

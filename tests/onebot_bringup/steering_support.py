@@ -20,6 +20,7 @@ from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.steering.steering_page"
 TOPIC = "/velocity_controller/cmd_vel"
+BAD = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"  # of no message: it has a text of 4 GB
 
 
 class PageClient:
@@ -74,10 +75,6 @@ class PageClient:
     def send(self, kind: str, **fields: Any) -> None:
         """Send a message."""
         self.say(json.dumps({"type": kind, **fields}))
-
-    def drive(self, linear: float, angular: float = 0.0) -> None:
-        """Send one command, as a page that falls silent then."""
-        self.send("drive", stamp=self.state["stamp"], linear=linear, angular=angular, joints={})
 
     def hold(self, linear: float, angular: float = 0.0, **joints: float) -> None:
         """Drive until told otherwise, as a page does while something is held."""

@@ -105,7 +105,7 @@ def test_records_every_message(tmp_path, peer):
     assert set(connections) == set(topics)  # nothing hidden, no /rosout
 
 
-def test_absence(tmp_path, peer):
+def test_loss(tmp_path, peer):
     """What was published while the recorder was stopped is missing, and it says so."""
     folder = tmp_path / "run"
     with record(folder) as node:
@@ -113,12 +113,10 @@ def test_absence(tmp_path, peer):
         send = lambda: states.publish(JointState())  # noqa: E731
         wait_for(lambda: send() or counted(folder, "/joint_states"), "a message")
         node.process.send_signal(signal.SIGSTOP)
-        until = time.monotonic() + 4.0
-        while time.monotonic() < until:  # more than fits into what DDS has on the way
-            states.publish(JointState(name=["joint" * 1000]))
+        for _ in range(1000):  # more than fits into what DDS has on the way
+            states.publish(JointState(name=["joint" * 4000]))
             time.sleep(0.001)
         node.process.send_signal(signal.SIGCONT)
-        wait_for(lambda: "received nothing for " in node.output, "a warning of the absence")
         lost = "/joint_states: [0-9]+ messages were lost by now"
         wait_for(lambda: send() or re.search(lost, node.output), "a warning of the loss")
         assert node.interrupt() == 0

@@ -10,7 +10,6 @@ import pytest
 
 from onebot_bringup.cli.main import main
 from onebot_bringup.cli.run import EXECUTABLES, run
-from onebot_bringup.cli.verbs import _FORMER as FORMER
 from onebot_bringup.cli.verbs import VERBS
 from onebot_description.errors import UsageError
 from tests.onebot_bringup.cli_support import onebot, running
@@ -42,6 +41,8 @@ def arm(tmp_path: Path) -> str:
         (["chekc"], 2, "", 'error: onebot has no command "chekc" (did you mean "check"?'),
         (["topic"], 2, "", "error: onebot topic what? (pub, echo, list"),
         (["topic", "lst"], 2, "", 'error: onebot topic has no command "lst" (did you mean "list"?'),
+        (["param", "describe"], 2, "", 'error: onebot param has no command "describe": ros2cli'),
+        (["launch", "x"], 2, "", 'error: onebot has no command "launch": write onebot_bringup'),
         (["topic", "hz", "-w", "-1", "/x"], 2, "", "error: onebot topic hz: argument -w/--window"),
         (["check"], 2, "", "error: onebot check takes one file, not 0"),
         (["check", "--all", "a"], 2, "", 'error: no option "--all"'),
@@ -59,27 +60,6 @@ def test_words(words: list[str], code: int, out: str, err: str) -> None:
     if code == 2 and words:
         names = words[:2] if words[:2] == ["topic", "hz"] else words[: words[0] in VERBS]
         assert done.stderr.splitlines()[-1] == " ".join(["see: onebot", *names, "--help"])
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["rostopic", "echo", "/tf"], '"rostopic": write onebot topic echo /tf'),
-        (["tf2_echo", "odom", "base"], '"tf2_echo": write onebot tf echo odom base'),
-        (["rosbag", "play", "a b"], "\"rosbag\": write onebot bag play 'a b'"),
-        (["launch", "onebot_bringup"], '"launch": write onebot_bringup, mrm_bringup or onebot'),
-    ],
-)
-def test_former_names(words: list[str], line: str) -> None:
-    """Names of ROS 1, and of tools that are verbs here, are answered with what to write."""
-    done = onebot(*words)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"error: onebot has no command {line}")
-
-
-def test_former_names_lead_to_commands() -> None:
-    for name, verb in FORMER.items():
-        assert name not in VERBS and verb.split()[0] in VERBS
 
 
 def test_run(peer: Peer, tmp_path: Path) -> None:

@@ -8,8 +8,6 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from rclpy.duration import Duration, Infinite
-from rclpy.qos import LivelinessPolicy, QoSProfile
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
@@ -48,9 +46,6 @@ def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "Topic information: Topic: /words | Type: std_msgs/msg/String | Count: 5 | "
         "Serialization Format: cdr\n\n"
     )
-    assert output_of("bag", "info", "-t", str(tmp_path / "run")) == "/words\n"
-    wrong = onebot("bag", "info", str(tmp_path / "none"))
-    assert wrong.returncode == 1 and "there is no recording" in wrong.stderr
 
 
 def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
@@ -76,8 +71,7 @@ def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Pa
 
 def add_what_is_not_played(folder: Path) -> None:
     """Names and types that ROS refuses, a second type of a topic, and publishers that disagree."""
-    offered = """[{reliability: best_effort, deadline: {sec: 0, nsec: 500000000}},
-        {reliability: reliable, deadline: {sec: 0, nsec: 500000000}}]"""
+    offered = "[{reliability: best_effort}, {reliability: reliable}]"
     with closing(sqlite3.connect(next(folder.glob("*.db3")))) as database, database:
         database.execute(
             "UPDATE topics SET offered_qos_profiles = ? WHERE name = '/words'", [offered]
@@ -94,31 +88,21 @@ def add_what_is_not_played(folder: Path) -> None:
             )
 
 
-LIMITED = Qos(deadline=1, lease=2, lifespan=3, liveliness="manual_by_topic")
-
-
 @pytest.mark.parametrize(
-    ("offered", "reliable", "latched", "limits"),
+    ("offered", "reliable", "latched"),
     [
-        ([], True, False, ()),
-        ([Qos("best_effort")] * 2, False, False, ()),
-        ([Qos("best_effort"), Qos("reliable")], True, False, ()),
-        ([LATCHED_QOS, Qos()], True, False, ()),
-        ([LATCHED_QOS] * 2, True, True, ()),
-        ([LIMITED] * 2, True, False, (1, 2, 3)),
-        ([LIMITED, Qos()], True, False, ()),
+        ([], True, False),
+        ([Qos("best_effort")] * 2, False, False),
+        ([Qos("best_effort"), Qos("reliable")], True, False),
+        ([LATCHED_QOS, Qos()], True, False),
+        ([LATCHED_QOS] * 2, True, True),
     ],
 )
-def test_qos_that_suits_every_subscriber(
-    offered: list[Qos], reliable: bool, latched: bool, limits: tuple[int, ...]
-) -> None:
+def test_qos_that_suits_every_subscriber(offered: list[Qos], reliable: bool, latched: bool) -> None:
     """Of the recorded publishers: more reliable than one of them harms none."""
     played = played_qos(offered)
     assert played.depth == 1000
     assert (is_reliable(played), is_transient_local(played)) == (reliable, latched)
-    assert (played.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC) == bool(limits)
-    found = [played.deadline, played.liveliness_lease_duration, played.lifespan]
-    assert found == ([Duration(nanoseconds=limit) for limit in limits] or [Infinite] * 3)
 
 
 def problems(command) -> list[str]:
@@ -133,8 +117,7 @@ def test_play(tmp_path: Path, peer: Peer) -> None:
     """
     folder = recording(tmp_path / "run")
     add_what_is_not_played(folder)
-    deadline = Duration(seconds=1)  # which a publisher without one does not meet
-    heard = peer.hear(String, "/speech", QoSProfile(depth=100, deadline=deadline))
+    heard = peer.hear(String, "/speech")
     clock = peer.hear(Clock, "/clock")
     words = ("--clock", "50", "-r", "2", "-m", "/words:=/speech")
     started = time.monotonic()
@@ -162,19 +145,14 @@ def test_play(tmp_path: Path, peer: Peer) -> None:
 def test_play_a_part_again_and_again(tmp_path: Path, peer: Peer) -> None:
     """Only some topics, from an offset on, for a while, in a loop until Ctrl-C (exit code 0)."""
     folder = recording(tmp_path / "run")
-    heard: list[tuple[String, int]] = []
-    peer.node.create_subscription(
-        String, "/words", lambda word, info: heard.append((word, info["source_timestamp"])), 100
-    )
+    heard = peer.hear(String, "/words")
     once = peer.hear(String, "/once", LATCHED)
-    part = "--start-offset 0.5 --playback-duration 0.4 -x .*odd --loop --delay 0.5".split()
+    part = "--start-offset 0.5 --playback-duration 0.4 --exclude-topics /odd --loop".split()
     with running(tmp_path, "bag", "play", str(folder), *part) as command:
         wait_for(lambda: len(heard) >= 5 and once, "two rounds")
         assert command.interrupt() == 0 and "Traceback" not in command.err
     expected = ["word 3", "word 4"] * 3
-    assert [word.data for word, _ in heard][:5] == expected[:5]
-    sent = [stamp for _, stamp in heard]
-    assert sent[2] - sent[1] >= SECOND // 2  # it waits each time
+    assert [word.data for word in heard][:5] == expected[:5]
     assert not problems(command)
 
 
@@ -183,7 +161,7 @@ def test_loop_of_one_moment(tmp_path: Path, peer: Peer) -> None:
     folder = recording(tmp_path / "run")
     heard = peer.hear(String, "/words")
     started = time.monotonic()
-    words = ("-l", "--start-offset", "1.8", "-e", "/words")
+    words = ("-l", "--start-offset", "1.8", "--topics", "/words")
     with running(tmp_path, "bag", "play", str(folder), *words) as command:
         wait_for(lambda: len(heard) >= 5, "some rounds")
         assert command.interrupt() == 0
@@ -197,8 +175,6 @@ def test_loop_of_one_moment(tmp_path: Path, peer: Peer) -> None:
         (("--start-offset", "9"), 1, "--start-offset is beyond the end: it has 1.8 s"),
         (("--topics", "/odd"), 1, "has nothing to play"),
         (("-r", "0"), 2, "not above zero"),
-        (("-e", "("), 2, "is no regular expression"),
-        (("-e", "word"), 1, "has nothing to play"),  # the whole name
     ],
 )  # fmt: skip
 def test_play_mistakes(
@@ -221,8 +197,6 @@ def test_record(tmp_path: Path, peer: Peer) -> None:
         )
         assert command.interrupt() == 0, command.err
     assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
-    again = onebot("bag", "record", "-a", "-o", str(folder))
-    assert again.returncode == 1 and "exists already" in again.stderr
     assert onebot("bag", "record").returncode == 2
     both = onebot("bag", "record", "-a", "/words")
     assert both.returncode == 2 and "-a records all topics" in both.stderr

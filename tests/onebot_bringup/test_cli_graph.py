@@ -7,7 +7,6 @@ import pytest
 import rclpy
 import yaml
 from rcl_interfaces.msg import (
-    IntegerRange,
     ParameterDescriptor,
     ParameterType,
     ParameterValue,
@@ -29,11 +28,7 @@ def with_parameters(peer: Peer) -> None:
     node.declare_parameter("label", "x")
     node.declare_parameter("limits.speed", 0.5)
     node.declare_parameter("weights", [1.0, 2.0])
-    limits = IntegerRange(from_value=0, to_value=9, step=3)
-    described = ParameterDescriptor(
-        description="a digit", read_only=True, integer_range=[limits], additional_constraints="odd"
-    )
-    node.declare_parameter("fixed", 3, described)
+    node.declare_parameter("fixed", 3, ParameterDescriptor(read_only=True))
     node.add_on_set_parameters_callback(
         lambda found: SetParametersResult(
             successful=all(p.name != "rate" or p.value > 0 for p in found),
@@ -61,20 +56,15 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
     with Peer(ros_domain, "robot") as peer:
         with_parameters(peer)
         peer.node.declare_parameter("later", Parameter.Type.DOUBLE)  # without a value
-        names = output_of("param", "list", "/robot")
-        assert names.startswith("  fixed\n  label\n  later\n  limits.speed\n  rate\n")
-        every = output_of("param", "list", "--param-type")
-        assert every.startswith("/robot:\n  fixed (type: integer)\n  label (type: string)\n")
-        for name, shown in {
-            "rate": "Double value is: 10.0",
-            "label": "String value is: x",
-            "fixed": "Integer value is: 3",
-            "use_sim_time": "Boolean value is: False",
-            "weights": "Double values are: array('d', [1.0, 2.0])",
+        assert output_of("param", "list").startswith(
+            "/robot:\n  fixed\n  label\n  later\n  limits.speed\n  rate\n"
+        )
+        for words, shown in {
+            "/robot weights": "Double values are: array('d', [1.0, 2.0])",
+            "robot rate --hide-type": "10.0",
+            "/robot later": "Parameter not set.",
         }.items():
-            assert output_of("param", "get", "/robot", name) == f"{shown}\n"
-        assert output_of("param", "get", "robot", "rate", "--hide-type") == "10.0\n"
-        assert output_of("param", "get", "/robot", "later") == "Parameter not set.\n"
+            assert output_of("param", "get", *words.split()) == f"{shown}\n"
         text = output_of("param", "dump", "/robot")
         assert text.startswith("/robot:\n  ros__parameters:\n    fixed: 3\n")
         assert text.endswith("\n\n")
@@ -103,26 +93,16 @@ def test_lost_response(peer: Peer) -> None:
 
 
 def test_param_set(ros_domain: int) -> None:
-    """Values in YAML, a whole number for a double too; a refusal shows its reason, exit code 1."""
+    """Values in YAML; a refusal shows its reason, exit code 1; no infinity by mistake."""
     with Peer(ros_domain, "robot") as peer:
         with_parameters(peer)
         node = peer.node
-        for text, value in {"20": 20.0, "1e-3": 0.001, "0.5": 0.5}.items():
-            done = onebot("param", "set", "/robot", "rate", text)
-            assert (done.returncode, done.stdout) == (0, "Set parameter successful\n"), done.stderr
-            assert node.get_parameter("rate").value == value
+        assert output_of("param", "set", "/robot", "rate", "20") == "Set parameter successful\n"
+        assert node.get_parameter("rate").value == 20.0
         refused = onebot("param", "set", "/robot", "rate", "-1e-3")
         assert refused.returncode == 1 and not refused.stdout
         # Before it may stand that discovery takes a while.
         assert refused.stderr.endswith("Setting parameter failed: the rate is above zero\n")
-        both = onebot("param", "set", "/robot", "label", "12", "weights", "[3, 4]")
-        assert both.stdout.splitlines()[0].startswith("label: Set parameter successful")
-        assert node.get_parameter("label").value == "12"
-        assert list(node.get_parameter("weights").value) == [3.0, 4.0]
-        fixed = onebot("param", "set", "/robot", "fixed", "4")
-        assert fixed.returncode == 1 and "Setting parameter failed: " in fixed.stderr
-        odd = onebot("param", "set", "/robot", "rate")
-        assert odd.returncode == 2
         field = "{parameters: [{name: rate, value: {type: 3, double_value: .inf}}]}"
         service = "/robot/set_parameters", "rcl_interfaces/srv/SetParameters"
         for words in (
@@ -137,8 +117,8 @@ def test_param_set(ros_domain: int) -> None:
             assert node.get_parameter("rate").value == math.inf
 
 
-def test_param_describe_load_and_delete(ros_domain: int, tmp_path: Path) -> None:
-    """In ros2's words: constraints; a file's values, its refusals with reasons; a value no more."""
+def test_param_load(ros_domain: int, tmp_path: Path) -> None:
+    """A file's values; its refusals with reasons."""
     file = tmp_path / "robot.yaml"
     file.write_text(
         "/**: {ros__parameters: {label: '12', absent: 1}}\n"
@@ -147,36 +127,21 @@ def test_param_describe_load_and_delete(ros_domain: int, tmp_path: Path) -> None
     with Peer(ros_domain, "robot") as peer:
         with_parameters(peer)
         node = peer.node
-        node.declare_parameter("any", 1, ParameterDescriptor(dynamic_typing=True))
-        assert output_of("param", "describe", "/robot", "fixed", "rate") == (
-            "Parameter name: fixed\n  Type: integer\n  Description: a digit\n  Constraints:\n"
-            "    Read only: true\n    Min value: 0\n    Max value: 9\n    Step: 3\n"
-            "    Additional constraints: odd\n"
-            "Parameter name: rate\n  Type: double\n  Constraints:\n"
-        )
         infinite = onebot("param", "load", "/robot", str(file))
         assert infinite.returncode == 1 and "limits.speed is a finite number" in infinite.stderr
-        words = "param", "load", "/robot", str(file), "--allow-non-finite"
-        loaded = onebot(*words, "--no-use-wildcard")
-        assert loaded.returncode == 1  # one is refused
+        loaded = onebot("param", "load", "/robot", str(file), "--allow-non-finite")
+        assert loaded.returncode == 1  # two are refused
         assert loaded.stdout == "".join(
-            f"Set parameter {name} successful\n" for name in ("rate", "limits.speed", "weights")
+            f"Set parameter {name} successful\n"
+            for name in ("label", "rate", "limits.speed", "weights")
         )
-        assert "Set parameter fixed failed: " in loaded.stderr
+        for name in ("absent", "fixed"):
+            assert f"Set parameter {name} failed: " in loaded.stderr
         assert node.get_parameter("rate").value == 20.0
         assert list(node.get_parameter("weights").value) == [3.0, 4.0]
-        assert node.get_parameter("label").value == "x"
-        loaded = onebot(*words)
         assert node.get_parameter("label").value == "12"
-        assert "Set parameter absent failed: " in loaded.stderr
         other = onebot("param", "load", "/robot", str(file.parent / "none.yaml"))
         assert other.returncode == 1 and "none.yaml: cannot be read" in other.stderr
-        assert output_of("param", "delete", "/robot", "any") == "Deleted parameter successfully\n"
-        assert not node.has_parameter("any")
-        kept = onebot("param", "delete", "/robot", "rate")
-        assert kept.returncode == 1 and "Deleting parameter failed: " in kept.stderr
-        wrong = onebot("param", "describe", "/robot", "rat")
-        assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
 
 
 @pytest.mark.parametrize(
@@ -221,23 +186,21 @@ def test_services(ros_domain: int) -> None:
         wrong = onebot("service", "call", "/switch", "std_srvs/srv/Trigger")
         assert wrong.returncode == 1 and "is a std_srvs/srv/SetBool, not a" in wrong.stderr
         assert "/switch [std_srvs/srv/SetBool]\n" in output_of("service", "list", "-t")
-        assert output_of("service", "type", "switch") == "std_srvs/srv/SetBool\n"
-        assert output_of("service", "find", "std_srvs/srv/SetBool") == "/switch\n"
-        assert output_of("service", "find", "-c", "std_srvs/srv/Empty") == "0\n"
 
 
 def test_service_mistakes() -> None:
     """Types and fields are checked before anything is sent."""
-    done = onebot("service", "call", "/switch", "std_srvs/srv/SetBol")
-    assert done.returncode == 1 and 'did you mean "std_srvs/srv/SetBool"' in done.stderr
-    done = onebot("service", "call", "/switch", "std_srvs/srv/SetBool", "{dat: true}")
-    assert done.returncode == 1 and 'did you mean "data"' in done.stderr
+    for words, hint in (
+        (("std_srvs/srv/SetBol",), "std_srvs/srv/SetBool"),
+        (("std_srvs/srv/SetBool", "{dat: true}"), "data"),
+    ):
+        done = onebot("service", "call", "/switch", *words)
+        assert done.returncode == 1 and f'did you mean "{hint}"' in done.stderr
 
 
 def test_interfaces() -> None:
     """The definition, nested ones indented by tabs; the list of all types."""
-    shown = output_of("interface", "show", "geometry_msgs/msg/Twist", "--no-comments")
-    assert shown == (
+    assert output_of("interface", "show", "geometry_msgs/msg/Twist", "--no-comments") == (
         "Vector3  linear\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
         "Vector3  angular\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
     )

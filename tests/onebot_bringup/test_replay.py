@@ -167,7 +167,7 @@ def test_undecodable_messages(tmp_path, capsys, good):
     if good:
         assert 'of "arm": 1 messages' in said.out
     else:
-        assert f"nothing of {folder} can be shown" in said.err
+        assert f"nothing of {folder} can be shown: it has /cmd_vel (geometry_msgs/msg/T" in said.err
 
 
 def test_a_folder_of_any_name(tmp_path, capsys):
@@ -206,35 +206,23 @@ def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml", "view:=bad.rbl"])
+@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml"])
 def test_a_refused_command_leaves_the_file_that_it_would_replace(tmp_path, monkeypatch, mistake):
     monkeypatch.chdir(tmp_path)
     record_arm(tmp_path / "bag")
     (tmp_path / "bad.yaml").write_text("gird: {visible: true}")
-    (tmp_path / "bad.rbl").write_text("no layout")
     (tmp_path / "a.rrd").write_text("the last recording")
     assert main(["replay", "bag", "viewer:=none", "save:=a.rrd", mistake]) == 1
     assert (tmp_path / "a.rrd").read_text() == "the last recording"
 
 
-def replaying(folder, name):
-    """``onebot replay`` of a recording in ``folder``."""
-    quiet = ("grpc_port:=0", "web_port:=0", "open_browser:=false")
-    return running(folder, "replay", str(folder / name), *quiet)
-
-
-@pytest.mark.parametrize("empty", [True, False])
-def test_a_rrd_file_is_served_until_interrupted(tmp_path, empty):
+def test_a_rrd_file_is_served_until_interrupted(tmp_path):
     """With exit code 0; of one with nothing in it, a warning explains the page that stays black."""
-    if empty:
-        open_recording(None, tmp_path / "a.rrd").close()
-    else:
-        record_arm(tmp_path / "bag")
-        to_rrd(tmp_path / "bag", tmp_path / "a.rrd")
-    with replaying(tmp_path, "a.rrd") as replay:
+    open_recording(None, tmp_path / "a.rrd").close()
+    quiet = ("grpc_port:=0", "web_port:=0", "open_browser:=false")
+    with running(tmp_path, "replay", str(tmp_path / "a.rrd"), *quiet) as replay:
         replay.says("open http://127.0.0.1:")
         assert "showing" in replay.out
-        warning = f"warning: {tmp_path}/a.rrd holds nothing to draw"
-        assert (warning in replay.err) == ("warning" in replay.err) == empty
+        assert f"warning: {tmp_path}/a.rrd holds nothing to draw" in replay.err
         assert replay.interrupt() == 0
         assert "Traceback" not in replay.err

@@ -11,9 +11,8 @@ from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Header, String
 
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import ViewConfig, parse_view
+from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup import viewer_support as support
@@ -190,16 +189,3 @@ def test_a_topic_wanted_as_two_types_is_refused(tmp_path, text):
     [warning] = view.set_view(parse_view(text))
     assert "something else is shown of it, as sensor_msgs/msg/JointState" in warning
     recording.close()
-
-
-def test_every_display_has_settings_and_takes_what_it_subscribes(tmp_path):
-    """Each under a key of its own; a message of each topic and type reaches it."""
-    keys = [display.key for display in (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)]
-    assert len({*keys}) == len(keys)
-    shown = Shown(tmp_path)
-    for name, topic in shown.view.topics.items():
-        for kind in topic.types:
-            assert shown.view.wants(name, kind.name), (name, kind.name)
-    for key in keys:
-        assert hasattr(ViewConfig(), key)
-    shown.end()

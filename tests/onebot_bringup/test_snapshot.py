@@ -1,8 +1,5 @@
 """``onebot snapshot``: its command line, the pose it draws, and how the picture is framed."""
 
-import os
-import subprocess
-import sys
 from argparse import ArgumentTypeError
 from pathlib import Path
 
@@ -17,7 +14,6 @@ from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
 from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
-from tests.support import PATIENCE
 
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,nan", "1,2,3:", "a,b,c", "1,2,3:1,2,3", "1 2 3"])
@@ -120,22 +116,6 @@ def test_a_camera_of_ones_own_follows_nothing(before, framing, after):
     assert made["/view/v1/EyeControls3D"] == {"EyeControls3D": after}
 
 
-@pytest.mark.parametrize(
-    ("framing", "as_it_is"),
-    [
-        (Framing(), True),
-        (Framing(dashboard=False), False),
-        (Framing(eye=(0.0, 0.0, 0.0)), False),
-        (Framing(target=(0.0, 0.0, 0.0)), False),
-    ],
-)
-def test_what_a_framing_takes(framing, as_it_is):
-    """The robot's view only where it is shown alone, or from elsewhere."""
-    assert framing.as_it_is == as_it_is
-    made = framed(LAYOUT, "" if as_it_is else "v1", framing)
-    assert (made == LAYOUT) == as_it_is
-
-
 def test_the_view_of_the_robot_is_found():
     """By its name, or else as the first in 3D."""
     views = {"a": ("TimeSeries", "Robot"), "b": ("3D", "Map"), "c": ("3D", "Robot")}
@@ -144,19 +124,6 @@ def test_the_view_of_the_robot_is_found():
     assert robot_view_id(views) == "b"
     with pytest.raises(OneBotError, match="--dashboard"):
         robot_view_id({"a": ("TimeSeries", "Robot")})
-
-
-def test_rerun_does_not_warn_of_a_recording_of_ours(tmp_path):
-    """Whatever module imports rerun first: each snapshot of a file began with a warning."""
-    code = (
-        "import onebot_bringup.cli.snapshot\n"
-        "from onebot_bringup.viewer.display_server import open_recording\n"
-        f"open_recording(save={tmp_path / 'a.rrd'!r}).close()\n"
-    )
-    command = [sys.executable, "-c", "from pathlib import *\n" + code]
-    quiet = {name: value for name, value in os.environ.items() if name != "RUST_LOG"}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=quiet)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_what_is_in_a_recording(tmp_path):

@@ -3,7 +3,7 @@
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -156,31 +156,6 @@ def test_the_arm_stops_when_the_server_does(arm: Arm) -> None:
         arm.rest()
         own.process.send_signal(signal.SIGKILL)
         wait_for(lambda: page.closed, "the end of the connection")
-
-
-def test_an_arm_that_hung_does_not_follow_what_it_missed(
-    controller: NodeProcess, node: Any, arm: Arm
-) -> None:
-    """Its controller refuses trajectories whose time has passed."""
-    with opened(node) as page:
-        hold(page, arm)
-        controller.process.send_signal(signal.SIGSTOP)
-        wait_for(lambda: page.state["joints"][0]["position"] is None, "the state to be old")
-        wait_for(_silent(arm), "an end of what it is commanded")
-        page.let_go()
-        arm.stop(lambda: controller.process.send_signal(signal.SIGCONT))
-
-
-def _silent(arm: Arm) -> Callable[[], bool]:
-    """Gives whether no command has come for a second."""
-    last = [0, 0.0]
-
-    def silent() -> bool:
-        if len(arm.commands) != last[0]:
-            last[:] = len(arm.commands), time.monotonic()
-        return time.monotonic() > last[1] + 1.0
-
-    return silent
 
 
 def test_stop_locks_the_arm_until_a_page_moves_it(node: Any, arm: Arm) -> None:

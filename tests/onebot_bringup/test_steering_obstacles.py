@@ -135,7 +135,7 @@ def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     messages["/odom"].twist.twist.linear.x = -0.5
 
     def clearance() -> float | None:
-        odometry.update("/cmd_vel", (), ())
+        odometry.update("/cmd_vel", ())
         obstacles.update(RobotNamespace("", ()), watched=True)
         for topic, publisher in publishers.items():
             publisher.publish(messages[topic])

@@ -1,8 +1,6 @@
 """The steering page's node on real DDS, with a WebSocket client in the page's place."""
 
 import re
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
@@ -70,36 +68,32 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
         assert not other.state["late"]
         wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         robot.come_to_rest()
-        received = page.state["received"]
-        wait_for(lambda: page.state["received"] > received + 5, "late commands")
         # At 20 Hz: a quarter or half of a second, until it was noticed.
         assert len(robot.moving) < count + 15
-        way.delay = 0.0
-        page.hold(0.2)
-        robot.reach(0.2)
-        way.delay = 0.8
-        page.let_go()
+        page.silence()
         page.send("stop")
         other.hold(0.1)
         robot.reach(0.1)
-        way.delay = 0.0
         wait_for(lambda: other.state["driver"] is None, "the stop")
-        robot.come_to_rest()
+        way.delay = 0.0
+        page.let_go()
+        page.hold(0.2)
+        robot.reach(0.2)
 
 
 def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
-    """Refused, closed, broken off, not responding: four things; and whether it drove.
+    """Refused, closed, broken off, not responding; and whether it drove.
 
     Each is logged at most every five seconds, whatever the others do. Zeros go out before the node
     ends, and pages are told that it goes.
     """
     stopped = "; it drove, so the robot is stopped"
-    with steered(4) as (node, refused, closed, broken, driving):
+    with steered(4) as (node, refused, closed, broken, driving), raw_page(node.address):
         robot = Commands(peer, refused)
         for page, end, words in (
             (refused, lambda: refused.say("{}"), "rejected a message of a page (1 so far): the ty"),
             (closed, closed.close, f"a page was closed{stopped}"),
-            (broken, broken.cut, f"lost the connection to a page: it broke off{stopped}"),
+            (broken, broken.cut, f"lost the connection to a page{stopped}"),
         ):
             count = len(robot.moving)
             page.hold(0.3)
@@ -111,11 +105,8 @@ def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
             driving.say("{}")
         driving.say("no JSON")
         wait_for(lambda: "a message must be JSON\n" in node.output, "the other kind")
-        lost = "to a page: it does not respond\n"
-        with raw_page(node.address):
-            wait_for(lambda: lost in node.output, "the lost heartbeat")
+        wait_for(lambda: "lost the connection to a page\n" in node.output, "the lost heartbeat")
         assert node.output.count("topic, limits\n") < 15
-        assert f"topic, limits{stopped}" in node.output
         driving.let_go()
         driving.hold(0.25)
         robot.reach(0.25)
@@ -135,26 +126,6 @@ def test_a_huge_message_ends_the_connection(shared):
         wait_for(lambda: page.closed, "the end of the connection")
         robot.come_to_rest()
         wait_for(lambda: other.state["pages"] == 1, "the other page to see so")
-
-
-def test_a_flood_of_messages_does_not_keep_the_robot_moving(shared):
-    """While one page sends as fast as it can, another one's stop still counts."""
-    with visited(*shared, 2) as (peer, page, other):
-        robot = Commands(peer, page)
-        page.hold(0.3)
-        robot.reach(0.3)
-        over = threading.Event()
-
-        def flood() -> None:
-            while not over.is_set():
-                page.drive(0.3)
-
-        with ThreadPoolExecutor(1) as pool:
-            flooding = pool.submit(flood)
-            other.send("stop")
-            robot.come_to_rest()
-            over.set()
-            flooding.result(PATIENCE)
 
 
 def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
@@ -185,8 +156,6 @@ def test_page_is_served_with_a_strict_policy(shared):
 def test_foreign_hosts_and_origins_are_refused(shared):
     """Neither a page of another site nor a name that somebody else made lead here can talk."""
     address = shared[1].address
-    assert _status(address, "/", Host="evil.example")[0] == 403
-    assert _status(address, "/", Origin="http://evil.example")[0] == 403
     link = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
     for site, status in {"cross-site": 403, "same-site": 403, "same-origin": 200}.items():
         for path in ("/", "/tools/nodes", "/static/page.js"):
@@ -194,6 +163,7 @@ def test_foreign_hosts_and_origins_are_refused(shared):
             assert found[0] == status, (site, path)
         assert _status(address, "/", **{"Sec-Fetch-Site": site}, **link)[0] == 200
     for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+        assert _status(address, "/", **headers)[0] == 403
         with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
             PageClient(address, **headers)
         assert caught.value.status == 403
@@ -204,21 +174,19 @@ def test_foreign_hosts_and_origins_are_refused(shared):
 def test_other_computers_need_a_token(ros_domain):
     """host:=0.0.0.0 makes one, prints it in the address, and lets in nobody without it."""
     with steering(host="0.0.0.0") as node:
-        address = node.address
-        token = urlsplit(address).query.removeprefix("token=")
+        address, _, query = node.address.partition("/?")
+        token = query.removeprefix("token=")
         assert len(token) >= 22 and "/rosout" not in node.output
-        local = f"http://127.0.0.1:{urlsplit(address).port}"
-        for base in (address, local):
-            assert _status(base, "/")[0] == _status(base, "/static/page.js")[0] == 403
-            assert _status(base, "/tools/nodes")[0] == 403
-            assert _status(base, "/?token=wrong") == (
-                403,
-                "The token is missing or wrong: open the whole address that was printed.\n",
-            )
+        for base in (address, f"http://127.0.0.1:{node.port}"):
+            for path in ("/", "/static/page.js", "/tools/nodes", "/?token=wrong"):
+                assert _status(base, path) == (
+                    403,
+                    "The token is missing or wrong: open the whole address that was printed.\n",
+                )
             with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
                 PageClient(base)
             assert caught.value.status == 403
-            cookie = cookie_of(f"{base.partition('/?')[0]}/?token={token}")
+            cookie = cookie_of(f"{base}/?{query}")
             assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and token not in cookie
             with PageClient(base, Cookie=cookie.partition(";")[0]) as page:
                 assert page.state["pages"] == 1

@@ -2,12 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from itertools import combinations
-from pathlib import Path
-from threading import Thread
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -19,7 +13,7 @@ from onebot_bringup.testing.domains import used_domain
 from tests.onebot_bringup.steering_support import Steering, steering
 from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, Peer
-from tests.steering_browser_support import Page
+from tests.steering_browser_support import Page, viewer_page
 from tests.support import wait_for
 
 pytestmark = pytest.mark.slow
@@ -27,8 +21,6 @@ pytestmark = pytest.mark.slow
 SCREENS = [(1280, 657), (1920, 1080)]
 ROBOTS = {name: f"/{name}/velocity_controller/cmd_vel" for name in ("bare", "seeing")}
 CAMERAS = {"/seeing/front/image_raw": (200, 60, 30), "/seeing/rear/image_raw": (30, 60, 200)}
-# A viewer's page that has something to show at once, in place of Rerun, which draws for long.
-VIEWER_PAGE = '<html><head></head><body><p id="center_text" class="visible">View</p></body></html>'
 DISPLAYS = {
     "shown": [],
     "legend": [
@@ -36,14 +28,14 @@ DISPLAYS = {
         {"kind": "covariance", "name": "odometry", "color": [255, 176, 32]},
     ],
 }
-Box = dict[str, float]
+PARTS = "#view iframe", "aside", "#readout", "#camera", "#displays", "#parameters"
 
 
 @pytest.fixture(scope="module")
 def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Steering]:
     """Two robots with the same description; one of them has two cameras."""
     with (
-        viewer_page(tmp_path_factory.mktemp("viewer")) as port,
+        viewer_page(tmp_path_factory.mktemp("viewer")) as address,
         used_domain() as domain,
         Peer(domain) as peer,
         steering(topic=ROBOTS["seeing"]) as node,
@@ -57,30 +49,11 @@ def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Steering]:
             for topic, color in CAMERAS.items()
         }
         timer = peer.node.create_timer(0.1, lambda: [p.publish(m) for p, m in pictures.items()])
-        address = f"http://127.0.0.1:{port}/?url=rerun%2Bhttp://127.0.0.1:{port}/proxy"
         for topic, text in {"page": address, "displays": json.dumps(DISPLAYS)}.items():
             latched = peer.node.create_publisher(String, f"/rerun_viewer/{topic}", LATCHED)
             latched.publish(String(data=text))
         yield node
         peer.run(peer.node.destroy_timer, timer)
-
-
-@contextmanager
-def viewer_page(folder: Path) -> Iterator[int]:
-    """Serve the viewer's page; gives the port."""
-    (folder / "index.html").write_text(VIEWER_PAGE)
-    handler = partial(QuietHandler, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        yield server.server_port
-        server.shutdown()
-
-
-class QuietHandler(SimpleHTTPRequestHandler):
-    """Serves files."""
-
-    def log_message(self, *_: object) -> None:
-        """Log nothing."""
 
 
 def picture(color: tuple[int, int, int]) -> Image:
@@ -111,54 +84,33 @@ return [width, height];
 """
 
 
-def boxes(page: Page, *selectors: str) -> dict[str, Box]:
-    """Where the elements are that are shown."""
-    found = {selector: page.find(selector) for selector in selectors}
-    return {name: element.rect for name, element in found.items() if element.is_displayed()}
-
-
-def area(box: Box) -> float:
-    return box["width"] * box["height"]
-
-
-def overlap(one: Box, other: Box) -> float:
-    """How much of two boxes is common, in square pixels."""
-    sides = [
-        min(one[at] + one[size], other[at] + other[size]) - max(one[at], other[at])
-        for at, size in (("x", "width"), ("y", "height"))
-    ]
-    return max(0.0, sides[0]) * max(0.0, sides[1])
-
-
-def arranged(page: Page, panel: str) -> dict[str, Box]:
-    """The boxes of the page's parts, once this panel is open and none overlaps another."""
-    found = boxes(page, "iframe", "aside", "#readout", "#camera", "#displays", "#parameters")
-    overlaps = [pair for pair in combinations(found, 2) if overlap(*map(found.get, pair))]
-    return {} if overlaps or (panel and f"#{panel}" not in found) else found
-
-
 @pytest.mark.parametrize("screen", SCREENS)
 def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> None:
-    """Whatever panel is open: panels are beside it, and their rows are in reach by scrolling."""
+    """Whatever panel is open: nothing covers a part, and each is on the screen."""
     page.emulate(*screen)
     for panel in ("", "displays", "parameters"):
         if panel:
             page.find(f"[name={panel}]").click()
-        found = wait_for(lambda panel=panel: arranged(page, panel), "parts beside each other")
-        view = found["iframe"]
-        assert area(view) == max(map(area, found.values())), found
+            wait_for(lambda panel=panel: page.in_sight(f"#{panel}"), "the panel")
+        found = {
+            selector: page.find(selector).rect for selector in PARTS if page.in_sight(selector)
+        }
+        assert ("#camera" in found) == page.find("#camera").is_displayed()
+        assert {"#view iframe", "aside", "#readout"} <= found.keys()
+        view = found["#view iframe"]
         assert view["width"] > 0.4 * screen[0]
         for box in found.values():
+            assert box["width"] * box["height"] <= view["width"] * view["height"]
             assert box["x"] + box["width"] <= screen[0] and box["y"] + box["height"] <= screen[1]
         if "#camera" in found:
             wait_for(lambda: page.driver.execute_script(PICTURE)[1], "the picture")
             width, height = page.driver.execute_script(PICTURE)
             assert width >= 320 and height == pytest.approx(0.75 * width, abs=1.0)
     page.find("[name=parameters]").click()
-    if page.find("#camera").is_displayed():
-        wide = page.find("iframe").rect["width"]
+    if "#camera" in found:
+        wide = page.find("#view iframe").rect["width"]
         page.find("#camera summary").click()
-        assert page.find("iframe").rect["width"] > wide + 250, "a folded camera leaves its room"
+        assert page.find("#view iframe").rect["width"] > wide + 250, "a folded camera has no room"
         page.find("#camera summary").click()
 
 

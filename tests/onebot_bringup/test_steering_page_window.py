@@ -76,7 +76,6 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
             (key, nothing, grabbed_keyboard),
             (key, dots, nullcontext),
             (key, title, nullcontext),
-            (mouse("#linear [name=plus]"), menu, nullcontext),
             (mouse("#pad"), menu, nullcontext),
         ):
             do(*place("#view"), "click", 1)

@@ -4,6 +4,8 @@ import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
@@ -20,11 +22,11 @@ from tests.onebot_bringup.steering_support import (
     requested,
     steering,
 )
-from tests.onebot_bringup.viewer_support import ARM, BLUE, VIEW
+from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
-from tests.steering_browser_support import Page
+from tests.steering_browser_support import Page, viewer_page
 from tests.support import PATIENCE, wait_for
-from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached, wait_for_color
+from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -78,23 +80,16 @@ def test_only_servers_on_this_computer_are_asked(address):
 
 
 @contextmanager
-def _viewer(domain: int, *args: str) -> Iterator[NodeProcess]:
+def _viewer(domain: int) -> Iterator[NodeProcess]:
     """The real viewer, with a robot."""
     ports = ros_args(grpc_port=0, web_port=0, open_browser="false")
     with (
-        NodeProcess("onebot_bringup.viewer.rerun_viewer", *ports, *args, check=False) as node,
+        NodeProcess("onebot_bringup.viewer.rerun_viewer", *ports, check=False) as node,
         Peer(domain, "robot") as peer,
     ):
         peer.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: 'showing "arm"' in node.output, "the robot")
         yield node
-
-
-def _address_of_view(steering_page: str) -> str:
-    """Where the view is, on the name by which ``steering_page`` is opened."""
-    cookie = cookie_of(steering_page).partition(";")[0]
-    with PageClient(steering_page.partition("/?")[0], Cookie=cookie) as client:
-        return str(wait_for(lambda: client.state["view"], "the view's address")[-1])
 
 
 _WATCH = """
@@ -111,50 +106,43 @@ setTimeout(() => {
 """
 
 
+@contextmanager
+def _beside_a_view(domain: int, folder: Path, **parameters: object) -> Iterator[tuple[Any, ...]]:
+    """A node with a view that lags, which takes no time to load, and its robot."""
+    with (
+        viewer_page(folder, "window.drawnInSoftware = true") as address,
+        Peer(domain, "robot") as robot,
+        steering(**parameters) as node,
+    ):
+        robot.publisher(String, "/rerun_viewer/page", LATCHED).publish(String(data=address))
+        yield node, robot
+
+
 @pytest.mark.slow
-def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path):
+def test_a_view_that_is_busy_does_not_stall_the_wheel(ros_domain, tmp_path, tab):
     """On loopback, here through a tunnel, and by an address of the network.
 
     The view's thread does nothing else for five minutes; keys, joystick and Stop act meanwhile.
     """
     with (
-        _viewer(ros_domain),
-        Peer(ros_domain, "wheels") as wheels,
-        steering(host="0.0.0.0") as node,
-        browser(tmp_path / "profile", SMALL, webgl=True) as driver,
+        _beside_a_view(ros_domain, tmp_path, host="0.0.0.0") as (node, robot),
+        Way(node.address) as tunnel,
     ):
-        commands = wheels.hear(Twist, "/velocity_controller/cmd_vel", 1000)
+        commands = robot.hear(Twist, "/velocity_controller/cmd_vel", 1000)
         own = urlsplit(node.address)
-        with Way(node.address) as tunnel:
-            page = Page(driver)
-            _read_the_note_on_a_shared_process(page, f"http://127.0.0.1:{own.port}/?{own.query}")
-            # Rerun takes long to load: the frame is busy before it has.
-            for host in (own.netloc, f"127.0.0.1:{tunnel.port}"):
-                page.open(f"http://{host}/?{own.query}")
-                wait_for(lambda: _has_page_of_view(page), f"the view at {host}", DRAWING_PATIENCE)
-                assert "also delay" not in page.find("#slow").text
-                _drive_beside_a_busy_view(page, commands)
-
-
-def _read_the_note_on_a_shared_process(page: Page, address: str) -> None:
-    """Where loopback's other name leads elsewhere, in a browser that isolates sites only.
-
-    Rerun, which takes long to load, is left out; the test reports in its place that it is behind.
-    """
-    page.devtools("Network.setBlockedURLs", urls=["http://localhost:*", "*.wasm"])
-    page.devtools("Emulation.setUserAgentOverride", userAgent="Gecko/20100101 Firefox/153.0")
-    page.open(address)
-    wait_for(lambda: _has_frame(page), "the frame")
-
-    def reports() -> bool:
-        with page.view() as inside:
-            inside.execute_script("parent.postMessage({view: 'shown', behind: true}, '*')")
-        return page.find("#slow").is_displayed()
-
-    wait_for(reports, "the note")  # until its page is loaded, the frame is not heard
-    assert "can also delay the controls" in page.find("#slow").text
-    page.devtools("Emulation.setUserAgentOverride", userAgent="")
-    page.devtools("Network.setBlockedURLs", urls=[])
+        # Loopback's other name leads elsewhere, in a browser that isolates sites only.
+        tab.devtools("Network.setBlockedURLs", urls=["http://localhost:*"])
+        tab.devtools("Emulation.setUserAgentOverride", userAgent="Gecko/20100101 Firefox/153.0")
+        tab.open(f"http://127.0.0.1:{own.port}/?{own.query}")
+        wait_for(lambda: "can also delay the controls" in tab.find("#slow").text, "the note")
+        tab.devtools("Emulation.setUserAgentOverride", userAgent="")
+        tab.devtools("Network.setBlockedURLs", urls=[])
+        for host in (own.netloc, f"127.0.0.1:{tunnel.port}"):
+            tab.open(f"http://{host}/?{own.query}")
+            wait_for(lambda: tab.view_is_shown, f"the view at {host}")
+            assert "also delay" not in tab.find("#slow").text
+            _drive_beside_a_busy_view(tab, commands)
+        tab.driver.get("about:blank")
 
 
 def _drive_beside_a_busy_view(page: Page, commands: list[Twist]) -> None:
@@ -189,12 +177,30 @@ def _drive_beside_a_busy_view(page: Page, commands: list[Twist]) -> None:
 
 
 @pytest.mark.slow
+def test_keys_in_the_view_and_a_lost_connection(ros_domain, tmp_path, tab):
+    """The stop key works there, too; the others drive only when the mouse is back.
+
+    The view is kept when the page connects anew: until it notices, the server says nothing.
+    """
+    with _beside_a_view(ros_domain, tmp_path) as (node, _):
+        tab.open(node.address)
+        wait_for(lambda: tab.view_is_shown, "the view")
+        _press_keys_in_the_view(tab)
+        with tab.view() as inside:
+            inside.execute_script("window.mark = true")
+        node.process.send_signal(signal.SIGSTOP)
+        wait_for(lambda: not tab.connected, "the page to notice")
+        node.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: tab.connected, "a new connection")
+        tab.wait_for_states(3)
+        with tab.view() as inside:
+            assert inside.execute_script("return window.mark")
+
+
+@pytest.mark.slow
 def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
-    """Covered until there is a layout; kept over a lost connection; not over a lost tunnel."""
-    (tmp_path / "view.yaml").write_text(VIEW)
-    viewer = ros_args(
-        grpc_port=0, web_port=0, open_browser="false", view=str(tmp_path / "view.yaml")
-    )
+    """Rerun's, which is covered until there is a layout; and not kept over a lost tunnel."""
+    viewer = ros_args(grpc_port=0, web_port=0, open_browser="false")
     with (
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer),
         Peer(ros_domain, "robot") as robot,
@@ -203,56 +209,33 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         Way(node.address) as tunnel,
     ):
         page = Page(driver).open(f"{tunnel.address}/")
-        wait_for(lambda: _runs(page), "Rerun's page", DRAWING_PATIENCE)
+
+        def in_view(script: str) -> Any:
+            """What the script returns in the frame; None if there is no frame."""
+            if not driver.find_elements(By.CSS_SELECTOR, "#view iframe"):
+                return None
+            with page.view() as inside:
+                return inside.execute_script(script)
+
+        wait_for(lambda: in_view("return !!window._handle"), "Rerun's page", DRAWING_PATIENCE)
         assert page.find("#waiting").is_displayed(), "Rerun shows bare panels without a robot"
         robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: page.view_is_shown, "the view", DRAWING_PATIENCE)
         assert not page.find("#waiting").is_displayed()
-        wait_for_color(page.driver, BLUE, 1000)
-        assert hosts_reached(page.driver) <= {"127.0.0.1", "localhost"}
-        with page.view() as inside:
-            script = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
-            resources = inside.execute_script(script)
+        assert hosts_reached(driver) <= {"127.0.0.1", "localhost"}
+        resources = in_view(
+            "window.mark = true;"
+            "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+        )
         assert {urlsplit(name).netloc for name in resources} == {f"localhost:{tunnel.port}"}
         logged = [entry["message"] for entry in driver.get_log("browser")]
         assert [message for message in logged if "status of 404" in message] == []
-        _press_keys_in_the_view(page)
-
-        with page.view() as inside:
-            inside.execute_script("window.mark = true")
-        _lose_the_connection(page, node)
-        with page.view() as inside:
-            assert inside.execute_script("return window.mark")
-
         tunnel.cut()
         wait_for(lambda: page.find("#waiting").is_displayed(), "the view to be loaded again")
-        wait_for(lambda: _has_frame(page), "its frame")
-        with page.view() as inside:
-            assert not inside.execute_script("return window.mark")
-
-
-def _has_frame(page: Page) -> bool:
-    return bool(page.driver.find_elements(By.CSS_SELECTOR, "#view iframe"))
-
-
-def _has_page_of_view(page: Page) -> bool:
-    return _holds_in_view(page, "location.pathname.includes('/view/')")
-
-
-def _runs(page: Page) -> bool:
-    return _holds_in_view(page, "window._handle")
-
-
-def _holds_in_view(page: Page, condition: str) -> bool:
-    """Whether there is a frame, and a condition holds in it."""
-    if not _has_frame(page):
-        return False
-    with page.view() as inside:
-        return bool(inside.execute_script(f"return !!({condition})"))
+        wait_for(lambda: in_view("return !window.mark"), "another frame")
 
 
 def _press_keys_in_the_view(page: Page) -> None:
-    """The stop key works there, too; the others drive only when the mouse is back."""
     page.find("#view iframe").click()
     page.key("keyDown", "KeyW")
     page.key("keyUp", "KeyW")
@@ -268,15 +251,6 @@ def _press_keys_in_the_view(page: Page) -> None:
     page.key("keyUp", "KeyW")
 
 
-def _lose_the_connection(page: Page, node: NodeProcess) -> None:
-    """Until the page notices and connects anew, the server says nothing."""
-    node.process.send_signal(signal.SIGSTOP)
-    wait_for(lambda: not page.connected, "the page to notice")
-    node.process.send_signal(signal.SIGCONT)
-    wait_for(lambda: page.connected, "a new connection")
-    page.wait_for_states(3)
-
-
 def _status(url: str, data: bytes | None = None, **headers: str) -> int:
     with requested(Request(url, data, headers)) as answer:
         return int(answer.status)
@@ -288,26 +262,23 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
     A token of one's own is kept and asked for, with characters that an address writes otherwise.
     """
     with _viewer(ros_domain) as viewer, steering(token="a b&c/+") as node:
-        address = node.address
-        own = "token=a%20b%26c%2F%2B"
-        assert address.endswith(f"/?{own}") and _status(address) == 200
-        assert _status(address.partition("?")[0]) == 403
-        view = _address_of_view(address)
+        page, _, own = node.address.partition("/?")
+        assert own == "token=a%20b%26c%2F%2B" and _status(page) == 403
+        cookie = cookie_of(node.address).partition(";")[0]
+        with PageClient(page, Cookie=cookie) as client:
+            view = wait_for(lambda: client.state["view"], "the view's address")[-1]
         root = view.partition("?")[0]
         read, write = f"{root}{SERVICE}/ReadMessages", f"{root}{SERVICE}/WriteMessages"
         kind = {"Content-Type": "application/grpc-web+proto"}
         other = f"http://localhost:{urlsplit(view).port}"
-        for url, data in ((view, None), (f"{root}re_viewer.js", None), (read, b"\0" * 5)):
-            assert _status(url, data, **kind) == 200
-            for origin in ("null", other, address.partition("/?")[0]):
+        for url, data in ((f"{root}re_viewer.js", None), (read, b"\0" * 5)):
+            for origin in ("null", other, page):
                 assert _status(url, data, Origin=origin, **kind) == 200
             for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
                 assert _status(url, data, **headers, **kind) == 403
             wrong = re.sub("/view/.*?/", "/view/wrong/", url)
-            assert _status(wrong, data, **kind) == 403
             assert _status(wrong, data, Origin="null", **kind) == 403
-            token = f"{wrong}{'&' if '?' in wrong else '?'}{own}"
-            assert _status(token, data, **kind) == 404
+            assert _status(f"{wrong}?{own}", data, **kind) == 404
         assert _status(write, b"\0" * 5, **kind) == 403
         with urlopen(Request(view, headers={"Origin": "null"}), timeout=PATIENCE) as answer:
             policy = answer.headers.get_all("Content-Security-Policy")

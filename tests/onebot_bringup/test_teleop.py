@@ -64,14 +64,6 @@ def test_any_other_key_stops(key: str) -> None:
     assert driver.velocity(0.1) == STILL
 
 
-def test_one_press_bridges_the_delay_of_the_keyboard() -> None:
-    """A key counts as held until its first repeat may come, and no longer."""
-    driver = Driver(0.5, 1.0, 0.7)
-    driver.press("i", 0.0)
-    assert driver.moving(0.66) and not driver.moving(0.7)
-    assert driver.velocity(0.71) == STILL
-
-
 @pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
 @pytest.mark.parametrize("interval", [0.02, 0.033, 0.1])
 def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: float) -> None:
@@ -88,7 +80,7 @@ def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: floa
 
 
 def test_another_key_takes_over() -> None:
-    """The latest key counts, with the full delay of a first press."""
+    """The latest key counts, as long as a first press may wait for its first repeat."""
     driver = Driver(0.5, 1.0, 0.7)
     for moment in (0.0, 0.5, 0.53):
         driver.press("i", moment)

@@ -1,14 +1,20 @@
 """``onebot trajectory``, beside a joint_trajectory_controller in a process of its own."""
 
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
 from std_msgs.msg import String
 
+from onebot_bringup.cli import session
+from onebot_bringup.cli.running_controllers import controller_of, running_controllers
+from onebot_bringup.cli.session import Session
 from onebot_bringup.testing.domains import used_domain
+from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_bringup.cli_support import onebot, output_of, running
@@ -19,6 +25,7 @@ from tests.support import wait_for
 MODULE = "onebot_control.joint_trajectory_controller"
 STATE = load_interface("control_msgs/msg/JointTrajectoryControllerState")
 NAME = "/joint_trajectory_controller"
+MOVES = "/left/arm moves elbow, left; /right/arm moves elbow, right"
 _LINK = """
   <link name="{child}">
     <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -87,7 +94,6 @@ def test_without_a_joint_it_lists(arm: Arm) -> None:
     ("words", "message"),
     [
         (["shoulder=9"], f"REJECTED by {NAME}\nerror: goal rejected: points[0].positions: "),
-        (["sholder=1"], 'no joint "sholder" (did you mean "shoulder"?'),
         (["wrist=1", "controller:=/arm"], f'no controller "/arm" found (controllers: {NAME}); '),
         # The joint is faster than its limit of velocity.
         (
@@ -138,36 +144,35 @@ def test_the_controller_ends_meanwhile(peer: Peer, tmp_path: Path) -> None:
             assert f"error: {NAME} does not answer: the joints may still move" in command.err
 
 
-def test_no_controller(ros_domain: int) -> None:
-    done = onebot("trajectory", "elbow=1")
-    assert done.returncode == 1
-    *_, error = done.stderr.splitlines()
-    assert error.startswith("error: no joint_trajectory_controller found; start one by mrm_bringup")
-
-
 def test_several_controllers(peer: Peer) -> None:
-    """Each is listed; a joint of one is moved by that, one of both by the one that is named."""
+    """All in the namespace are found, or the one that is named."""
     publish_states(peer, {"/left/arm": ["elbow", "left"], "/right/arm": ["elbow", "right"]})
-    names = [line for line in output_of("trajectory").splitlines() if line.startswith("/")]
-    assert names == ["/left/arm", "/right/arm"]
-    moves = "/left/arm moves elbow, left; /right/arm moves elbow, right"
-    for words, message in {
-        "elbow=1": f"several controllers move them, choose controller:=NAME: {moves}",
-        "left=1 right=1": f"no controller moves all of them, name those of one: {moves}",
-        "left=1 controller:=right/arm": 'no joint "left" (joints: elbow, right)',
-        "right=1 --ros-args -r __ns:=/left": 'no joint "right" (joints: elbow, left)',
-    }.items():
-        assert f"error: {message}" in onebot("trajectory", *words.split()).stderr
+    for namespace, name, found in (
+        ("/", "", ["/left/arm", "/right/arm"]),
+        ("/", "right/arm", ["/right/arm"]),
+        ("/left", "", ["/left/arm"]),
+    ):
+        with Session(["--ros-args", "-r", f"__ns:={namespace}"]) as found_by:
+            controllers = running_controllers(found_by, name)
+            assert [controller.name for controller in controllers] == found
 
 
-def test_limits_of_a_description_that_is_late(peer: Peer, tmp_path: Path) -> None:
-    """A controller is often discovered before the node that publishes the description."""
-    publish_states(peer, {"/arm": ["shoulder"]})
-    with running(tmp_path, "trajectory") as command:
-        wait_for(lambda: "looking for /robot_description ..." in command.err, "the command")
-        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
-        command.says("-2 … 2.5 rad")
-        assert command.wait() == 0
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        ("elbow", f"several controllers move them, choose controller:=NAME: {MOVES}"),
+        ("left right", f"no controller moves all of them, name those of one: {MOVES}"),
+        ("lift", 'no joint "lift" (did you mean "left"? joints: elbow, left, right)'),
+    ],
+)
+def test_joints_of_no_single_controller(joints: str, message: str) -> None:
+    """A joint of one is moved by that, one of both by the one that is named."""
+    controllers = [
+        SimpleNamespace(name=f"/{side}/arm", joints=["elbow", side]) for side in ("left", "right")
+    ]
+    assert controller_of(controllers, ["right"]) is controllers[1]
+    with pytest.raises(OneBotError, match=re.escape(message)):
+        controller_of(controllers, joints.split())
 
 
 def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
@@ -180,13 +185,20 @@ def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
             publisher.publish(state)
 
 
+def test_no_controller(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "_LOOKUP", 0.5)  # none is there that could be discovered late
+    done = onebot("trajectory", "elbow=1")
+    text = "error: no joint_trajectory_controller found; start one by mrm_bringup sim:=true"
+    assert done.returncode == 1 and text in done.stderr
+
+
 def test_a_controller_that_does_not_work(peer: Peer) -> None:
     publish_states(peer, {"/arm": ["elbow"], "/inactive": []})
-    for name, message in {
-        "/arm": "there is no action /arm/follow_joint_trajectory",
-        "/inactive": "no ~/controller_state of /inactive: it is inactive, or",
+    for words, message in {
+        "controller:=/arm": "there is no action /arm/follow_joint_trajectory",
+        "controller:=/inactive": "no ~/controller_state of /inactive: it is inactive, or",
     }.items():
-        done = onebot("trajectory", "elbow=1", f"controller:={name}")
+        done = onebot("trajectory", "elbow=1", *words.split())
         assert done.returncode == 1 and f"error: {message}" in done.stderr
 
 
@@ -196,7 +208,6 @@ def test_a_controller_that_does_not_work(peer: Peer) -> None:
         ("elbow=1 elbow=2", 'the joint "elbow" is there twice'),
         ("elbow=fast", 'elbow=fast: "fast" is not a number; write a position in rad or m'),
         ("elbow=nan", 'elbow=nan: "nan" is not a number'),
-        ("elbow", 'unexpected "elbow"; joints are written JOINT=POSITION'),
         ("elbow=1 time:=0", "time:=0 is not possible; write a number above 0"),
         ("elbow=1 tme:=1", 'no argument "tme" (did you mean "time"?'),
     ],

@@ -6,15 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation, Slerp
 
 from onebot_bringup.introspection.transforms import FrameTree, TransformError
 from onebot_description.ros.wire.messages import (
     TfArrays,
-    tf_arrays,
-    time_message,
-    transforms_message,
 )
 from tests.support import assert_time_grows_with_size
 
@@ -56,33 +52,14 @@ def test_lookup_at_the_latest_common_time() -> None:
     found = tree.lookup("odom", "tool")
     turn = Slerp([1.0, 2.0], Rotation.from_quat([NONE, turned(90)]))(1.25)
     assert found.stamp_ns == 1.25 * SECOND
-    assert found.transform[1] == pytest.approx(turn.as_quat())
-    assert found.transform[0] == pytest.approx(turn.apply([0.0, 1.0, 0.5]) + [1.25, 0, 0])
-    back = tree.lookup("tool", "odom").transform
-    assert Rotation.from_quat(back[1]).apply(found.transform[0]) == pytest.approx(
-        [-number for number in back[0]]
-    )
+    np.testing.assert_allclose(found.matrix[:3, :3], turn.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(found.matrix[:3, 3], turn.apply([0, 1, 0.5]) + [1.25, 0, 0])
+    back = tree.lookup("tool", "odom").matrix
+    np.testing.assert_allclose(back @ found.matrix, np.eye(4), atol=1e-12)
     assert tree.lookup("arm", "tool").stamp_ns == 0  # static only
-    assert tree.lookup("base", "base").transform == ((0.0, 0.0, 0.0), NONE)
-
-
-def test_interpolation_of_opposite_quaternions() -> None:
-    """Both q and -q are one rotation: nothing turns between them."""
-    tree = FrameTree()
-    add(tree, "a", "b", 1.0, rotation=turned(40))
-    add(tree, "a", "b", 3.0, rotation=[-number for number in turned(50)])
-    add(tree, "b", "c", 2.0)
-    turn = Rotation.from_quat(tree.lookup("a", "c").transform[1]).magnitude()
-    assert math.degrees(turn) == pytest.approx(45.0)
-
-
-def test_chain_between_branches() -> None:
-    """Through the common ancestor, both ways."""
-    tree = FrameTree()
-    for parent, child in (("odom", "base"), ("base", "left"), ("base", "arm"), ("arm", "tool")):
-        add(tree, parent, child, 1.0, (1.0, 0.0, 0.0))
-    assert tree.lookup("left", "tool").transform[0] == (1.0, 0.0, 0.0)
-    assert tree.roots == ["odom"]
+    np.testing.assert_allclose(tree.lookup("base", "base").matrix, np.eye(4), atol=1e-12)
+    add(tree, "base", "left", 0.0, (0.0, 3.0, 0.0), static=True)
+    np.testing.assert_allclose(tree.lookup("left", "arm").matrix[:3, 3], [0, -2, 0], atol=1e-12)
 
 
 def test_errors_in_the_words_of_tf2() -> None:
@@ -159,7 +136,8 @@ def test_each_frame_of_a_circle_is_its_own_top() -> None:
         assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
         assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
         assert tree.roots == ["a", *own_parent]
-        assert tree.lookup("tip", "a").transform[0] == (-1.0, 0.0, 0.0)
+        with pytest.raises(TransformError, match="Could not find a connection"):
+            tree.lookup("tip", "a")
 
 
 def test_a_large_circle_takes_time_by_its_size() -> None:
@@ -218,20 +196,6 @@ def test_a_pose_at_a_time() -> None:
     np.testing.assert_allclose(laser(1.5), [9, 0])
 
 
-def test_poses_at_a_time_of_many_robots() -> None:
-    """Also of more robots than names are cached for; each message is read from its bytes."""
-    tree, robots = FrameTree(), [f"robot{number}" for number in range(200)]
-    turn = np.array([[0.0, 0.0, 0.0, 1.0]])
-    for second in range(3):
-        for robot in robots:
-            values = np.hstack([[[float(second), 0.0, 0.0]], turn])
-            names = [f"{robot}/odom"], [f"{robot}/base"]
-            message = transforms_message(time_message(second * SECOND), *names, values)
-            tree.update(tf_arrays(bytes(serialize_message(message))))
-    for robot in robots:
-        assert tree.pose(f"{robot}/base", f"{robot}/odom", SECOND // 2)[0, 3] == 0.5
-
-
 def test_a_transform_that_comes_late_takes_its_place_in_the_history() -> None:
     """The latest is that of the latest stamp, as in tf2."""
     tree = FrameTree()
@@ -240,12 +204,3 @@ def test_a_transform_that_comes_late_takes_its_place_in_the_history() -> None:
     for seconds, x in ((0, 40), (1.5, 15), (2.25, 22.5), (3.25, 32.5)):
         assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)
     assert tree.known_until("base") == 4e9
-
-
-def test_the_history_is_bounded_by_time() -> None:
-    """Beyond it, a pose is that of its beginning, or for another clock the latest."""
-    tree = FrameTree()
-    for number in range(200):
-        add(tree, "odom", "base", 1 + number / 10, (float(number), 0.0, 0.0))
-    for seconds, x in ((15.95, 149.5), (10.95, 99.5), (9.95, 99.0), (0.5, 199.0)):
-        assert tree.pose("base", "odom", int(seconds * 1e9))[0, 3] == pytest.approx(x)

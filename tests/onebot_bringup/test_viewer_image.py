@@ -9,7 +9,6 @@ from PIL import Image as Pillow
 from sensor_msgs.msg import CompressedImage, Image
 
 from onebot_bringup.viewer.blueprint import Layout, make_blueprint
-from onebot_bringup.viewer.core.columns import BytesMaker
 from onebot_bringup.viewer.core.display import LayoutPart, Plot
 from onebot_bringup.viewer.core.drawing import topic_entity
 from onebot_bringup.viewer.displays.image import ImageView
@@ -46,34 +45,26 @@ def random(*shape, dtype=np.uint8):
         *[("rgb8", 3, RGB, 0), ("rgb8", 3, RGB, 5), ("bgr8", 3, BGR, 0), ("8UC3", 3, BGR, 5)],
         *[("rgba8", 4, RGBA, 0), ("bgra8", 4, BGRA, 5), ("8UC4", 4, BGRA, 0)],
         *[("mono8", 1, L, 0), ("8UC1", 1, L, 5)],
+        *[("bayer_rggb8", 1, 128, 0), ("bayer_bggr8", 1, 129, 0), ("bayer_gbrg8", 1, 130, 5)],
+        *[("bayer_grbg8", 1, 131, 0), ("yuv422_yuy2", 2, 27, 0)],
     ],
 )
 def test_colours_are_logged_as_they_come(encoding, channels, model, padding, tmp_path):
-    """Without what lies between rows; also where no transform leads to the frame."""
+    """Without what lies between rows; also where no transform leads to the frame.
+
+    Rerun makes colours of the formats of cameras, which have numbers of their own.
+    """
     pixels = random(4, 6, channels)
     file = drawn(tmp_path, "", (TOPIC, image(encoding, pixels, padding)))
     assert column(file, ENTITY, "Image:buffer") == [[pixels.ravel().tolist()]]
     [[found]] = column(file, ENTITY, "Image:format")
-    assert (found["width"], found["height"], found["pixel_format"]) == (6, 4, None)
-    assert (found["color_model"], found["channel_datatype"]) == (model, U8)
+    assert (found["width"], found["height"]) == (6, 4)
+    if found["pixel_format"] is None:
+        assert (found["color_model"], found["channel_datatype"]) == (model, U8)
+    else:
+        assert found["pixel_format"] == model > BGRA
     [time] = np.array(column(file, ENTITY, "ros_time"), "datetime64[ns]").astype(np.int64)
     assert time == START_NS
-
-
-@pytest.mark.parametrize(
-    ("encoding", "channels", "pixel_format"),
-    [
-        *[("bayer_rggb8", 1, 128), ("bayer_bggr8", 1, 129), ("bayer_gbrg8", 1, 130)],
-        *[("bayer_grbg8", 1, 131), ("yuv422_yuy2", 2, 27)],
-    ],
-)
-def test_formats_of_cameras(encoding, channels, pixel_format, tmp_path):
-    """Rerun makes colours of them."""
-    pixels = random(4, 6, channels)
-    file = drawn(tmp_path, "", (TOPIC, image(encoding, pixels)))
-    assert column(file, ENTITY, "Image:buffer") == [[pixels.ravel().tolist()]]
-    [[found]] = column(file, ENTITY, "Image:format")
-    assert found["pixel_format"] == pixel_format
 
 
 def test_uyvy_is_yuy2_with_its_bytes_swapped(tmp_path):
@@ -144,23 +135,6 @@ def test_files_are_logged_as_they_come(kind, form, media_type, tmp_path):
 PIXELS = np.zeros((2, 2, 3), np.uint8)
 
 
-def test_bytes_are_not_copied(monkeypatch, tmp_path):
-    """What goes to Rerun lies in the message that came."""
-    passed = []
-    row = BytesMaker.row
-    monkeypatch.setattr(
-        BytesMaker, "row", lambda self, data: passed.append(data) or row(self, data)
-    )
-    show(tmp_path, "", (TOPIC, image("rgb8", PIXELS)))
-    show(tmp_path, "", (TOPIC, compressed("jpeg", "jpeg")))
-    for data in passed:
-        assert data.base is not None and not data.flags.owndata
-        while isinstance(data.base, np.ndarray):
-            data = data.base
-        assert isinstance(data.base, bytes)
-    assert len(passed) == 2
-
-
 @pytest.mark.parametrize(("count", "kind", "shares"), [(4, rrb.Vertical, 1), (5, rrb.Grid, 2)])
 def test_many_pictures_are_in_two_columns(count, kind, shares):
     """So that each is still seen."""
@@ -193,7 +167,3 @@ def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
     assert f"+ /{pictures[0].entity}/**" not in robot.contents
     assert f"- /{pictures[0].entity}/**" in robot.contents
     assert f"+ /{pictures[1].entity}/**" in robot.contents
-    alone = Layout.from_view(ViewConfig(), [of_pictures], "base", complete=True, robots=[])
-    alone = alone.in_page({front, depth})
-    root = make_blueprint(alone).root_container
-    assert [type(view) for view in root.contents] == [rrb.Spatial3DView]

@@ -46,7 +46,7 @@ def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
 
 def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
     """Colours, lengths and topics do not: a camera turned by hand stays."""
-    view = VIEW + "joint_ranges: {visible: true}\nspeeds: {lines: {v: {topic: odom}}}\n"
+    view = VIEW + "speeds: {lines: {v: {topic: odom}}}\n"
     live = Shown(tmp_path, view).view
     sent: list[object] = []
     stream = live.stage.recording
@@ -58,7 +58,6 @@ def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
             ("[0, 220, 60]", "[230, 20, 200]"),
             ("width: 0.2, height: 1.0", "width: 0.1"),
             ("axes: {visible: false}", "axes: {visible: false, length: 0.3, names: false}"),
-            ("joint_ranges: {visible: true}", "joint_ranges: {visible: true, radius: 0.5}"),
             ("v: {topic: odom}", "v: {topic: odom, type: Odometry, color: [1, 2, 3]}"),
             ("velocities: false}", "velocities: false, limits: true}"),
             ("fixed_frame: odom", ""),

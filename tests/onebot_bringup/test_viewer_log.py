@@ -7,7 +7,7 @@ from onebot_bringup.viewer.core.display import LayoutPart
 from onebot_bringup.viewer.displays.log import LogDrawing, LogView
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_bringup.drive_support import column, stamps
-from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show
+from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn
 
 
 def line(level, text, node="planner") -> Log:
@@ -37,13 +37,6 @@ def test_another_level_writes_no_line_again(tmp_path):
     shown.send("/rosout", line(10, "2"))
     texts = column(shown.end(), "/log/rosout", "TextLog:text")
     assert [text[0] for text in texts if text] == ["[planner] 0", "[planner] 2"]
-
-
-def test_a_line_of_a_megabyte_is_cut(tmp_path):
-    """It is a line all the same."""
-    file, _ = show(tmp_path, "log: {visible: true}", ("/rosout", line(40, "x" * 1_000_000)))
-    [[text]] = column(file, "/log/rosout", "TextLog:text")
-    assert 1000 < len(text) < 10_000
 
 
 @pytest.mark.parametrize(

@@ -132,19 +132,6 @@ def test_updates_change_the_map(tmp_path):
     assert shown.warnings == []
 
 
-def test_updates_come_through_after_the_clock_is_set_back(tmp_path):
-    """As in RViz, which does not compare their stamps with the map's."""
-    shown = Shown(tmp_path)
-    shown.take(grid([[1, 1]]))
-    shown.tick()
-    shown.now = START_NS - 50 * SECOND
-    for value in (2, 3):
-        shown.update(0, 0, [[value]])
-        shown.tick()
-    found = [cells.tolist() for cells in shown.cells()]
-    assert sorted(found) == [[[1, 1]], [[2, 1]], [[3, 1]]]
-
-
 @pytest.mark.parametrize(
     ("place", "cells", "cut"),
     [

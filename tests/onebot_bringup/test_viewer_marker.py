@@ -401,7 +401,7 @@ def test_lifetimes_begin_anew_where_the_clock_is_set_back(tmp_path, topic):
 
 
 def test_single_markers_that_come_together_are_one_row(tmp_path):
-    """But not states of the same marker, which are rows of their own."""
+    """But not those of a later time, which are rows of their own."""
     shown = Shown(tmp_path)
     for number in range(50):
         take(shown.view, "/mark", marker(number=number, at=(number, 0, 0)))

@@ -58,13 +58,6 @@ def test_an_arrow_each_turn(tmp_path, settings, count):
     assert len(rows) == count
 
 
-def test_another_frame_begins_anew(tmp_path):
-    """As in the other one the arrows are elsewhere."""
-    rows, _ = _shown(tmp_path, "{}", driven(1), driven(2, frame="tip", number=1))
-    assert rows == [[1], [2]]
-    assert frames(tmp_path / "x.rrd", "/odometry/odom") == ["base", "tip"]
-
-
 @pytest.mark.parametrize(
     ("view", "visible"),
     [

@@ -6,71 +6,49 @@ from onebot_bringup.viewer.rviz_config import load_rviz
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
 
-# As RViz of Jazzy saves it, shortened.
+# What is read of a file as RViz of Jazzy saves it.
 FILE = """
 Visualization Manager:
-  Class: ""
   Displays:
-    - Alpha: 0.5
-      Cell Size: 2
+    - Cell Size: 2
       Class: rviz_default_plugins/Grid
-      Enabled: true
-      Name: Grid
       Offset: {X: 0, Y: 0, Z: -0.5}
     - Class: rviz_default_plugins/RobotModel
       Collision Enabled: true
-      Description Topic: {Depth: 5, Value: robot_description}
-      Enabled: true
-      Name: RobotModel
     - Class: rviz_default_plugins/TF
-      Enabled: true
       Frames:
         All Enabled: false
         base_link: {Value: true}
         odom: {Value: false}
-      Name: TF
       Show Names: false
     - Class: rviz_common/Group
       Enabled: true
-      Name: Planner
       Displays:
-        - Alpha: 1
-          Class: rviz_default_plugins/Path
+        - Class: rviz_default_plugins/Path
           Color: 255; 0; 10
           Line Width: 0.029999999329447746
-          Enabled: true
-          Name: Path
           Topic: {Depth: 7, Reliability Policy: Best Effort, Value: plan}
-          Value: true
         - Class: rviz_default_plugins/Path
           Enabled: false
-          Name: Other
           Topic: {Value: /other}
     - Class: rviz_common/Group
       Enabled: false
-      Name: Off
       Displays:
         - {Class: rviz_default_plugins/Path, Enabled: true, Name: P, Topic: {Value: /never}}
     - Class: nav2_rviz_plugins/ParticleCloud
-      Enabled: true
       Name: Amcl Particle Swarm
       Topic: {Value: particle_cloud}
-  Enabled: true
   Global Options:
     Background Color: 48; 49; 50
     Fixed Frame: map
-    Frame Rate: 30
-  Name: root
   Views:
     Current:
       Class: rviz_default_plugins/Orbit
       Distance: 10
       Focal Point: {X: 1, Y: 2, Z: 3}
-      Name: Current View
       Pitch: 0.5235987755982988
       Target Frame: <Fixed Frame>
       Yaw: 1.5707963267948966
-    Saved: ~
 """
 
 
@@ -206,11 +184,13 @@ def test_of_two_displays_of_a_topic_the_enabled_one_counts(tmp_path, enabled_fir
 
 
 def test_an_orbit_looks_from_where_rviz_does(tmp_path):
-    """Pitch is up, yaw around, from the focal point."""
+    """Pitch is up, yaw around, from the focal point; a target frame of its own is followed."""
     view, _ = _loaded(tmp_path)
     assert view.camera.target == (1.0, 2.0, 3.0)
     assert view.camera.eye == pytest.approx((1.0, 2.0 + 10 * 0.75**0.5, 3.0 + 5.0))
     assert view.camera.follow == ""
+    following, _ = _loaded(tmp_path, FILE.replace("<Fixed Frame>", "base_link"))
+    assert following.camera.follow == "base_link"
 
 
 def test_a_view_from_above(tmp_path):
@@ -220,12 +200,6 @@ def test_a_view_from_above(tmp_path):
     view, _ = _loaded(tmp_path, f"{FILE[:start]}    Current: {camera}\n")
     assert view.camera.eye == pytest.approx((3.0, 4.0, 10.0), abs=0.01)
     assert view.camera.target == pytest.approx((3.0, 4.0, 0.0))
-
-
-def test_a_view_that_follows(tmp_path):
-    """A target frame other than the fixed one is followed."""
-    view, _ = _loaded(tmp_path, FILE.replace("<Fixed Frame>", "base_link"))
-    assert view.camera.follow == "base_link"
 
 
 @pytest.mark.parametrize(

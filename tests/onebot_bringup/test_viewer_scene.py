@@ -1,15 +1,9 @@
 """The scene: shapes, frames, and what is said of those that are missing."""
 
-import numpy as np
-import pytest
-import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
-
 from onebot_bringup.viewer.core.scene import Scene
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.display_server import APPLICATION, open_recording
+from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
-from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup.drive_support import chunks, column
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -112,34 +106,3 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     now[0] = 6.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
-
-
-def test_static_transforms_all_survive_in_a_file(tmp_path):
-    """Frames that are sent in several messages are all there when it is opened later."""
-    shown = Shown(tmp_path, robot=False)
-    for names in (("f0", "f1"), ("f2",)):
-        count = len(names)
-        shifts, turns = np.full((count, 3), 2.0), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
-        stamps = np.zeros(count, np.int64)
-        arrays = TfArrays(("base",) * count, (*names,), stamps, shifts, turns)
-        take_tf(shown.view, arrays, static=True)
-        shown.tick()
-    file = shown.end()
-    for name in ("f0", "f1", "f2"):
-        places = column(file, f"/tf_static/{name}", "Transform3D:translation")
-        assert places == [[[2.0, 2.0, 2.0]]]
-
-
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_a_blueprint_saved_in_the_viewer_is_loaded(tmp_path):
-    """A .rbl takes the place of the view, as it was saved."""
-    saved = rrb.Blueprint(rrb.Spatial3DView(origin="/", name="My own"))
-    saved.save(APPLICATION, str(tmp_path / "mine.rbl"))
-    shown = Shown(tmp_path, blueprint=tmp_path / "mine.rbl")
-    shown.tick()
-    reader = RrdReader(str(shown.end()))
-    [store] = reader.blueprints()
-    batches = [chunk.to_record_batch() for chunk in reader.stream(store=store)]
-    name = "ViewBlueprint:display_name"
-    names = [batch.column(name).to_pylist() for batch in batches if name in batch.schema.names]
-    assert names == [[["My own"]]]

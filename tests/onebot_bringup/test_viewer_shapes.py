@@ -161,14 +161,6 @@ def test_primitives_have_their_size_and_no_colour(shape, half):
     np.testing.assert_allclose(_glb(asset).bounds, asset.bounds, atol=1e-3)
 
 
-def test_a_box_has_sharp_edges_and_a_sphere_none():
-    """Their normals tell."""
-    [sides] = _glb(load_shape(Box((1, 1, 1)))).geometry.values()
-    np.testing.assert_allclose(np.abs(sides.vertex_normals).max(axis=1), 1.0, atol=1e-6)
-    [ball] = _glb(load_shape(Sphere(1))).geometry.values()
-    np.testing.assert_allclose(ball.vertex_normals, ball.vertices, atol=0.01)
-
-
 @pytest.mark.parametrize("shape", [Cylinder(1, 1), Sphere(1), Capsule(1, 1)])
 def test_round_shapes_are_round_at_any_size_on_the_screen(shape):
     """Their outline, seen along z, has no corners to be seen."""

@@ -1,4 +1,3 @@
-import os
 from pathlib import Path
 
 import pytest
@@ -52,16 +51,3 @@ def test_a_mistake_is_named_with_what_would_be_right(tmp_path, text, said):
     with pytest.raises(OneBotError) as caught:
         _load(tmp_path, text)
     assert said in str(caught.value) and "view.yaml" in str(caught.value)
-
-
-def test_a_package_of_the_user_s_own_is_found(tmp_path: Path, monkeypatch):
-    """As every ROS package is; one without a view.yaml has none."""
-    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([str(tmp_path)]))
-    index = tmp_path / "share/ament_index/resource_index/packages"
-    index.mkdir(parents=True)
-    (index / "rover_description").touch()
-    config = tmp_path / "share/rover_description/config"
-    config.mkdir(parents=True)
-    assert view_for("rover") is None
-    (config / "view.yaml").write_text("collision: true")
-    assert view_for("rover") == (config / "view.yaml").resolve()

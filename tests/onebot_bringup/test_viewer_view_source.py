@@ -69,7 +69,7 @@ def test_a_view_without_a_file_is_saved_where_the_user_says(tmp_path):
     with pytest.raises(OneBotError, match="save_view_to"):
         source.save()
     with pytest.raises(OneBotError, match=r"must end in \.yaml"):
-        source.save(tmp_path / "view.rbl")
+        source.save(tmp_path / "view.txt")
     with pytest.raises(OneBotError, match="cannot be written: No such file"):
         source.save(tmp_path / "none/view.yaml")
     source.save(tmp_path / "own.yaml")
@@ -126,16 +126,3 @@ def test_without_a_file_the_robot_s_own_view_is_taken(tmp_path):
     assert source.set_robot("nobody") and source.view == replaced(ViewConfig(), "collision", True)
     assert not ViewSource("none").set_robot("onebot")
     assert not _source(tmp_path).set_robot("onebot")
-
-
-def test_a_layout_keeps_the_robot_s_own_trails_and_curves(tmp_path):
-    """A layout saved in the viewer arranges what the view of the robot logs."""
-    (tmp_path / "x.rbl").write_bytes(b"RRF2")
-    source = ViewSource(str(tmp_path / "x.rbl"))
-    assert source.blueprint_file == tmp_path / "x.rbl" and source.set_robot("onebot")
-    assert set(source.view.trails) == {"odometry", "truth"}
-    (tmp_path / "x.rbl").write_text("fixed_frame: odom")
-    with pytest.raises(OneBotError, match="no layout saved in the viewer"):
-        ViewSource(str(tmp_path / "x.rbl"))
-    with pytest.raises(OneBotError, match=r"none\.rbl: no such file"):
-        ViewSource(str(tmp_path / "none.rbl"))

@@ -178,10 +178,6 @@ class SteppedArm(Stepped):
         answer = self.awaited(handle.get_result_async(), timeout)
         return Ending(answer.status, answer.result.error_code, answer.result.error_string)
 
-    def cancel(self, handle: Any) -> int:
-        """Cancel a goal; the number of goals that the server cancels."""
-        return len(self.awaited(handle.cancel_goal_async()).goals_canceling)
-
     def set_parameter(self, controller: str, name: str, value: Any) -> Any:
         """The result of setting a parameter of a controller."""
         return self.set_parameters(controller, **{name: value})[0]

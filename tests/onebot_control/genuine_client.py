@@ -24,7 +24,6 @@ from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 from tests.onebot_control.arm_support import (
-    ABORTED,
     MANAGER,
     SUCCEEDED,
     SUCCESS,
@@ -109,16 +108,6 @@ def turning(time: float, to: float = END, **fields: Any) -> Any:
     return goal(point(time, to), joints=JOINTS, **fields)
 
 
-def straight(time: float, to: float, **fields: Any) -> Any:
-    """A goal: an even motion."""
-    return goal(point(time, to, velocities=[]), joints=JOINTS, **fields)
-
-
-def tolerance(position: float) -> Any:
-    """A tolerance of the joint, rad."""
-    return JointTolerance(name="shoulder", position=position)
-
-
 # Types ------------------------------------------------------------------------------------------
 
 
@@ -143,8 +132,8 @@ def test_a_goal_succeeds_with_feedback_and_states(arm: Arm) -> None:
     component = control_msgs.msg.JointComponentTolerance(joint_name="shoulder", component=3)
     request = turning(
         2.0,
-        path_tolerance=[tolerance(0.01)],
-        goal_tolerance=[tolerance(0.001)],
+        path_tolerance=[JointTolerance(name="shoulder", position=0.01)],
+        goal_tolerance=[JointTolerance(name="shoulder", position=0.001)],
         component_path_tolerance=[component],
         component_goal_tolerance=[component, component],
         goal_time_tolerance=duration(1.5),
@@ -178,15 +167,6 @@ def check_motion(message: Any, desired: Any, actual: Any) -> None:
     assert error == pytest.approx(desired.positions[0] - actual.positions[0], abs=1e-12)
     assert abs(error) < 0.02
     assert (list(message.joint_names), list(message.multi_dof_joint_names)) == (JOINTS, [])
-
-
-def test_a_goal_beyond_its_tolerance_is_aborted(arm: Arm) -> None:
-    """Twice as fast as the motor: 0.1 rad behind at the end, and 0.05 rad a tenth second later."""
-    fields = {"goal_tolerance": [tolerance(0.01)], "goal_time_tolerance": duration(0.1)}
-    ended = ending(arm.send(straight(0.2, 0.2, **fields)))
-    code = FollowJointTrajectory.Result.GOAL_TOLERANCE_VIOLATED
-    assert ended[:2] == (ABORTED, code)
-    assert ended.text.startswith("Aborted due to goal_time_tolerance exceeding by ")
 
 
 def test_the_state_at_other_times_is_the_splines(arm: Arm) -> None:

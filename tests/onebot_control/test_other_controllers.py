@@ -30,7 +30,6 @@ from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_control.arm_models import arm, box, joint, link
 from tests.onebot_control.arm_support import (
     ABORTED,
-    CANCELED,
     CONTROL,
     EFFORT,
     FAST,
@@ -211,38 +210,6 @@ def test_a_gripper_closes_on_nothing(robot: Stepped) -> None:
         assert len(each.velocity) == len(each.effort) == 1
     robot.simulation.run(0.2)
     assert robot.state("finger").position == pytest.approx(0.0, abs=1e-6)
-
-
-def test_goals_of_a_gripper_are_refused(robot: Stepped, capfd: pytest.CaptureFixture[str]) -> None:
-    """With the reason in the log; the goal that is active goes on."""
-    active = robot.grip(0.0)
-    for positions, reason in (
-        ((0.01, 0.02), "2 given, for 1 joints"),
-        ((0.06,), "finger: 0.06 is above the joint's limit 0.05"),
-    ):
-        assert not robot.awaited(robot.client.grip(*positions)).accepted
-        text = f"goal rejected: command.position: {reason}"
-        assert logged(capfd, "gripper_controller") == [("ERROR", text)]
-    assert flags(robot.awaited(active.get_result_async())) == (SUCCEEDED, True, False)
-
-
-def test_a_gripper_is_cancelled_and_preempted(robot: Stepped) -> None:
-    first = robot.grip(0.0)
-    robot.simulation.run(0.1)
-    second = robot.grip(0.05)
-    assert flags(robot.awaited(first.get_result_async())) == (ABORTED, False, False)
-    assert flags(robot.awaited(second.get_result_async())) == (SUCCEEDED, True, False)
-    third = robot.grip(0.0)
-    robot.simulation.run(0.2)
-    canceling = robot.awaited(third.cancel_goal_async())
-    assert len(canceling.goals_canceling) == 1
-    held = robot.state("finger").position
-    ended = robot.awaited(third.get_result_async())
-    assert flags(ended) == (CANCELED, False, False)
-    assert ended.result.state.position[0] == pytest.approx(held, abs=FAST * 0.011)
-    robot.simulation.run(0.5)
-    assert 0.0 < held < OPEN
-    assert robot.state("finger").position == pytest.approx(held, abs=FAST * 0.011)
 
 
 # Forwarded positions ----------------------------------------------------------------------------

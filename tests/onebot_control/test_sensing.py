@@ -20,7 +20,7 @@ from onebot_control.fleet import Fleet, Member
 from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
 from onebot_control.physics import JointStates, MassVelocity, Pose
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
-from onebot_control.sensing.rays import NOTHING, Rays, cast
+from onebot_control.sensing.rays import cast
 from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
 from onebot_control.sensing.surroundings import (
     Placed,
@@ -172,26 +172,6 @@ def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     np.testing.assert_allclose(points["x"], 2.0, atol=1e-5)
     assert points["ring"][:, 0].tolist() == [0, 1, 2, 3]
     assert np.isinf(lidar.cloud(sensor, fan, measured(4.0), HERE)["z"][-1]).all()
-
-
-def test_the_link_with_the_sensor_is_not_seen_and_others_are():
-    """A lidar in the middle of its link; the post beside it is another link."""
-    parts = (
-        '<link name="a"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
-        '<link name="b"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>'
-        '<joint name="j" type="continuous"><parent link="a"/><child link="b"/>'
-        '<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
-    )
-    sensed = SensedRobot(parse_description(f'<robot name="r">{parts}</robot>'), ("j",), {})
-    scene = Surroundings(None, [sensed])
-    turned = RobotState(np.array([0, 0, 0.5]), np.array([0, 0, 0, 1.0]), np.array([math.pi / 4]))
-    placed = Placed(scene, [], [turned])
-    pose = placed.link(0, "a")
-    fan = Rays(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-    hits = cast(fan, *pose, scene.still, placed.targets, 9.0, [scene.target(0, "a")])
-    assert hits.distances[0] == pytest.approx(1 - 0.05 * math.sqrt(2), abs=1e-6)
-    assert hits.surfaces.tolist() == [scene.target(0, "b"), NOTHING]
-    assert cast(fan, *pose, scene.still, placed.targets, 9.0).distances[1] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "continuous"])

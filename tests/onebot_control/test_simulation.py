@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-import onebot_control
 from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation
 from onebot_control.simulation import ONEBOT
 from onebot_description.description import parse_description
@@ -270,8 +269,3 @@ def test_what_is_slow_to_import_is_imported_only_when_needed():
         "assert not slow & set(sys.modules); assert world.robot.distance_ahead() > 0.0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_a_name_that_the_package_does_not_export():
-    with pytest.raises(AttributeError, match="Simulatoin"):
-        getattr(onebot_control, "Simulatoin")  # noqa: B009

@@ -111,14 +111,6 @@ def test_the_ends() -> None:
     assert bare.sample(2.0) == JointMotion((3.0,), (0.0,), (0.0,))
 
 
-@pytest.mark.parametrize("time", [0.0, 1.0])
-def test_points_that_are_past_at_the_start(time: float) -> None:
-    """There is no lead-in: the motion begins at the first point, or inside a later segment."""
-    points = [Waypoint(0.0, (1.0,)), Waypoint(2.0, (3.0,))]
-    trajectory = Trajectory(Waypoint(time, (-7.0,)), points)
-    assert trajectory.sample(time).positions == (1.0 + time,)
-
-
 def test_steps_instead_of_splines() -> None:
     """The start is held; then whenever a point is due, the next one is commanded at once."""
     points = [

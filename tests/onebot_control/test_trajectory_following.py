@@ -158,20 +158,6 @@ def test_joints_that_a_goal_leaves_out() -> None:
     assert arm.follower.desired == JointMotion(near(0.52, 3.0), (0.0, 0.5), (0.0, 0.25))
 
 
-def test_a_new_trajectory_replaces_the_whole_old_one() -> None:
-    """From the measured position: nothing of the old one is left."""
-    arm = following(50)
-    arm.offset = 0.01
-    arm.cycle()
-    arm.follower.start(ramp(2.0, to=-1.0))
-    arm.cycle()
-    assert arm.desired == near(0.52, 0.52)
-    arm.cycles(100)
-    assert arm.desired == near(-0.24, -0.24)
-    arm.cycles(110)
-    assert arm.desired == (-1.0, -1.0)
-
-
 @pytest.mark.parametrize("name", ["interpolate_from_desired_state", "open_loop_control"])
 def test_a_trajectory_may_begin_at_the_last_command(name: str) -> None:
     """There is no jump then, though the arm is somewhere else; the velocity is continuous, too."""
@@ -270,13 +256,6 @@ def test_the_start_of_continuous_joints_is_wrapped(turns: int) -> None:
     arm.follower.cancel()
     arm.cycles(2)
     assert arm.desired == near(start + 1.0, 1.5)
-
-
-def test_the_short_way_round() -> None:
-    arm = Arm(joints=CONTINUOUS, positions=(3.0, 3.0))
-    arm.follower.start(ramp(to=-3.0))
-    arm.cycles(51)
-    assert arm.measured.positions == near(3.0 + 0.51 * (math.tau - 6.0), 3.0 - 0.51 * 6.0)
 
 
 def test_a_late_start_of_several_turns() -> None:

@@ -95,15 +95,6 @@ def test_what_is_no_file_is_not_read(tmp_path: Path, inside: str, problem: str) 
     assert problem_of(tmp_path, inside).endswith(problem)
 
 
-@pytest.mark.parametrize("name", ["pipe.urdf", "zero.xacro"])
-def test_a_description_that_is_no_file(tmp_path: Path, name: str) -> None:
-    os.mkfifo(tmp_path / "pipe.urdf")
-    (tmp_path / "zero.xacro").symlink_to("/dev/zero")
-    with pytest.raises(DescriptionError, match=f"{name}: is a device or pipe, not a file$"):
-        load_description(tmp_path / name)
-    assert xacro.xacro_arguments(str(tmp_path / name)) == xacro.XacroArguments()
-
-
 def test_no_process_can_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounded_process, "_spawn", unstartable)
     monkeypatch.setattr(bounded_process, "_fork", unstartable)

@@ -14,7 +14,7 @@ from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
 from onebot_control.control_files import read_control_files
 from onebot_control.drive.parameters import ControlConfig
-from onebot_description.cad.dimensions import Dimensions, read_dimensions
+from onebot_description.cad.dimensions import read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.parameters import bounded_yaml
@@ -90,7 +90,7 @@ def test_a_damaged_file_is_read_or_refused(
         at = int(where * len(text))
         text = f"{text[:at]}{bit} {text[at + length :]}"
     for read_damaged in (
-        lambda: read(Dimensions, read_map(text, "file.yaml").values),
+        lambda: read_map(text, "file.yaml"),
         lambda: parse_view(text),
         lambda: JointsConfig.from_parameters(read_parameters(text, "f.yaml", "/jsp").values),
         lambda: read(ControlConfig, read_parameters(text, "f.yaml", "/controller").values),

@@ -24,7 +24,6 @@ pytestmark = pytest.mark.checkout
 
 CHECKOUT = Path(__file__).parents[2]
 FOLDER = "onebot_description/compiled"
-WIRE = "onebot_description/ros/wire"
 HAS_ZIG = importlib.util.find_spec("ziglang") is not None
 needs_compiler = pytest.mark.skipif(
     not (build_library.find_system_compilers() or HAS_ZIG), reason="no C compiler here"
@@ -59,23 +58,11 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.Compl
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A project with just what the library needs, nothing compiled in it."""
+    """A project with nothing compiled in it."""
     project = tmp_path / "project"
-    unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*")
-    for folder in (FOLDER, WIRE):
-        shutil.copytree(CHECKOUT / folder, project / folder, ignore=unwanted)
-    for name in (
-        "__init__.py",
-        "errors.py",
-        "ros/__init__.py",
-        "ros/missing_ros.py",
-        "ros/process_start.py",
-    ):
-        shutil.copy(CHECKOUT / "onebot_description" / name, project / "onebot_description" / name)
-    model = Path("onebot_description/model")
-    (project / model).mkdir()
-    for name in ("_kinematics.c", "_joint.h"):
-        shutil.copy(CHECKOUT / model / name, project / model)
+    unwanted = shutil.ignore_patterns("*.so", "__pycache__", ".build-*", "meshes")
+    source = CHECKOUT / "onebot_description"
+    shutil.copytree(source, project / source.name, ignore=unwanted)
     shutil.copy(CHECKOUT / "hatch_build.py", project)
     (project / ".gitignore").write_text("*.so\n__pycache__/\n")
     (project / "pyproject.toml").write_text(PYPROJECT)

@@ -1,6 +1,5 @@
 """The committed meshes and inertials are what the dimensions say."""
 
-import functools
 import importlib
 import sys
 from pathlib import Path
@@ -16,17 +15,14 @@ pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
 from manifold3d import Manifold  # noqa: E402
 
-from onebot_description.cad.__main__ import (  # noqa: E402
-    main,  # noqa: E402
-    make_parts,
-    write_robot,
-)
-from onebot_description.cad.base import solve_ballast  # noqa: E402
+from onebot_description.cad.__main__ import main, make_parts, write_robot  # noqa: E402
+from onebot_description.cad.base import add_ballast  # noqa: E402
 from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
-from onebot_description.cad.primitives import Part, box, weigh_box  # noqa: E402
+from onebot_description.cad.solids import box, union  # noqa: E402
 from onebot_description.elements.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
+from onebot_description.model.rigid_bodies import Body  # noqa: E402
 
 SHARE = package_share("onebot_description")
 DIMENSIONS = read_dimensions(SHARE / "config/dimensions.yaml")
@@ -34,15 +30,6 @@ NAMES = ("base_link", "wheel", "caster_base2", "caswheel")
 # What one machine's arithmetic may move against another's: the skins are simplified to 0.1 mm.
 TOLERANCE = 2e-4
 COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}"
-
-
-@pytest.fixture(scope="module")
-def parts() -> dict[str, Part]:
-    return {part.name: part for part in make_parts(DIMENSIONS)}
-
-
-def _whole(part: Part) -> Manifold:
-    return functools.reduce(Manifold.__add__, [solid for _, solid in part.seen])
 
 
 def _load(path: Path) -> trimesh.Scene:
@@ -67,7 +54,7 @@ def test_the_committed_mesh_is_what_the_dimensions_say(fresh, name):
         np.testing.assert_allclose(found.bounds, expected.bounds, atol=TOLERANCE, err_msg=key)
         assert found.area == pytest.approx(expected.area, rel=0.01), key
         np.testing.assert_allclose(found.centroid, expected.centroid, atol=2 * TOLERANCE)
-        color = DIMENSIONS.colors[key.split("-")[1]]
+        color = getattr(DIMENSIONS.colors, key.split("-")[1])
         shown = np.asarray(found.visual.material.main_color, float)[:3] / 255
         np.testing.assert_allclose(shown, color, atol=0.5 / 255 + 1e-9)
 
@@ -85,13 +72,11 @@ def test_the_committed_inertials_are_what_the_dimensions_say(fresh):
 
 
 def test_a_ballast_that_cannot_be_is_refused():
-    room = box((-2, -2, -2), (2, 2, 2))
-    rest = weigh_box(1.5, np.array([-0.06, 0.0, 0.0]), (0.4, 0.25, 0.1))
-    heavy = weigh_box(5.0, np.zeros(3), (1, 1, 1))
+    elsewhere = box((1, 1, 1), (2, 2, 2))
     with pytest.raises(OneBotError, match="weighs 5.000 kg without ballast, more than 3.978"):
-        solve_ballast(DIMENSIONS, heavy, room)
+        add_ballast(DIMENSIONS, Body("", mass=5.0), elsewhere)
     with pytest.raises(OneBotError, match="sticks out of the hull by 100.0%"):
-        solve_ballast(DIMENSIONS, rest, box((1, 1, 1), (2, 2, 2)))
+        add_ballast(DIMENSIONS, Body("", mass=1.5), elsewhere)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -123,9 +108,9 @@ def _check_normals(triangles) -> None:
     assert np.einsum("fi,fci->fc", faces, normals).min() > 0.5
 
 
-def test_nothing_touches_what_turns(parts):
+def test_nothing_touches_what_turns():
     wheel, caster = DIMENSIONS.wheel, DIMENSIONS.caster
-    base, fork, roll = (_whole(parts[name]) for name in ("base_link", "caster_base2", "caswheel"))
+    base, _, fork, roll = (union(part.seen.values()) for part in make_parts(DIMENSIONS))
     inner = wheel.separation / 2 - wheel.width / 2
     hull = base ^ Manifold.cube((1.0, 1.0, 1.0), center=True)
     assert hull.bounding_box()[4] <= inner
@@ -149,15 +134,19 @@ def test_the_command_writes_everything_where_it_is_told(fresh, tmp_path, capsys)
     assert "base_link.dae" in capsys.readouterr().out
 
 
-def test_the_command_tells_what_is_wrong(tmp_path, capsys):
-    assert main(["--dimensions", str(tmp_path / "none.yaml")]) == 1
-    assert "none.yaml" in capsys.readouterr().err
-    wrong = tmp_path / "wrong.yaml"
-    wrong.write_text((SHARE / "config/dimensions.yaml").read_text().replace("radius:", "radiu:", 1))
-    assert main(["--dimensions", str(wrong)]) == 1
-    error = capsys.readouterr().err
-    assert "wheel: has no radius" in error and str(wrong) in error
-    assert 'radiu: no such parameter (did you mean "radius"' in error
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("  radius:", "  radiu:", ' has no wheel.radius (did you mean "radiu"?'),
+        ("radius: 0.06", "radius: wide", ":6: wheel.radius: 'wide' is neither a finite number nor"),
+        ("[0.93, ", "[white, ", ":77: colors.shell: ['white', 0.94, 0.95] is"),
+    ],
+)
+def test_the_command_tells_what_is_wrong(tmp_path, capsys, right, wrong, words):
+    file = tmp_path / "wrong.yaml"
+    file.write_text((SHARE / "config/dimensions.yaml").read_text().replace(right, wrong, 1))
+    assert main(["--dimensions", str(file), "--output", str(tmp_path)]) == 1
+    assert f"{file}{words}" in capsys.readouterr().err
 
 
 def test_without_manifold3d_the_command_says_what_to_install(monkeypatch):

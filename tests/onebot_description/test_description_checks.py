@@ -560,16 +560,6 @@ def test_materials_without_a_name_are_each_their_own():
     assert problem.startswith('3: link "a" <visual> <material>: has no name; write <material name=')
 
 
-def test_textures_are_files():
-    image = f'<material name="m"><texture filename="{CUBE}"/></material>'
-    assert warnings(link(_visual(image))) == []
-    nameless = f'<material name="m">{RED}<texture filename=""/></material>'
-    assert warnings(link(_visual(nameless))) == []
-    for name in ("none.png", "http://a.org/b.png"):
-        (warning,) = warnings(link(_visual(image.replace(str(CUBE), name))))
-        assert warning.startswith('3: link "a" <visual> material "m" <texture>: ')
-
-
 # ---------------------------------------------------------------------------------------- schema
 
 

@@ -110,11 +110,6 @@ def test_what_is_not_simulated_is_one_warning():
     (contact,) = load_description(BLOCKS / "create3.urdf").warnings
     assert 'create3.urdf:39: <gazebo> sensor "bumper_contact_sensor"' in contact
     assert 'sensors of type "contact" are not simulated' in contact
-    (plugin,) = load_description(BLOCKS / "turtlebot3_waffle_pi.urdf").warnings
-    block = (
-        '<gazebo reference="imu_link"><sensor name="imu" type="imu"><update_rate>200</update_rate>'
-    )
-    assert 'plugin "imu_plugin"' in plugin and block in plugin
     lens, frame = load_description(BLOCKS / "clearpath.urdf").warnings
     assert "<lens>: is not simulated" in lens
     assert 'no link is called "camera_0_color_optical_frame"' in frame

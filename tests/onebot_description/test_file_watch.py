@@ -78,13 +78,6 @@ def test_an_empty_or_absent_file_is_awaited_longer(file: Path, absent: bool) -> 
     assert watched.rest() == NOTHING
 
 
-def test_a_file_that_stays_empty_was_saved(file: Path) -> None:
-    watched = Watched([file])
-    file.write_text("")
-    assert watched.rest() == Changes([file], [])
-    assert watched.rest() == NOTHING
-
-
 def test_files_saved_together_are_reported_together(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     watched = Watched([one, two])

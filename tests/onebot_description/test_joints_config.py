@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from onebot_description.joints.config import Dependent, JointsConfig, Sequence
+from onebot_description.joints.config import Dependent, JointsConfig
 from onebot_description.joints.motions import Keyframes, Sine
 from onebot_description.ros.parameters.reader import ConfigError
 
@@ -70,13 +70,6 @@ def test_every_kind_of_motion_is_read(written: dict[str, Any], expected: object)
 HOME = {"poses": {"home": {"a": 0}}}
 
 
-def test_sequence_is_read() -> None:
-    poses = {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}}
-    written = {"poses": ["a", "b"], "durations": [1.0, 2.0]}
-    config = JointsConfig.from_parameters({"poses": poses, "sequence": written})
-    assert config.sequence == Sequence(("a", "b"), (1.0, 2.0), "minimum_jerk", True)
-
-
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
@@ -89,9 +82,7 @@ def test_sequence_is_read() -> None:
         (motion(type="pose", pose="hme") | HOME, 'did you mean "home"?'),
         (motion(type="pose", pose="home") | {"poses": {"home": {"b": 0}}}, "add poses.home.a"),
         ({"pose": "up"} | HOME, 'pose: no pose "up" (poses: home)'),
-        ({"sequence": {"poses": ["home"], "durations": [1, 2]}} | HOME, "1 poses but 2 durations"),
-        ({"sequence": {"poses": ["home"] * 2, "durations": [1, 0]}} | HOME, "0 is not above 0; wr"),
-        ({"sequence": {"poses": ["x"], "durations": [1]}}, 'no pose "x"'),
+        (motion(type="keyframes", times=[0], poses=["x"]), 'motions.a.poses: no pose "x"'),
         (
             {"dependent_joints": {"a": {"factor": 1.0}}},
             "dependent_joints.a: has no parent, the joint it follows",
@@ -131,26 +122,12 @@ def test_the_edges_of_what_is_possible() -> None:
         ({"motions": {"a": {"type": "constant", "position": 0.0}}}, True),
         ({"poses": {"p": {"a": 1.0}}}, False),
         ({"poses": {"p": {"a": 1.0}}, "pose": "p"}, True),
-        ({"poses": {"p": {"a": 1.0}}, "sequence": {"poses": ["p"], "durations": [1]}}, True),
-        ({"poses": {"p": {"a": 1.0}}, "sequence": {"poses": ["p"]}}, False),
         ({"zeros": {"a": 1.0}}, False),
         ({"dependent_joints": {"a": {"parent": "b"}}}, False),
     ],
 )
 def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
     assert JointsConfig.from_parameters(parameters).moves == moves
-
-
-@pytest.mark.parametrize("missing", ["poses", "durations"])
-def test_half_a_sequence_is_noted(missing: str) -> None:
-    sequence = {"poses": ["h"], "durations": [1.0]}
-    del sequence[missing]
-    config = JointsConfig.from_parameters({"poses": {"h": {"a": 0}}, "sequence": sequence})
-    assert not config.sequence.complete
-    assert [(note.key, note.text) for note in config.notes] == [
-        ("sequence", f"without {missing} nothing moves")
-    ]
-    assert JointsConfig.from_parameters({}).notes == ()
 
 
 @pytest.mark.parametrize("missing", ["amplitude", "frequency"])

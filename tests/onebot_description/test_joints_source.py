@@ -50,10 +50,6 @@ def _sine(amplitude: float, frequency: float, phase: float, offset: float) -> di
     return {"type": "sine", **numbers}
 
 
-def _sequence(durations: tuple[float, float], blend: str, loop: bool) -> dict[str, Any]:
-    return {"poses": ["one", "two"], "durations": list(durations), "blend": blend, "loop": loop}
-
-
 _pieces = st.lists(st.tuples(_seconds, _number), min_size=1, max_size=5)
 _motion = st.one_of(
     st.builds(constant, _number),
@@ -68,8 +64,6 @@ _parameters = st.fixed_dictionaries(
         "delta": st.sampled_from([0.0, 0.01, 1.0]),
         "pose": st.sampled_from(["", "", "", "one", "two"]),
         "zeros": st.dictionaries(st.sampled_from(LEADERS), _number),
-        "sequence": st.just({})
-        | st.builds(_sequence, st.tuples(_seconds, _seconds), _blend, st.booleans()),
     }
 )
 _edits = st.lists(
@@ -124,15 +118,16 @@ def test_zeros_say_where_joints_rest() -> None:
     assert {report.key for report in source.reports} >= {"zeros.slide", "zeros.elbw"}
 
 
-def test_pose_comes_before_motions_before_sequence_before_delta() -> None:
+def test_pose_comes_before_motions_before_delta() -> None:
     parameters = {
-        "poses": {"one": {"elbow": 0.9}, "all": {"elbow": 0.5, "slide": 0.5, "wheel": 0.5}},
+        "poses": {"one": {"elbow": 0.9}},
         "pose": "one",
         "motions": {"elbow": constant(0.1), "slide": constant(0.3)},
-        "sequence": {"poses": ["all"], "durations": [1.0], "loop": False},
+        "delta": 0.01,
     }
     reached = settled(source_of(parameters))
-    assert (reached["elbow"], reached["slide"], reached["wheel"]) == (0.9, 0.3, 0.5)
+    assert (reached["elbow"], reached["slide"]) == (0.9, 0.3)
+    assert reached["wheel"] != 0.0
     reached = settled(source_of({**parameters, "pose": ""}))
     assert reached["elbow"] == 0.1
 
@@ -288,50 +283,18 @@ def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
         assert source.moving == (step > 0.0)
 
 
-@pytest.mark.parametrize(("loop", "first"), [(True, 0.3), (False, 0.25)])
-def test_a_first_pose_without_the_joint_is_where_the_loop_leaves_it(
-    loop: bool, first: float
-) -> None:
-    """In a loop it stands as the last pose left it; else it rests at its zero position."""
-    poses = {"a": {"wheel": 0.0}, "b": {"elbow": 0.4}, "c": {"elbow": 0.3}}
-    sequence = {"poses": [*poses], "durations": [1.0] * 3, "blend": "linear", "loop": loop}
-    source = source_of({"zeros": {"elbow": 0.25}, "poses": poses, "sequence": sequence})
-    course = [float(source.sample(t)[0][0]) for t in np.arange(0.0, 4.1, 0.5)]
-    begin = [0.25, (0.25 + first) / 2, first, (first + 0.4) / 2]
-    assert course == pytest.approx([*begin, 0.4, 0.35, 0.3, 0.3, 0.3])
-
-
-def test_a_sequence_holds_its_last_pose_or_goes_back_to_its_first() -> None:
-    written = {"poses": ["a", "b", "b"], "durations": [0.5, 1.0, 2.0], "blend": "linear"}
-    poses = {"a": {"elbow": 0.1}, "b": {"elbow": 0.3}}
-    wanted = {0.25: 0.05, 0.5: 0.1, 1.0: 0.2, 1.5: 0.3, 3.5: 0.3}
-    ends = {True: {3.75: 0.2, 4.0: 0.1, 4.5: 0.2, 5.0: 0.3, 7.0: 0.3, 7.25: 0.2}, False: {9.0: 0.3}}
-    for loop, end in ends.items():
-        source = source_of({"poses": poses, "sequence": {**written, "loop": loop}})
-        source.sample(0.0)
-        for moment, position in {**wanted, **end}.items():
-            assert source.sample(moment)[0][0] == pytest.approx(position), moment
-        assert source.reports == ()
-
-
-def test_poses_of_a_sequence_are_kept_within_limits() -> None:
+def test_keyframes_between_poses_beyond_a_limit_are_kept_within_it() -> None:
     poses = {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}}
-    sequence = {"poses": [*poses], "durations": [9.0, 9.0], "blend": "linear"}
-    source = source_of({"poses": poses, "sequence": sequence})
+    keyframes = {"type": "keyframes", "times": [0.0, 9.0], "poses": [*poses], "loop": False}
+    source = source_of({"poses": poses, "motions": {"elbow": keyframes}})
     source.sample(0.0)
-    assert source.sample(9.0)[0][0] == 1.0
-    assert source.sample(13.5)[0][0] == pytest.approx(0.0)
-    assert source.sample(18.0)[0][0] == -1.0
-    assert {report.key for report in source.reports} == {"poses.far.elbow", "poses.low.elbow"}
-
-
-def test_a_sequence_too_fast_for_a_joint_is_reported_with_the_joint() -> None:
-    poses = {"a": {"elbow": 0.0}, "b": {"elbow": 1.0}}
-    sequence = {"poses": [*poses], "durations": [1.0, 1.0]}
-    source = source_of({"poses": poses, "sequence": sequence})
-    assert {report.key for report in source.reports} == {"sequence"}
-    assert all(report.text.startswith('joint "elbow": from keyframe') for report in source.reports)
-    assert all("rad/s, over its limit 0.5 rad/s" in report.text for report in source.reports)
+    assert source.sample(3.0)[0][0] == 1.0
+    assert source.sample(20.0)[0][0] == -1.0
+    assert {report.key for report in source.reports} == {
+        "motions.elbow",
+        "poses.far.elbow",
+        "poses.low.elbow",
+    }
 
 
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
@@ -387,11 +350,8 @@ def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
 
 def test_a_new_description_keeps_time_motion_and_received_states() -> None:
     sine = {"type": "sine", "amplitude": 0.5, "frequency": 0.05}
-    sequence = {"poses": ["p"], "durations": [10.0], "loop": False, "blend": "linear"}
-    poses = {"p": {"finger": 0.5}}
-    config = JointsConfig.from_parameters(
-        {"motions": {"elbow": sine}, "poses": poses, "sequence": sequence}
-    )
+    once = _keyframes([(0.0, 0.0), (10.0, 0.5)], "linear", loop=False)
+    config = JointsConfig.from_parameters({"motions": {"elbow": sine, "finger": once}})
     old, plain = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
     for source in (old, plain):
         for moment in (5.0, 6.0, 7.0):

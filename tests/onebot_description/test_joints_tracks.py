@@ -10,19 +10,17 @@ from hypothesis import strategies as st
 from onebot_description.joints.motions import Keyframes, Motion, Sine
 
 
-def at(motion: Motion, time: float, start: float = 0.0, endless: bool = False) -> float:
+def at(motion: Motion, time: float, endless: bool = False) -> float:
     """Where a motion is; of an endless joint it keeps turning."""
     if endless and isinstance(motion, Keyframes):
         motion = motion.turning()
-    return motion.at(time, start)
+    return motion.at(time)
 
 
-def expected(motion: Keyframes, time: float, start: float, endless: bool) -> float:
+def expected(motion: Keyframes, time: float, endless: bool) -> float:
     """Where a joint ought to be on keyframes, worked out one piece after the other."""
     times, places = list(motion.times), list(motion.positions)
-    if motion.lead:
-        times, places = [0.0, *(motion.lead + t for t in times)], [start, *places]
-    turned, period = 0.0, times[-1] - motion.lead
+    turned, period = 0.0, times[-1]
     if motion.loop and period > 0.0:
         turn = motion.positions[-1] - motion.positions[0]
         while time >= times[-1]:
@@ -43,14 +41,13 @@ def expected(motion: Keyframes, time: float, start: float, endless: bool) -> flo
 
 _quarters = st.integers(1, 12).map(lambda number: number / 4)
 _keyframes = st.builds(
-    lambda first_lead, steps, positions, blend, loop: Keyframes(
-        tuple(np.cumsum([first_lead[0], *steps[: len(positions) - 1]]).tolist()),
+    lambda first, steps, positions, blend, loop: Keyframes(
+        tuple(np.cumsum([first, *steps[: len(positions) - 1]]).tolist()),
         tuple(positions),
         blend,
         loop,
-        first_lead[1],
     ),
-    st.sampled_from([(0.0, 0.0), (0.5, 0.0), (0.0, 1.5)]),  # with a lead, times begin at 0
+    st.sampled_from([0.0, 0.5]),
     st.lists(_quarters, min_size=4, max_size=4),
     st.lists(st.sampled_from([-1.0, 0.0, 0.75, math.tau, 2 * math.tau]), min_size=1, max_size=5),
     st.sampled_from(["linear", "minimum_jerk"]),
@@ -60,8 +57,8 @@ _keyframes = st.builds(
 
 @given(_keyframes, st.integers(0, 400).map(lambda number: number / 8), st.booleans())
 def test_keyframes_at_every_moment(motion: Keyframes, time: float, endless: bool) -> None:
-    found = at(motion, time, start=0.3, endless=endless)
-    assert found == pytest.approx(expected(motion, time, 0.3, endless), abs=1e-9)
+    found = at(motion, time, endless)
+    assert found == pytest.approx(expected(motion, time, endless), abs=1e-9)
 
 
 @pytest.mark.parametrize(

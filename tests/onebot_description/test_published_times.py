@@ -28,14 +28,6 @@ def due(times: PublishedTimes, rows: np.ndarray, stamp: int, now: int = SECOND) 
     return found
 
 
-def test_a_message_without_known_joints_is_never_published() -> None:
-    nothing = np.array([], np.intp)
-    for ignore in (False, True):
-        times = PublishedTimes(2, 0, ignore)
-        assert not due(times, nothing, 5) and not due(times, nothing, 0)
-        assert times.stamps.tolist() == [0, 0]
-
-
 @pytest.mark.parametrize("stamp", [0, -1])
 def test_a_stamp_that_is_no_time_is_reported_and_not_published(stamp: int) -> None:
     times, warnings = PublishedTimes(1), Warnings()
@@ -79,15 +71,6 @@ def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> Non
     assert not times.due(nothing, 0, 10, warnings)
     assert warnings == ["clock"] and times.stamps.tolist() == [0]
     assert times.due(FIRST, 3 * SECOND, 20, warnings)
-    assert warnings == ["clock"]
-
-
-def test_to_forget_is_to_publish_the_next_message() -> None:
-    times, warnings = PublishedTimes(2, SECOND), Warnings()
-    assert times.due(ALL, 9 * SECOND, 9, warnings)
-    times.forget()
-    assert times.due(ALL, 2 * SECOND, 9, warnings) and warnings == []
-    times.due(ALL, 3 * SECOND, 8, warnings)
     assert warnings == ["clock"]
 
 

@@ -47,13 +47,6 @@ def test_the_placeholder_of_sdformat_names_no_topic(inside, expected):
     assert topics(read(block(kind="imu", inside=inside))) == {"imu": expected}
 
 
-def test_two_sensors_with_the_placeholder_are_named_by_themselves():
-    blank = child(topic="__default_topic__")
-    found = read(block("left", "imu", blank), block("right", "imu", blank))
-    assert [sensor.topics["imu"] for sensor in found.sensors] == ["left/imu", "right/imu"]
-    assert found.notices == ()
-
-
 @pytest.mark.parametrize(
     ("inside", "expected"),
     [
@@ -150,12 +143,7 @@ def test_cameras_below_one_name_share_their_camera_info_as_in_gz(first, second, 
     assert found.notices == () and found.sensors[1].topics["camera_info"] == "own/info"
 
 
-def test_pictures_are_not_shared():
-    found = read(
-        camera(name="a", plugin=child(topic="x/y")), camera(name="b", plugin=child(topic="x/y"))
-    )
-    assert [sensor.name for sensor in found.sensors] == ["a"]
-    assert 'publishes "x/y", as the one at r:2 does' in found.problems[0]
+def test_an_image_and_a_camera_info_do_not_share_a_topic():
     info = camera(name="b", plugin=child(topic="x/camera_info"))
     assert "x/camera_info" in read(camera(name="a", plugin=child(topic="x/y")), info).problems[0]
 
@@ -184,13 +172,12 @@ def test_a_sensor_s_name_becomes_a_part_of_a_topic():
     assert scans == ["sensor_2d_lidar/scan", "Lidar__/scan"]
 
 
-@pytest.mark.parametrize("inside", ["", child(topic="__default_topic__")])
-def test_cameras_of_different_types_without_topics_are_named_by_themselves(inside):
+def test_cameras_of_different_types_without_topics_are_named_by_themselves():
     """Those whose outputs differ share a name: a colour camera and a depth camera."""
     kinds = {"colour": "camera", "all": "rgbd_camera", "depth": "depth_camera"}
 
     def images(*names):
-        found = read(*(camera(name=name, kind=kinds[name], plugin=inside) for name in names))
+        found = read(*(camera(name=name, kind=kinds[name]) for name in names))
         assert found.problems == ()
         return [next(iter(sensor.topics.values())) for sensor in found.sensors]
 
@@ -285,24 +272,19 @@ def test_without_a_plugin_a_lidar_has_a_scan_and_a_cloud_as_in_gz():
     assert topics(read(rays(plugin(file="dummyfile")))) == one_row
 
 
-def test_a_lidar_of_rows_does_not_take_the_scan_of_one_without_a_name():
-    found = read(rays(name="flat"), rays(name="rows", rows=16))
-    assert found.notices == ()
-    assert [dict(each.topics) for each in found.sensors] == [
-        {"scan": "scan", "points": "scan/points"},
-        {"points": "points", "scan": "rows/scan"},
-    ]
-    asked = plugin(file="libgazebo_ros_laser.so")
-    found = read(rays(name="flat"), rays(asked, name="asked"))
-    assert [each.topics["scan"] for each in found.sensors] == ["flat/scan", "asked/scan"]
-
-
-def test_a_type_that_is_not_made_is_one_warning():
-    found = read(rays(plugin(child(output_type="sensor_msgs/Vector3"))))
-    assert found.sensors == () and found.problems == ()
+@pytest.mark.parametrize(
+    ("kind", "radiation", "count", "words"),
+    [
+        ("Vector3", "infrared", 0, "sensor_msgs/LaserScan, sensor_msgs/PointCloud2, sensor_msgs/P"),
+        ("Range", "radar", 1, "ultrasound, infrared"),
+    ],
+)
+def test_what_is_not_made_is_one_warning(kind, radiation, count, words):
+    asked = child(output_type=f"sensor_msgs/{kind}", radiation_type=radiation)
+    found = read(rays(plugin(asked)))
+    assert len(found.sensors) == count and found.problems == ()
     (warning,) = found.warnings
-    assert warning.startswith('r:2: <gazebo> sensor "s" plugin "p": ') and "Vector3" in warning
-    assert "sensor_msgs/LaserScan, sensor_msgs/PointCloud2, sensor_msgs/PointCloud" in warning
+    assert warning.startswith('r:2: <gazebo> sensor "s" plugin "p": ') and words in warning
 
 
 def test_each_plugin_of_a_sensor_publishes():
@@ -398,12 +380,6 @@ def test_a_range_has_a_field_of_view_and_a_radiation(inside, file, radiation, co
     assert found.notices == ()
 
 
-def test_an_unknown_radiation_is_a_warning():
-    asked = child(output_type="sensor_msgs/Range", radiation_type="radar")
-    (warning,) = read(rays(plugin(asked))).warnings
-    assert '"radar"' in warning and "ultrasound, infrared" in warning
-
-
 # What nothing reads -------------------------------------------------------------------------------
 
 
@@ -469,17 +445,20 @@ def test_a_plugin_outside_of_a_sensor_is_one_warning_with_the_block_to_write(wri
     assert mended.notices == () and sensor.link == "a"
 
 
-def test_what_publishes_the_truth_is_told_where_it_is():
-    inside = child(bodyName="a", topicName="odom")
-    (warning,) = read(f"<gazebo>{plugin(inside, 'libgazebo_ros_p3d.so')}</gazebo>").warnings
-    assert 'on link "a" without a <sensor>' in warning and "~/ground_truth" in warning
-
-
-def test_any_other_plugin_on_a_link_is_one_warning_with_the_types_there_are():
-    inside = plugin(located("bodyName"), "libhector_gazebo_ros_gps.so")
-    (warning,) = read(f"<gazebo>{inside}</gazebo>").warnings
-    assert 'on link "a" without a <sensor>' in warning and "imu" in warning
-    assert '<gazebo reference="a"><sensor name="NAME" type="TYPE"/></gazebo>' in warning
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("libgazebo_ros_p3d.so", "~/ground_truth of velocity_controller"),
+        (
+            "libhector_gazebo_ros_gps.so",
+            '<gazebo reference="a"><sensor name="NAME" type="TYPE"/></gazebo>, with TYPE one of: '
+            "rgbd_camera, imu",
+        ),
+    ],
+)
+def test_any_other_plugin_on_a_link_is_one_warning(file, words):
+    (warning,) = read(f"<gazebo>{plugin(located('bodyName'), file)}</gazebo>").warnings
+    assert 'on link "a" without a <sensor>' in warning and words in warning
 
 
 def test_plugins_that_are_no_sensors_are_not_mentioned():

@@ -1,7 +1,5 @@
 """Type and QoS by the publishers of a topic, and the subscription that changes with them."""
 
-from collections.abc import Callable, Iterator
-from queue import SimpleQueue
 from typing import Any
 
 import pytest
@@ -55,49 +53,22 @@ def test_a_stricter_request_exceeds():
     assert not exceeds(BEST_EFFORT, LATCHED) and not exceeds(DEFAULT, LATCHED)
 
 
-class Subscriber:
-    """A node whose timer runs jobs, each in a callback of its own."""
-
-    def __init__(self, domain: int) -> None:
-        self.peer = Peer(domain, "subscriber")
-        self.received: list[tuple[str, Any]] = []
-        self._jobs: SimpleQueue[Callable[[], object]] = SimpleQueue()
-
-    def start(self) -> TopicSubscription:
-        self.peer.node.create_timer(0.01, self._run)
-        received = lambda kind, message: self.received.append((kind, message.data))  # noqa: E731
-        return TopicSubscription(self.peer.node, "/topic", received, CLASSES.__getitem__, raw=False)
-
-    def run(self, job: Callable[[], object]) -> Any:
-        """Run ``job`` in a callback; its value, or the TypeConflictError that it raised."""
-        results: list[object] = []
-
-        def guarded() -> None:
-            try:
-                results.append(job())
-            except TypeConflictError as error:
-                results.append(error)
-
-        self._jobs.put(guarded)
-        wait_for(lambda: results, "the callback")
-        return results[0]
-
-    def _run(self) -> None:
-        if not self._jobs.empty():
-            self._jobs.get()()
+@pytest.fixture
+def received() -> list[tuple[str, Any]]:
+    """What the subscription receives: types and data."""
+    return []
 
 
 @pytest.fixture
-def subscriber(ros_domain: int) -> Iterator[Subscriber]:
-    subscriber = Subscriber(ros_domain)
-    with subscriber.peer:
-        yield subscriber
+def topic(peer: Peer, received: list[tuple[str, Any]]) -> TopicSubscription:
+    """The subscription of a node, which ``peer.run`` changes in a callback of its own."""
+    note = lambda kind, message: received.append((kind, message.data))  # noqa: E731
+    return TopicSubscription(peer.node, "/topic", note, CLASSES.__getitem__, raw=False)
 
 
-def test_offers_are_the_publishers_or_else_other_nodes_subscriptions(ros_domain, subscriber):
-    node = subscriber.peer.node
-    subscriber.start().update(STRING, DEFAULT)
-    assert offers(node, "/topic") == {}
+def test_offers_are_the_publishers_or_else_other_nodes_subscriptions(ros_domain, peer, topic):
+    node = peer.node
+    peer.run(topic.update, STRING, DEFAULT)
     with Peer(ros_domain, "other") as other:
         other.node.create_subscription(Int32, "/topic", print, 10)
         wait_for(lambda: offers(node, "/topic") == {INT32: []}, "the other subscription")
@@ -108,36 +79,30 @@ def test_offers_are_the_publishers_or_else_other_nodes_subscriptions(ros_domain,
         assert offers(node, "/topic2", [INT32]) == {}
 
 
-def test_a_change_of_type_takes_two_updates_and_of_qos_one(ros_domain, subscriber):
-    topic = subscriber.start()
+def test_a_change_of_type_takes_two_updates_and_of_qos_one(ros_domain, peer, topic, received):
     for _ in range(3):
         for kind in (STRING, INT32):
-            first = subscriber.run(lambda: topic.update(kind, DEFAULT))  # noqa: B023
-            assert first is None
-            subscriber.run(lambda: topic.update(kind, DEFAULT))  # noqa: B023
+            for _ in range(2):
+                peer.run(topic.update, kind, DEFAULT)
             assert topic.type == kind
-    subscriber.run(lambda: topic.update(INT32, BEST_EFFORT))
+    peer.run(topic.update, INT32, BEST_EFFORT)
     assert (topic.type, topic.qos) == (INT32, BEST_EFFORT)
     with Peer(ros_domain, "sender") as sender:
         publisher = sender.node.create_publisher(Int32, "/topic", BEST_EFFORT)
-
-        def arrived() -> bool:
-            publisher.publish(Int32(data=3))
-            return bool(subscriber.received)
-
-        wait_for(arrived, "a message")
-    assert subscriber.received[0] == (INT32, 3)
+        wait_for(lambda: publisher.publish(Int32(data=3)) or received, "a message")
+    assert received[0] == (INT32, 3)
 
 
-def test_a_topic_held_as_another_type_is_refused_until_it_is_free(subscriber):
-    topic = subscriber.start()
-    holder = subscriber.run(
-        lambda: subscriber.peer.node.create_subscription(Int32, "/topic", print, 10)
-    )
-    refused = subscriber.run(lambda: topic.update(STRING, DEFAULT))
-    assert isinstance(refused, TypeConflictError)
-    assert 'topic "/topic" cannot be subscribed as std_msgs/msg/String' in str(refused)
+def test_a_topic_held_as_another_type_is_refused_until_it_is_free(peer, topic):
+    holder = peer.run(peer.node.create_subscription, Int32, "/topic", print, 10)
+
+    def refusal() -> str:
+        with pytest.raises(TypeConflictError) as caught:
+            topic.update(STRING, DEFAULT)
+        return str(caught.value)
+
+    assert '"/topic" cannot be subscribed as std_msgs/msg/String' in peer.run(refusal)
     assert topic.type is None
-    subscriber.run(lambda: subscriber.peer.node.destroy_subscription(holder))
-    assert subscriber.run(lambda: topic.update(STRING, DEFAULT)) is None
+    peer.run(peer.node.destroy_subscription, holder)
+    peer.run(topic.update, STRING, DEFAULT)
     assert topic.type == STRING

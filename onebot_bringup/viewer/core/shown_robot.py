@@ -8,14 +8,13 @@ import rerun as rr
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.core.columns import entity_path
 from onebot_bringup.viewer.core.scene import Scene
-from onebot_bringup.viewer.core.settings import Color
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import did_you_mean, listing
 
 FRAMES_ENTITY = "frames"
 ROBOT_DESCRIPTION = "robot_description"
 WORLD_DESCRIPTION = "/world_description"
-MOST_PLOTTED = 5  # robots plotted by default: there is no room for more tabs
+MOST_PLOTTED = 5  # robots with curves: there is no room for more tabs
 
 
 @dataclass(frozen=True)
@@ -74,9 +73,8 @@ class ShownRobot:
         self._missing_of: tuple[object, ...] = ()  # robot, frame and tree that ``_missing`` is for
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
-        self.fitting_length = 0.0  # length of axes and arcs that suits the robot, m; 0: unknown
+        self.fitting_length = 0.0  # length of axes that suits the robot, m; 0: unknown
         self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
-        self.joint_colors: dict[str, Color] = {}  # joints that have had a state so far
         self.joint_positions: dict[str, float] = {}  # rad or m, for displays that ask for them
 
     def frame_of(self, link: str) -> str:

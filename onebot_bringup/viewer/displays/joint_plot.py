@@ -13,7 +13,7 @@ from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_on
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
-from onebot_bringup.viewer.displays.joint_limits import limited_joints
+from onebot_description.elements.description import Description, Joint
 from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
@@ -93,7 +93,6 @@ class JointPlotDisplay(Display[JointPlotSettings]):
             colors = self._colors.setdefault(names, joint_colors(names, len(self._colors)))
             self._sets[names] = _JointSet(self, self._count, colors, self._limits)
             self._count += 1
-            self.robot.joint_colors.update(colors)
         return self._sets.get(names)
 
     def flush(self) -> None:
@@ -149,6 +148,15 @@ class _JointSet:
             self.positions.add(stamp_ns, np.concatenate([state.positions, self._edges]))
         if len(state.velocities) == self._count:
             self.velocities.add(stamp_ns, state.velocities)
+
+
+def limited_joints(description: Description) -> tuple[Joint, ...]:
+    """Return the joints of a robot that have limits."""
+    return tuple(
+        joint
+        for joint in description.joints
+        if joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
+    )
 
 
 def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
@@ -13,28 +13,13 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
-from onebot_bringup.viewer.core.inbox import message_type
+from onebot_bringup.viewer.core.inbox import known_type
 from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
 from onebot_bringup.viewer.core.settings import fraction, one_of, setting
 from onebot_description.geometry.quaternions import normalized
 
 UPDATES = "_updates"  # suffix of the topic of updates
-# The definition is here, since map_msgs need not be installed.
-UPDATE = message_type(
-    "map_msgs/msg/OccupancyGridUpdate",
-    """std_msgs/Header header
-int32 x
-int32 y
-uint32 width
-uint32 height
-int8[] data
-===
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-""",
-    replaces_previous=False,
-)
+UPDATE = replace(known_type("map_msgs/msg/OccupancyGridUpdate"), replaces_previous=False)
 _COLORMAPS = {
     "map": rr.components.Colormap.RvizMap,
     "costmap": rr.components.Colormap.RvizCostmap,

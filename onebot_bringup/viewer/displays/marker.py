@@ -302,18 +302,13 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if self._in_arrays:
             yield from ((stamp, Incoming.from_array(array.markers)) for stamp, array in pending)
             return
-        together: dict[MarkerId, Any] = {}
-        first_ns = last_ns = 0
+        groups: list[list[tuple[int, Any]]] = []
         for stamp_ns, message in pending:
-            late = not 0 <= stamp_ns - first_ns <= _TOGETHER_NS
-            if late or (message.ns, message.id) in together or message.action == DELETE_ALL:
-                if together:
-                    yield last_ns, Incoming.from_single([*together.values()])
-                together, first_ns = {}, stamp_ns
-            together[message.ns, message.id] = message
-            last_ns = stamp_ns
-        if together:
-            yield last_ns, Incoming.from_single([*together.values()])
+            if not groups or not 0 <= stamp_ns - groups[-1][0][0] <= _TOGETHER_NS:
+                groups.append([])
+            groups[-1].append((stamp_ns, message))
+        for group in groups:
+            yield group[-1][0], Incoming.from_single([message for _, message in group])
 
     # --- what a message does ----------------------------------------------------------------------
 

@@ -32,7 +32,6 @@ from onebot_description.arrays import Floats
 from onebot_description.ros.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")
-T = TypeVar("T", bound="TrailSettings | CovarianceSettings")
 M = TypeVar("M", bound=Mapping[str, Any])
 
 # --- arrows ---------------------------------------------------------------------------------------
@@ -102,13 +101,10 @@ class OdometryDisplay(NamedDisplay[M]):
         return [LegendEntry(self.noun, name, drawing.color) for name, drawing in items]
 
 
-class PlaceDrawing(Drawing[T]):
-    """Base class of drawings at the poses of odometry."""
-
-    def place_of(self, message: Any) -> Floats | None:
-        """Return where to draw: (3,) metres; None if it is not finite."""
-        place = message.pose.pose.position.array() + (0.0, 0.0, self.settings.height)
-        return place if is_drawable(place) else None
+def _place(message: Any, height: float) -> Floats | None:
+    """Return the place (3,) at ``height`` above the pose, metres; None if it is not finite."""
+    place: Floats = message.pose.pose.position.array() + (0.0, 0.0, height)
+    return place if is_drawable(place) else None
 
 
 # --- trails ---------------------------------------------------------------------------------------
@@ -130,7 +126,7 @@ class TrailSettings:
     length: float = setting(60.0, "seconds shown; 0: all")
 
 
-class TrailDrawing(PlaceDrawing[TrailSettings]):
+class TrailDrawing(Drawing[TrailSettings]):
     """A line where the robot has been.
 
     Every piece of the line is a row at its own time, and the layout shows the last seconds of them.
@@ -147,7 +143,7 @@ class TrailDrawing(PlaceDrawing[TrailSettings]):
 
     def draw(self, message: Any) -> Archetypes:
         """Return the piece that ends here, once it is long enough."""
-        place = self.place_of(message)
+        place = _place(message, self.settings.height)
         if place is None or not self.frame_of(message):
             self._start = None
             return ()
@@ -197,7 +193,7 @@ class CovarianceSettings:
     heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0: none")
 
 
-class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
+class CovarianceDrawing(Drawing[CovarianceSettings]):
     """Pose uncertainty: an ellipse around the position, a sector around the heading."""
 
     newest_only = True
@@ -205,7 +201,7 @@ class CovarianceDrawing(PlaceDrawing[CovarianceSettings]):
 
     def draw(self, message: Any) -> Archetypes:
         """Return the shapes; empty ones, once, if the covariance is no longer known."""
-        place = self.place_of(message)
+        place = _place(message, self.settings.height)
         if place is None:
             return ()
         pose = np.concatenate([place, message.pose.pose.orientation.array()])

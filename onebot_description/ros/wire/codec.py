@@ -6,8 +6,6 @@ reads messages, column by column; cdr.py describes the layout.
 
 import array
 import functools
-import itertools
-import operator
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -60,51 +58,15 @@ def pack(kind: Any, message: Any) -> bytes:
 
 @functools.cache
 def _writer(kind: Any) -> Write:
-    writers = [
-        write
-        for size, run in itertools.groupby(_fields(kind), lambda field: _size(field[1]))
-        for write in (_run_writers(size, list(run)))
-    ]
+    writers = [(name, _value_writer(slot)) for name, slot in _fields(kind)]
     if not writers:
         return lambda body, _message: body.append(0)  # nothing takes a byte
 
     def write(body: bytearray, message: Any) -> None:
-        for writer in writers:
-            writer(body, message)
+        for name, write_value in writers:
+            write_value(body, getattr(message, name))
 
     return write
-
-
-def _size(slot: AbstractType) -> int:
-    """Return the bytes of a number, to which it is aligned; 0 of what is none."""
-    return struct.calcsize(_LETTERS[slot.typename]) if isinstance(slot, BasicType) else 0
-
-
-def _run_writers(size: int, run: list[tuple[str, AbstractType]]) -> Iterator[Write]:
-    """Return what writes some fields of a message: numbers of one size at once."""
-    if size:
-        yield _numbers_writer(size, run)
-    else:
-        for name, slot in run:
-            yield _field_writer(name, _value_writer(slot))
-
-
-def _numbers_writer(size: int, run: list[tuple[str, AbstractType]]) -> Write:
-    pack_into = struct.Struct("<" + "".join(_LETTERS[slot.typename] for _, slot in run)).pack
-    names = [name for name, _ in run]
-    get = operator.attrgetter(*names)
-
-    def write(body: bytearray, message: Any) -> None:
-        values = get(message)
-        body += bytes(-len(body) % size)
-        body += pack_into(*values) if len(names) > 1 else pack_into(values)
-
-    return write
-
-
-def _field_writer(name: str, write: Write) -> Write:
-    get = operator.attrgetter(name)
-    return lambda body, message: write(body, get(message))
 
 
 def _value_writer(slot: AbstractType) -> Write:
@@ -112,6 +74,8 @@ def _value_writer(slot: AbstractType) -> Write:
         return _writer(class_of(slot))
     if isinstance(slot, AbstractGenericString):
         return _write_wide_text if isinstance(slot, AbstractWString) else _write_text
+    if isinstance(slot, BasicType):
+        return _number_writer(_LETTERS[slot.typename])
     item = slot.value_type
     write_items = (
         _items_writer(_LETTERS[item.typename])
@@ -121,6 +85,16 @@ def _value_writer(slot: AbstractType) -> Write:
     if isinstance(slot, Array):
         return functools.partial(_write_array, write_items, slot.size)
     return functools.partial(_write_sequence, write_items)
+
+
+def _number_writer(letter: str) -> Write:
+    size, pack_number = struct.calcsize(letter), struct.Struct("<" + letter).pack
+
+    def write(body: bytearray, value: Any) -> None:
+        body += bytes(-len(body) % size)
+        body += pack_number(value)
+
+    return write
 
 
 def _write_text(body: bytearray, text: str) -> None:

@@ -119,20 +119,7 @@ def _make_message(message: Message, encoding: str = "implicit", text: str = "") 
         constant.name: bytes([constant.value]) if constant.type == "byte" else constant.value
         for constant in message.constants
     }
-    return make_message_class(name, fields, values, load, restore)
-
-
-def restore(name: str, values: dict[str, Any], check_fields: bool) -> Any:
-    """Return a message from its pickled form."""
-    package, folder, short = name.split("/")
-    if folder == "msg":
-        return load_interface(name)(**values, check_fields=check_fields)
-    # A part of a service or an action: StepSimulation_Request, FollowJointTrajectory_Goal.
-    whole_name, *parts = short.split("_")
-    kind = load_interface(f"{package}/{folder}/{whole_name}")
-    for part in parts:
-        kind = getattr(kind, part, None) or getattr(kind.Impl, _IMPL[part])
-    return kind(**values, check_fields=check_fields)
+    return make_message_class(name, fields, values, load)
 
 
 def _slot(kind: Any) -> AbstractType:
@@ -202,8 +189,6 @@ def _refuse(self: Any) -> None:
 
 
 # ---- Actions ----
-
-_IMPL = {"SendGoal": "SendGoalService", "GetResult": "GetResultService"}
 
 
 def _action(package: str, short: str, text: str) -> Any:

@@ -116,7 +116,6 @@ def make_message_class(
     fields: Sequence[MessageField],
     constants: Mapping[str, Any],
     load: Callable[[Any], None],
-    restore: Callable[[str, dict[str, Any], bool], Any],
 ) -> Any:
     """Return the class of a message type.
 
@@ -125,8 +124,6 @@ def make_message_class(
         fields: its fields; the classes of nested messages exist.
         constants: their values by name.
         load: called once with the class; sets the capsules that rclpy looks for on its metaclass.
-        restore: called with the class's full name, the values of its fields by name, and its
-            ``check_fields``, when a message is unpickled; returns the message.
     """
     package, folder, short = name.split("/")
     names = [field.name for field in fields]
@@ -151,11 +148,6 @@ def make_message_class(
             _equal(getattr(self, field), getattr(other, field)) for field in names
         )
 
-    def __reduce__(self: Any) -> tuple[Any, ...]:
-        # The module's name is not that of a real one.
-        by_name = {field: getattr(self, field) for field in names}
-        return restore, (name, by_name, self._check_fields)
-
     types = {field.name: _type_name(field.type) for field in fields}
     defaults = {
         f"{field.name.upper()}__DEFAULT": field.default
@@ -170,7 +162,7 @@ def make_message_class(
         "SLOT_TYPES": tuple(field.type for field in fields),
         "_fields_and_field_types": types,
         "get_fields_and_field_types": classmethod(lambda _: types.copy()),
-        **{function.__name__: function for function in (__init__, __repr__, __eq__, __reduce__)},
+        **{function.__name__: function for function in (__init__, __repr__, __eq__)},
         **{field.name: _property(field) for field in fields},
         **constants,
         **defaults,
