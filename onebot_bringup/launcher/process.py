@@ -1,4 +1,7 @@
-"""Starts nodes as processes, and represents running ones."""
+"""Starts nodes as processes, and represents running ones.
+
+``launcher.py`` decides when they are signalled.
+"""
 
 import asyncio
 import contextlib
@@ -18,7 +21,7 @@ OnExit = Literal["shutdown", "ignore"]
 
 _INTERPRETER = "onebot_bringup.launcher.interpreter"
 _LONGEST_LINE = 65536  # bytes; longer lines are split
-_LAST_OUTPUT = 0.25  # seconds to wait for it, since another process may hold the pipe for ever
+_LAST_OUTPUT = 0.25  # s to wait for the last output: another process may hold the pipe open
 
 
 @dataclass(frozen=True)

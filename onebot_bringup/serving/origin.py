@@ -2,8 +2,8 @@
 
 A page of another site can make a browser send requests here, and can let its name resolve to
 127.0.0.1 (DNS rebinding). Browsers report where a request comes from (Origin) and goes to (Host).
-Without an Origin, as for a picture, they report to servers on this computer whether it comes
-from another site (Sec-Fetch-Site).
+Requests without an Origin, such as for pictures, say instead whether they come from another site
+(Sec-Fetch-Site; only to servers on this computer).
 """
 
 import re

@@ -33,9 +33,9 @@ from onebot_bringup.viewer.core.settings import (
     Color,
     FrameSettings,
     color,
-    height,
     one_of,
     setting,
+    signed,
     topic_list,
     vector,
 )
@@ -56,7 +56,7 @@ class GridSettings:
 
     visible: bool = setting(True, "draw it")
     spacing: float = setting(0.0, "metres; 0: by the robot's size")
-    height: float = setting(0.0, "metres above the fixed frame's origin", height)
+    height: float = setting(0.0, "metres above the fixed frame's origin", signed)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ _MOST_SKIDDING = 0.3
 _STILL = 1e-4  # m or rad per update; a robot that moves less counts as standing
 
 _SLIP = (
-    "the wheels slip, unless acceleration is limited ({}.max_acceleration); another part of the "
-    "robot rests on the ground; "
+    "the wheels slip, which a limit of acceleration prevents ({}.max_acceleration); another part "
+    "of the robot rests on the ground; "
 )
 _WAY = _SLIP.format("linear.x") + "or wheel_radius is not that of the wheels"
 _TURN = (
@@ -53,8 +53,9 @@ class DriftCheck:
         if self.warning:
             return
         if self._last is None:
-            self._last, self._way, self._turn = (odometry, truth), (0.0, 0.0), (0.0, 0.0)
-            self._driven = self._turned = 0.0
+            if not obstructed():  # a push would count in the first step
+                self._last, self._way, self._turn = (odometry, truth), (0.0, 0.0), (0.0, 0.0)
+                self._driven = self._turned = 0.0
             return
         (way, turn), (true_way, true_turn) = map(_step, self._last, (odometry, truth))
         if max(map(abs, (way, turn, true_way, true_turn))) < _STILL:

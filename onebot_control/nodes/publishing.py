@@ -1,4 +1,4 @@
-"""Publishes the topics of velocity_controller in each control cycle.
+"""Publishes the topics of velocity_controller, and ``/clock``, in each control cycle.
 
 The messages are created once and filled again in each cycle, because rclpy has read them when
 ``publish`` returns.

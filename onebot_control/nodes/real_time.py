@@ -8,8 +8,8 @@ from rclpy.node import Node
 from onebot_description.ros.topic_qos import DEPTH
 
 _SECOND = 1.0
-# Fractions of the wanted factor: a second below _SLOW is logged; when every second within _STEADY
-# has reached _BACK, it is logged that the pace is back.
+# Fractions of the wanted factor: slow motion is logged after a second below _SLOW, its end after
+# _STEADY seconds that all reached _BACK.
 _SLOW, _BACK = 0.9, 0.95
 _STEADY = 5.0  # s
 

@@ -68,7 +68,7 @@ class GoalHolder:
     active: object | None = None
 
     def _ended(self, text: str) -> Outcome | None:
-        """Forget the goal, and return its outcome, that it was aborted; None without a goal."""
+        """Forget the goal and return its outcome, aborted; None if there was none."""
         goal, self.active = self.active, None
         return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
@@ -306,7 +306,7 @@ class TrajectoryFollower(GoalHolder):
         *,
         holding: bool = True,
     ) -> None:
-        """Follow ``trajectory`` from its ``time`` on; ``holding``: without checking tolerances."""
+        """Follow ``trajectory`` from its ``time`` on; if ``holding``, no tolerance is checked."""
         self._next = None
         self._trajectory = trajectory
         self.time = self._first_time = self.elapsed = time
@@ -419,7 +419,10 @@ class TrajectoryFollower(GoalHolder):
     # Tolerances -------------------------------------------------------------------------------
 
     def _judged(self, *, first: bool) -> list[Outcome]:
-        """Compare the error with the tolerances; in the ``first`` cycle always the path's."""
+        """Compare the error with the tolerances.
+
+        Those of the path apply before the last point, and always in the ``first`` cycle.
+        """
         late = self.time - self._trajectory.end
         moving = late < -ROUNDING
         detail = exceeded(self.names, self.error, self._tolerances.path)

@@ -23,6 +23,8 @@ _Mimics = dict[str, Mimic]  # keys: the joints that follow
 class Following:
     """The leader of each joint: joint i is at ``position[leader[i]] * factor[i] + offset[i]``.
 
+    ``source.py`` computes it.
+
     A joint that does not follow another is its own leader, with factor 1 and offset 0.
     """
 

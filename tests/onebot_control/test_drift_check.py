@@ -6,6 +6,7 @@ import pytest
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot
+from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics.scene import load_scene
@@ -53,6 +54,18 @@ def test_what_jumps_does_not_drift() -> None:
         assert drifted(drive, 0.4, 0.3, 1.55) == ""
         jump(PlanarPose(3.0, 2.0, 1.0))
     assert drifted(drive, 0.4, 0.3, 5.0) == ""
+
+
+def test_a_push_is_not_counted_after_it() -> None:
+    """Nor where the comparison would begin while something touches the robot."""
+    check, start, pushed = DriftCheck(skids=False), PlanarPose(0.0, 0.0, 0.0), PlanarPose(0, 0, 0.5)
+    for touched, odometry, truth in (
+        (True, start, start),
+        (False, start, pushed),
+        (False, PlanarPose(2.0, 0.0, 0.0), pushed.compose(PlanarPose(2.0, 0.0, 0.0))),
+    ):
+        check.update(odometry, truth, lambda touched=touched: touched)
+    assert check.warning == ""
 
 
 def test_a_car_driven_by_its_rear_wheels() -> None:

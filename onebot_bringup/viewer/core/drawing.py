@@ -12,8 +12,9 @@ Each message type is drawn by one class, in a file of the folder ``displays``::
 
         def draw(self, message): ...  # -> Rerun's archetypes
 
-Messages are decoded by their type's definition (``onebot_description.ros.wire.schema``), so that a
-type need not be installed. In a view file, settings for all topics are under the key, and settings
+Messages are decoded by their type's definition (``onebot_description.ros.wire.schema``), so that
+a recording's type need not be installed; a live topic's is installed, or has a file in
+``ros/wire/definitions``. In a view file, settings for all topics are under the key, and settings
 for one topic under its ``topics``: ``path: {height: 0.1, topics: {/plan: {line_width: 0.1}}}``.
 """
 
@@ -58,7 +59,7 @@ class TopicSettings:
 
 
 class Drawing(Generic[S]):
-    """Draws the messages of one topic; unless a kind says otherwise, each replaces the last."""
+    """Draws the messages of one topic; each replaces the last, unless a subclass says otherwise."""
 
     # Which messages to draw:
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters

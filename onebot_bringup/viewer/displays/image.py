@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.drawing import (
     Drawing,
     TopicSettings,
 )
-from onebot_bringup.viewer.core.settings import height, setting
+from onebot_bringup.viewer.core.settings import setting, signed
 from onebot_description.arrays import Bytes
 from onebot_description.errors import printable
 
@@ -27,8 +27,8 @@ class ImageSettings(TopicSettings):
     """Pictures."""
 
     normalize_range: bool = setting(True, "scale 16 and 32 bit images by their own values")
-    min_value: float = setting(0.0, "the value of black, if not normalized", height)
-    max_value: float = setting(1.0, "the value of white, if not normalized", height)
+    min_value: float = setting(0.0, "the value of black, if not normalized", signed)
+    max_value: float = setting(1.0, "the value of white, if not normalized", signed)
 
 
 # --- encodings of pixels --------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from onebot_bringup.viewer.core.drawing import (
 )
 from onebot_bringup.viewer.core.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
-from onebot_bringup.viewer.core.settings import Color, color, height, setting, topic
+from onebot_bringup.viewer.core.settings import Color, color, setting, signed, topic
 from onebot_bringup.viewer.displays.pose import (
     PosesDrawing,
     PoseSettings,
@@ -122,7 +122,7 @@ class TrailSettings:
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     width: float = setting(0.01, "width of the line, metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
     length: float = setting(60.0, "seconds shown; 0: all")
 
 
@@ -188,7 +188,7 @@ class CovarianceSettings:
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     width: float = setting(0.006, "width of the lines, metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
     sigma: float = setting(3.0, "size in standard deviations")
     heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0: none")
 

@@ -19,7 +19,7 @@ from onebot_bringup.viewer.core.drawing import (
     TopicSettings,
 )
 from onebot_bringup.viewer.core.rerun_limits import LARGEST
-from onebot_bringup.viewer.core.settings import Color, color, height, one_of, setting
+from onebot_bringup.viewer.core.settings import Color, color, one_of, setting, signed
 from onebot_description.errors import listing
 
 Floats32 = NDArray[np.float32]
@@ -46,12 +46,12 @@ class PointsSettings(TopicSettings):
     min_color: Color = setting((0, 0, 0), "sRGB bytes", color)
     max_color: Color = setting((255, 255, 255), "sRGB bytes", color)
     autocompute_intensity_bounds: bool = setting(True, "compute them for each message")
-    min_intensity: float = setting(0.0, "if not computed", height)
-    max_intensity: float = setting(4096.0, "if not computed", height)
+    min_intensity: float = setting(0.0, "if not computed", signed)
+    max_intensity: float = setting(4096.0, "if not computed", signed)
     axis: str = setting("Z", "axis of the fixed frame, for AxisColor", one_of(*_AXES))
     autocompute_value_bounds: bool = setting(True, "compute them for each message")
-    min_value: float = setting(-10.0, "metres, if not computed", height)
-    max_value: float = setting(10.0, "metres, if not computed", height)
+    min_value: float = setting(-10.0, "metres, if not computed", signed)
+    max_value: float = setting(10.0, "metres, if not computed", signed)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     decay_time: float = setting(0.0, "seconds that points stay; 0: until the next message")
 

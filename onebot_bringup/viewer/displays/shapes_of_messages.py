@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.drawing import (
     TopicSettings,
 )
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable, is_drawable
-from onebot_bringup.viewer.core.settings import Color, color, fraction, height, setting
+from onebot_bringup.viewer.core.settings import Color, color, fraction, setting, signed
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.ros.parameters.reader import parameter
@@ -31,7 +31,7 @@ class PathSettings(TopicSettings):
 
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     line_width: float = setting(0.02, "metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", height)
+    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
 
 
 class PathDrawing(Drawing[PathSettings]):

@@ -115,8 +115,8 @@ def find_wheels(
 def has_wheels(description: Description) -> bool:
     """Return whether a robot has wheels on the ground; otherwise it stands still.
 
-    A wheel's lowest point is at most its radius above that of the robot; what rolls farther up
-    belongs to an arm. A robot whose root link is ``world`` stands still.
+    What rolls counts as a wheel if its lowest point is at most its radius above the robot's;
+    higher up it belongs to an arm. A robot whose root link is ``world`` stands still.
 
     Raises:
         OneBotError: the mesh of a collision shape cannot be read.
