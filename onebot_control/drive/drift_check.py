@@ -10,6 +10,7 @@ _MOST = 0.1  # fraction of a stretch by which they may differ
 # The same for turns of skid-steer robots: their effective separation is an estimate for slow turns.
 _MOST_SKIDDING = 0.3
 _STILL = 1e-4  # m or rad per update; a robot that moves less counts as standing
+_SETTLING = 5  # updates after a push until the robot has stopped skidding
 
 _SLIP = (
     "the wheels slip, which a limit of acceleration prevents ({}.max_acceleration); another part "
@@ -39,6 +40,7 @@ class DriftCheck:
     def restart(self) -> None:
         """Start a new comparison with the next poses, because one of them jumps."""
         self._last: tuple[PlanarPose, PlanarPose] | None = None
+        self._wait = 0  # updates without a push before the comparison starts
 
     def update(
         self, odometry: PlanarPose, truth: PlanarPose, obstructed: Callable[[], bool]
@@ -53,7 +55,11 @@ class DriftCheck:
         if self.warning:
             return
         if self._last is None:
-            if not obstructed():  # a push would count in the first step
+            if obstructed():
+                self._wait = _SETTLING
+            elif self._wait:
+                self._wait -= 1
+            else:
                 self._last, self._way, self._turn = (odometry, truth), (0.0, 0.0), (0.0, 0.0)
                 self._driven = self._turned = 0.0
             return
@@ -61,7 +67,7 @@ class DriftCheck:
         if max(map(abs, (way, turn, true_way, true_turn))) < _STILL:
             return
         if obstructed():
-            self.restart()
+            self._last, self._wait = None, _SETTLING
             return
         self._last = odometry, truth
         self._way = self._way[0] + way, self._way[1] + true_way

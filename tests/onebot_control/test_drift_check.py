@@ -57,15 +57,15 @@ def test_what_jumps_does_not_drift() -> None:
 
 
 def test_a_push_is_not_counted_after_it() -> None:
-    """Nor where the comparison would begin while something touches the robot."""
-    check, start, pushed = DriftCheck(skids=False), PlanarPose(0.0, 0.0, 0.0), PlanarPose(0, 0, 0.5)
-    for touched, odometry, truth in (
-        (True, start, start),
-        (False, start, pushed),
-        (False, PlanarPose(2.0, 0.0, 0.0), pushed.compose(PlanarPose(2.0, 0.0, 0.0))),
-    ):
-        check.update(odometry, truth, lambda touched=touched: touched)
-    assert check.warning == ""
+    """It begins again where the robot no longer skids, but then it counts each step."""
+    check, true = DriftCheck(skids=False), PlanarPose(0.0, 0.0, 0.0)
+    for touched in (True, False, False):
+        true = true.compose(PlanarPose(0.0, 0.0, 0.5))
+        check.update(PlanarPose(0.0, 0.0, 0.0), true, lambda touched=touched: touched)
+    for step in range(20):
+        check.update(PlanarPose(0.25 * step, 0.0, 0.0), true, lambda: False)
+        assert bool(check.warning) == (step >= 7)
+        true = true.compose(PlanarPose(0.1, 0.0, 0.0))
 
 
 def test_a_car_driven_by_its_rear_wheels() -> None:
