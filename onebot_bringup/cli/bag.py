@@ -243,8 +243,8 @@ class _Player:
             if name not in topics:
                 hint = did_you_mean(name, topics, "topics")
                 raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
-        left_out = {*args.exclude_topics, *([] if args.clock is None else [_CLOCK])}
-        return [topic for topic in args.topics or topics if topic not in left_out]
+        excluded_topics = {*args.exclude_topics, *([] if args.clock is None else [_CLOCK])}
+        return [topic for topic in args.topics or topics if topic not in excluded_topics]
 
     def _publisher(self, topic: str) -> Any:
         """Return a topic's publisher; None, with a warning, if ROS rejects the name or the type."""

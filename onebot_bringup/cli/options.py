@@ -110,17 +110,18 @@ class Subcommand:
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
     """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
-    left = _LEFT_TO_ROS2.get(group, ())
+    foreign_names = _LEFT_TO_ROS2.get(group, ())
     if argv and argv[0] in ("-h", "--help", "help"):
-        others = f"; ros2cli has {', '.join(f'ros2 {group} {name}' for name in left)}"
-        print(f"{commands_text(f'onebot {group}', table)}{others if left else ''}.")
+        commands = ", ".join(f"ros2 {group} {name}" for name in foreign_names)
+        note = f"; ros2cli has {commands}" if commands else ""
+        print(f"{commands_text(f'onebot {group}', table)}{note}.")
         return 0
     if not argv:
         raise UsageError(f"onebot {group} what? ({', '.join(table)})")
     name, *words = argv
     if name not in table:
         hint = did_you_mean(name, table, "commands")
-        if name in left:
+        if name in foreign_names:
             hint = f": ros2cli has it, ros2 {group} {name}"
         raise UsageError(f'onebot {group} has no command "{name}"{hint}')
     subcommand = table[name]

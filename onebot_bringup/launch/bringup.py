@@ -71,8 +71,8 @@ class Bringup(NamedTuple):
     def arguments(self) -> list[Argument]:
         """Return the command's arguments, without those of the model."""
         declared = description_arguments(self.model, self.joints, self.view)
-        of_simulation = simulation_arguments(self.control) if self.control else standing_arguments()
-        return [*declared, *of_simulation]
+        declared += simulation_arguments(self.control) if self.control else standing_arguments()
+        return declared
 
     @property
     def controller(self) -> str:

@@ -37,8 +37,8 @@ def die_with_this_thread() -> Callable[[], None]:
 def temporary_folder(kind: str) -> tempfile.TemporaryDirectory[str]:
     """Make a temporary folder, and remove those of this kind whose process was killed."""
     prefix = f"onebot-{kind}-"  # the id of the process follows
-    for left in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
-        process = left.name.removeprefix(prefix).partition("-")[0]
+    for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
+        process = folder.name.removeprefix(prefix).partition("-")[0]
         if not Path("/proc", process).exists():
-            shutil.rmtree(left, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
     return tempfile.TemporaryDirectory(prefix=f"{prefix}{os.getpid()}-", ignore_cleanup_errors=True)

@@ -124,14 +124,14 @@ class Launcher:
             return
         if code is not None:
             self._console.warn(f"{node.name} exited unexpectedly: {how}")
-        if node.on_exit == "ignore":
-            self._console.warn(f"going on without {node.name}")
         if code != 0 or node.on_exit != "ignore":
             self._failed[node.name] = how
-        if node.on_exit != "ignore":
-            if self._running:
-                self._console.warn("stopping the others")
-            self._stop()
+        if node.on_exit == "ignore":
+            self._console.warn(f"going on without {node.name}")
+            return
+        if self._running:
+            self._console.warn("stopping the others")
+        self._stop()
 
     async def _end_of(self, process: RunningProcess) -> int:
         """Wait for the end of ``process``, show its last output and return its exit code."""

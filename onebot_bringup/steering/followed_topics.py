@@ -62,8 +62,8 @@ class _Received:
     def message(self) -> Any:
         """The message, or its arrays; None if it is invalid, which other nodes report."""
         try:
-            if read := _READERS.get(self._kind):
-                return read(self._data)
+            if reader := _READERS.get(self._kind):
+                return reader(self._data)
             return deserialize_message(self._data, load_interface(self._kind))
         except BAD_MESSAGE:
             return None
@@ -94,7 +94,7 @@ class FollowedTopics:
         self._node, self._depth, self._received = node, depth, received or {}
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
         self.topics: Mapping[str, str] = {}
-        self._newest: dict[str, _Received] = {}  # by topic
+        self._newest: dict[str, _Received] = {}  # keys: topics
 
     def newest(self, topic: str) -> tuple[Any, float]:
         """Return the newest message of a topic, and its age in s; None and infinity for none.

@@ -128,7 +128,7 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
     """
     try:
         displays = json.loads(data)
-        shown: list[Row] = [
+        topics: list[Row] = [
             {
                 "topic": str(topic["topic"]),
                 "type": str(topic["type"]),
@@ -146,7 +146,7 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
         ]
     except (ValueError, LookupError, TypeError, RecursionError):
         return [], []
-    return shown, legend
+    return topics, legend
 
 
 class ViewProxy:

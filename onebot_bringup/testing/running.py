@@ -25,7 +25,8 @@ _POLL = 0.02  # s
 class RunningBringup(AbstractContextManager["RunningBringup"]):
     """A bringup in separate processes, with real time and real discovery.
 
-    It ends with the ``with`` block, and also if this process is killed.
+    It ends with the ``with`` block, and also if this process is killed or the thread that started
+    it ends.
     """
 
     def __init__(self, command: str, words: Sequence[str]) -> None:

@@ -90,7 +90,7 @@ class Pacer:
         if now < self.due:
             wait(self.due - now)
             now = self._clock()  # may be much later, if the process was stopped meanwhile
-        if 0.0 < self._interval <= now - self.due:  # as it is now: the wait may have changed it
+        if 0.0 < self._interval <= now - self.due:  # the wait may have changed the pace
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
 

@@ -70,8 +70,9 @@ class LocalizerWatch:
                     robot.give_way(f"{parent} -> {odom}")
 
     def _others_publish(self) -> bool:
-        own = [publisher.topic_name for node in self._nodes for publisher in node.publishers]
-        return any(self._nodes[0].count_publishers(topic) > own.count(topic) for topic in _TOPICS)
+        node = self._nodes[0]
+        own_topics = [end.topic_name for each_node in self._nodes for end in each_node.publishers]
+        return any(node.count_publishers(topic) > own_topics.count(topic) for topic in _TOPICS)
 
     def _subscribed(self, topic: str, latched: bool) -> Any:
         # Created without the node, so that its executor does not wait for it.

@@ -102,8 +102,9 @@ class Publishers:
     @property
     def publishes_truth(self) -> bool:
         """Whether the truth is on TF."""
-        asked = bool(self.world_frame) and self._robot.config.ground_truth_tf
-        return asked and not self.localized
+        if self.localized or not self.world_frame:
+            return False
+        return self._robot.config.ground_truth_tf
 
     def give_way(self, source: str) -> None:
         """Take the truth off TF, because another node publishes ``source``, a parent of odom."""

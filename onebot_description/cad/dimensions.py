@@ -29,8 +29,8 @@ class Section:
         if any(entry.startswith(f"{name}.") for entry in values):
             return Section(self._file, self._content, f"{name}.")
         inside = (entry for entry in values if entry.startswith(self._prefix))
-        known = {entry.removeprefix(self._prefix).split(".")[0] for entry in inside}
-        raise OneBotError(f"{self._file} has no {name}{did_you_mean(key, known)}")
+        known_keys = {entry.removeprefix(self._prefix).split(".")[0] for entry in inside}
+        raise OneBotError(f"{self._file} has no {name}{did_you_mean(key, known_keys)}")
 
 
 def read_dimensions(path: Path) -> Section:

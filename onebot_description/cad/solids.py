@@ -19,7 +19,7 @@ class Part:
     """One link of the robot, in the frame of that link."""
 
     name: str  # meshes/<name>.dae
-    seen: dict[str, Manifold]  # by material
+    seen: dict[str, Manifold]  # keys: materials
     inertial: Body
 
 

@@ -18,7 +18,6 @@ Transform = tuple[Triple, Quaternion]  # translation, m, then rotation, x y z w
 T = TypeVar("T", float, "Floats")
 
 ZERO: Triple = (0.0, 0.0, 0.0)
-IDENTITY: Transform = (ZERO, (0.0, 0.0, 0.0, 1.0))
 _LOCKED = 1e-9  # cosine of the pitch below which roll and yaw turn about the same axis
 
 

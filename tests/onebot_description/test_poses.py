@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from onebot_description.geometry.poses import (
-    IDENTITY,
     Origin,
     PlanarPose,
     about,
@@ -68,8 +67,8 @@ def test_vector_product(first, second):
 
 
 def test_what_is_not_given_is_no_motion():
-    assert IDENTITY == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    assert Origin().transform == PlanarPose().transform == IDENTITY
+    identity = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert Origin().transform == PlanarPose().transform == identity
     assert PlanarPose(1.0, 2.0, 0.5).transform == ((1.0, 2.0, 0.0), about_z(0.5))
 
 
