@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import gc
 import os
 import re
 import signal
@@ -91,6 +92,7 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
             try:
                 with signals.interrupting():
                     built = make_node()
+                gc.enable()  # start_node disables it
                 nodes = [built] if isinstance(built, Node) else built
                 executor = _make_executor(events)
                 for node in nodes:

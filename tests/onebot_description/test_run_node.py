@@ -70,7 +70,11 @@ def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
 
 
 _SLOW_TO_STOP = """
-import threading, time
+from onebot_description.ros.process_start import start_node
+
+start_node()
+
+import gc, threading, time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from onebot_description.ros.run_node import at_stop, run_node
@@ -84,7 +88,7 @@ class Busy(Node):
         self.create_timer(0.01, self.work)
 
     def work(self):
-        print("busy", flush=True)
+        print("busy" if gc.isenabled() else "no garbage is collected", flush=True)
         stopped.wait()
 
 def free(executor):
