@@ -37,9 +37,9 @@ class Named:
         return full, types
 
     def question(self, session: Session, name: str) -> str:
-        """Return a question about similar names, such as ``did you mean "/a"?``; "" for none."""
+        """Return a question about similar names, such as `` (did you mean "/a"?)``; "" for none."""
         names = alike(name, [candidate for candidate, _ in self.discovered(session, False)])
-        return f"did you mean {' or '.join(map(json.dumps, names))}?" if names else ""
+        return f" (did you mean {' or '.join(map(json.dumps, names))}?)" if names else ""
 
     def print_names(self, session: Session, args: Namespace) -> None:
         """List the names, with their types if requested."""

@@ -49,13 +49,6 @@ _ACTION = "control_msgs/action/FollowJointTrajectory"
 _ANSWER = 10.0  # s to wait for an answer of the controller
 _LOG = 0.3  # s to wait for the controller's log messages
 _PROGRESS = 1.0  # s between two lines of the progress
-_CODES = {
-    -1: "INVALID_GOAL",
-    -2: "INVALID_JOINTS",
-    -3: "OLD_HEADER_TIMESTAMP",
-    -4: "PATH_TOLERANCE_VIOLATED",
-    -5: "GOAL_TOLERANCE_VIOLATED",
-}
 
 
 def run(argv: Sequence[str]) -> int:
@@ -246,8 +239,7 @@ class _Motion:
         elif status == statuses.STATUS_CANCELED:
             raise OneBotError("CANCELED by another client: the joints hold where they are")
         else:
-            name = _CODES.get(result.error_code, "error")
-            raise self._failure(f"ABORTED: {name} ({result.error_code}): {result.error_string}")
+            raise self._failure(f"ABORTED ({result.error_code}): {result.error_string}")
 
     def _error(self) -> str:
         state = self._controller.state
