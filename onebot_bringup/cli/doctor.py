@@ -52,14 +52,12 @@ def run(argv: Sequence[str]) -> int:
         "shared memory": lambda: shared_memory(FOLDER),
         "renderer": _renderer,
     }
-    levels = [_print(name, check) for name, check in checks.items()]
-    return 1 if PROBLEM in levels else 0
-
-
-def _print(name: str, check: Callable[[], Verdict]) -> str:
-    level, text, remedy = check()
-    print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
-    return level
+    code = 0
+    for name, check in checks.items():
+        level, text, remedy = check()
+        print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
+        code |= level == PROBLEM
+    return code
 
 
 def _required() -> list[str]:
@@ -82,8 +80,6 @@ def dependencies(required: Iterable[str]) -> Verdict:
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not _is_installed(name)]:
         return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
-    if not names:
-        return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     lines = _python("-m", "pip", "check").stdout.splitlines()
     if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")

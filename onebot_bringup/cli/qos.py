@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Option, natural, option, warn
+from onebot_bringup.cli.options import Option, natural, option
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -53,7 +53,7 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
-    from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
+    from onebot_description.ros.topic_qos import compatible_qos, is_transient_local
 
     chosen = profile(args, "sensor_data")
     offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
@@ -61,12 +61,6 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
     if given or not offered:
         return chosen
     suited = compatible_qos(offered, chosen.depth)
-    for has, best, fallback in (
-        (is_reliable, "RELIABLE", "BEST_EFFORT"),
-        (is_transient_local, "TRANSIENT_LOCAL", "VOLATILE"),
-    ):
-        if any(map(has, offered)) and not has(suited):
-            warn(f"not all publishers of {topic} offer {best}: it is received as {fallback}")
     if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
         suited.depth = max(suited.depth, 100)
     return suited

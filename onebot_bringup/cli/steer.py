@@ -116,8 +116,6 @@ def _found(
     space = absolute(values["namespace"])
     in_namespace = ["-r", f"__ns:={space}"] if space else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
-        if values["odom_topic"]:
-            session.full_name(values["odom_topic"])
         topic = chosen_commands(session, values["topic"], first=True)
         if values["viewer"] == "none":
             return topic, None

@@ -165,10 +165,8 @@ def _field(value: Any, name: str, path: str) -> Any:
 def _item(value: Any, step: str, path: str) -> Any:
     try:
         return value[int(step.strip("[]"))]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, IndexError):
         raise OneBotError(f'no field "{path}": no item {step} there') from None
-    except IndexError:
-        raise OneBotError(f'no item "{path}": the list has {len(value)}') from None
 
 
 def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:

@@ -79,7 +79,7 @@ def test_pick() -> None:
     [
         ("heder.stamp", 'did you mean "header"'),
         ("header.stamp.sec.x", "nothing within a int"),
-        ("position[9]", "the list has 2"),
+        ("position[9]", "no item [9]"),
         ("position[x]", "no item [x]"),
         ("header[0]", "no item [0]"),
     ],

