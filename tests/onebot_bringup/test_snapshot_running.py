@@ -85,7 +85,7 @@ def test_what_is_missing_is_named(arm, ros_domain):
     """No robot at all; none in this namespace; no joint states."""
     words = ("snapshot", str(arm / "a.png"))
     done = onebot(*words)
-    assert done.returncode == 1 and "nothing on /robot_description;" in done.stderr
+    assert done.returncode == 1 and "nothing on /robot_description (elsewhere: none)" in done.stderr
     prefixed = ros_args(frame_prefix="left/", ignore_timestamp=True)
     node = NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *prefixed, "-r", "__ns:=/left")
     with node, Peer(ros_domain) as peer:

@@ -11,7 +11,6 @@ import sys
 import sysconfig
 from pathlib import Path
 
-import psutil
 import pytest
 
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -22,6 +21,7 @@ from tests.onebot_description.test_interfaces import (
     described,
     generated_description,
 )
+from tests.orphans import marked
 from tests.ros_support import NodeProcess, Peer
 from tests.support import require, require_program, skip_for, wait_for
 
@@ -59,21 +59,18 @@ def build(folder: Path, package: str) -> None:
 
 @pytest.mark.slow
 def test_a_robot_uses_the_tf2_msgs_of_a_sourced_ros(
-    peer: Peer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    peer: Peer, ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And our own type is the same on DDS."""
     build(tmp_path / "ros", "tf2_msgs")
     monkeypatch.setenv("PYTHONPATH", before(tmp_path / "ros", "PYTHONPATH"))
     monkeypatch.setenv("LD_LIBRARY_PATH", before(tmp_path / "ros/lib", "LD_LIBRARY_PATH"))
     transforms = peer.hear(TFMessage, "/tf")
-    with NodeProcess("mrm_description.launch.mrm_bringup", "viewer:=none") as robot:
+    with NodeProcess("mrm_description.launch.mrm_bringup", "viewer:=none"):
         wait_for(lambda: transforms, "a transform")
-        [publisher] = [
-            process
-            for process in psutil.Process(robot.process.pid).children(recursive=True)
-            if "onebot_description.robot_state_publisher" in process.cmdline()
-        ]
-        assert "libtf2_msgs" in Path(f"/proc/{publisher.pid}/maps").read_text()
+        domain, node = f"ROS_DOMAIN_ID={ros_domain}\0", "onebot_description.robot_state_publisher"
+        [publisher] = marked(domain, node)
+        assert "libtf2_msgs" in Path(f"/proc/{publisher}/maps").read_text()
 
 
 @pytest.mark.slow
