@@ -78,20 +78,12 @@ def dependencies(required: Iterable[str]) -> Verdict:
     """Check that the required packages are installed, and by pip that their versions are right."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
-    if missing := [name for name in names if not _is_installed(name)]:
+    if missing := [name for name in names if not any(metadata.distributions(name=name))]:
         return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
     lines = _python("-m", "pip", "check").stdout.splitlines()
     if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")
     return Verdict(OK, f"{len(names)} found")
-
-
-def _is_installed(name: str) -> bool:
-    try:
-        metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
 
 
 def _library() -> Verdict:

@@ -3,7 +3,7 @@
 import sys
 from argparse import Namespace
 
-from onebot_bringup.cli.options import Subcommand, flag, positional, print_rows
+from onebot_bringup.cli.options import Subcommand, flag, positional
 from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
 from onebot_bringup.introspection.interfaces import is_hidden
 
@@ -13,7 +13,8 @@ def nodes(session: Session, args: Namespace) -> None:
     """List the nodes."""
     session.discover()
     names = session.nodes(args.all)
-    print_rows(names)
+    for name in names:
+        print(name)
     if duplicates := sorted({name for name in names if names.count(name) > 1}):
         print(
             "WARNING: Be aware that there are nodes in the graph that share an exact name, which "

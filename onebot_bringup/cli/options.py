@@ -137,11 +137,6 @@ class Parser(argparse.ArgumentParser):
         return parsed
 
 
-def print_rows(rows: Iterable[str]) -> None:
-    """Print these lines, if there are any."""
-    print("".join(f"{row}\n" for row in rows), end="")
-
-
 def warn(text: str) -> None:
     """Print a warning."""
     print(f"warning: {text}", file=sys.stderr, flush=True)
