@@ -1,8 +1,6 @@
 """Fixtures shared by all tests."""
 
-import contextlib
 import gc
-import importlib
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -49,26 +47,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection(session: pytest.Session) -> None:
-    """Import the test files, each process from another one on, without garbage collection.
-
-    If all began with the first file of a fresh clone, each would compile all of them. What is made
-    until the tests are collected is no garbage.
-    """
+def pytest_collection() -> None:
+    """What is made until the tests are collected is no garbage."""
     gc.disable()
-    config = session.config
-    worker: dict[str, Any] | None = getattr(config, "workerinput", None)
-    if worker is None or config.option.file_or_dir:
-        return
-    paths = sorted(config.rootpath.glob("tests/**/test_*.py"))
-    files = [path for path in paths if not pytest_ignore_collect(path, config)]
-    begin = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
-    for file in files[begin:] + files[:begin]:
-        module = file.relative_to(config.rootpath).with_suffix("").parts
-        # pytest reports what is wrong, or skipped, when it imports the file itself.
-        with contextlib.suppress(Exception, pytest.skip.Exception):
-            importlib.import_module(".".join(module))
 
 
 def pytest_collection_finish() -> None:

@@ -6,13 +6,11 @@ import re
 import shutil
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 import pytest
 
-from onebot_description.ros.wire.interfaces import TFMessage
-from tests.support import PATIENCE, RunningProcess, require, require_program, run_to_end, wait_for
+from tests.support import PATIENCE, require_program, run_to_end
 
 pytestmark = pytest.mark.slow
 
@@ -33,40 +31,6 @@ EXECUTABLES = {
 }
 # All of the fast tests take minutes; it takes long to import the others, too.
 SOME_TESTS = "test_mrm_model* test_wheels* test_message_text* test_robot_model*".split()
-# The package of ROS, as colcon builds it from source. The wheels lack what its generators want:
-# three CMake modules that change nothing here, and a folder of the machine that built them.
-_ABSENT = ("ament_cmake_ros", "python_cmake_module", "PythonExtra")
-TF2_MSGS = {
-    "package.xml": """<package format="3">
-  <name>tf2_msgs</name> <version>0.36.0</version> <description>as ROS has it</description>
-  <maintainer email="founders@onebot.example">OneBot founders</maintainer> <license>BSD</license>
-  <buildtool_depend>ament_cmake</buildtool_depend> <depend>geometry_msgs</depend>
-  <member_of_group>rosidl_interface_packages</member_of_group>
-  <export> <build_type>ament_cmake</build_type> </export>
-</package>""",
-    "msg/TFMessage.msg": "geometry_msgs/TransformStamped[] transforms\n",
-    **{f"cmake/Find{name}.cmake": f"set({name}_FOUND TRUE)\n" for name in _ABSENT},
-    "CMakeLists.txt": """cmake_minimum_required(VERSION 3.16)
-project(tf2_msgs)
-set(BUILD_SHARED_LIBS ON)
-list(PREPEND CMAKE_MODULE_PATH ${CMAKE_CURRENT_SOURCE_DIR}/cmake)
-find_package(ament_cmake REQUIRED)
-find_package(geometry_msgs REQUIRED)
-set(supports fastrtps_c fastrtps_cpp introspection_c introspection_cpp c cpp)
-list(TRANSFORM supports PREPEND rosidl_typesupport_)
-set(generators type_description c cpp py)
-list(TRANSFORM generators PREPEND rosidl_generator_)
-foreach(package rosidl_cmake ${supports} ${generators})
-  find_package(${package} REQUIRED)
-endforeach()
-foreach(package geometry_msgs std_msgs builtin_interfaces)
-  set_target_properties(${package}::${package}__rosidl_generator_py
-    PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "")
-endforeach()
-rosidl_generate_interfaces(tf2_msgs msg/TFMessage.msg DEPENDENCIES geometry_msgs)
-ament_package()
-""",
-}
 # The report of a Python that has what the workspace needs, but not this project itself.
 DOCTOR = """
 from importlib import metadata
@@ -97,31 +61,6 @@ def test_workspace_of_links(tmp_path):
     sourced = _built(tmp_path, "--symlink-install")
     onebot = tmp_path / "install/onebot_bringup/lib/onebot_bringup/onebot"
     assert "usage: onebot" in _run(sourced, tmp_path, onebot, "--help").stdout
-
-
-def test_tf2_msgs_of_a_sourced_ros_is_used(tmp_path, peer):
-    """It is generated here as ROS does it; robots use it, and our own type is the same on DDS."""
-    for program, package in (("cmake", "cmake"), ("make", "make"), ("c++", "g++")):
-        require_program(program, package)
-    header = Path(sysconfig.get_path("include"), "Python.h")
-    require(header.is_file(), str(header), "python3-dev")
-    for name, text in TF2_MSGS.items():
-        file = tmp_path / "src/tf2_msgs" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
-    built = _colcon(tmp_path, "build", "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}")
-    assert built.returncode == 0, built.stdout + built.stderr
-    sourced = _sourced(tmp_path)
-    code = (
-        "import sys; from onebot_description.ros.wire.interfaces import TFMessage;"
-        "print(sys.modules[TFMessage.__module__].__file__)"
-    )
-    used = _run(sourced, tmp_path, sys.executable, "-c", code)
-    assert used.stdout.startswith(str(tmp_path / "install/tf2_msgs")), used.stderr
-    command = [sys.executable, "-m", "mrm_description.launch.mrm_bringup", "viewer:=none"]
-    tf = peer.hear(TFMessage, "/tf")
-    with RunningProcess(command, tmp_path, sourced):
-        wait_for(lambda: tf, "a transform")
 
 
 def _left_out(folder: str, names: list[str]) -> set[str]:

@@ -5,7 +5,6 @@ import time
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,17 +117,13 @@ def record(args: Namespace) -> int:
     topics = [*args.topic, *args.topics]
     if not (topics or args.regex or args.all):
         raise UsageError("onebot bag record: name the topics, or -a for all")
-    if args.all and (topics or args.regex):
-        raise UsageError(
-            "onebot bag record: -a records all topics: leave out their names and --regex"
-        )
     use_local_discovery()
     from onebot_bringup.bags import bag_recorder  # slow to import
 
     parameters = {
         "folder": args.output or f"rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}",
-        "topics": topics,
-        "regex": args.regex,
+        "topics": [] if args.all else topics,
+        "regex": "" if args.all else args.regex,
         "exclude_regex": args.exclude_regex,
         "compression": args.compression_format,
         "use_sim_time": args.use_sim_time,
@@ -203,7 +198,6 @@ class _Player:
         if args.playback_duration is not None:
             self._end = min(self._end, self._begin + int(args.playback_duration * NS_PER_S))
         self._publishers: dict[str, Any] = {}
-        self._warn_once = cache(warn)
         self._clock: Any = None
         self._next_tick = self._begin
 
@@ -231,9 +225,6 @@ class _Player:
                 self._publishers[topic] = publisher
         if not self._publishers:
             raise OneBotError(f"{self._bag.source} has nothing to play")
-        if self._begin > self._bag.end_ns:
-            length = (self._bag.end_ns - self._bag.start_ns) / NS_PER_S
-            raise OneBotError(f"--start-offset is beyond the end: it has {length:.1f} s")
         if self._args.clock is not None:
             self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
 
@@ -270,10 +261,7 @@ class _Player:
 
         self._next_tick = self._begin
         for topic, kind, stamp, data in self._bag.messages(list(self._publishers)):
-            if (played := self._bag.topics[topic]) != kind:
-                self._warn_once(f"{topic} is played as {played}, not as {kind} as well")
-                continue
-            if stamp < self._begin and topic not in latched:
+            if kind != self._bag.topics[topic] or stamp < self._begin and topic not in latched:
                 continue
             if stamp > self._end:
                 break

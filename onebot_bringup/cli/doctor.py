@@ -3,7 +3,6 @@
 import os
 import platform
 import re
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,19 +14,16 @@ from typing import NamedTuple
 import onebot_description
 from onebot_bringup.cli.options import Parser, option, positive
 from onebot_description.elements.packages import package_share
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
 from onebot_description.ros.shared_memory import FOLDER, find_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
-_RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-_MULTICAST = "239.255.0.1", 7400  # DDS's group; any port will do for the test
 _LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
 _REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a requirement that has no marker (extra, platform)
 _PROJECT = "pyproject.toml"
-_TEXT = "onebot doctor"
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
 
@@ -50,21 +46,18 @@ def run(argv: Sequence[str]) -> int:
     checks: dict[str, Callable[[], Verdict]] = {
         "dependencies": lambda: dependencies(_required()),
         "compiled library": _library,
-        "rclpy": lambda: rclpy_of(os.environ),
+        "rclpy": _rclpy,
         "domain": lambda: domain(os.environ),
-        "multicast": lambda: multicast(os.environ),
         "messages": lambda: _messages(args.timeout),
         "shared memory": lambda: shared_memory(FOLDER),
         "renderer": _renderer,
     }
-    levels = [_print(name, check) for name, check in checks.items()]
-    return 1 if PROBLEM in levels else 0
-
-
-def _print(name: str, check: Callable[[], Verdict]) -> str:
-    level, text, remedy = check()
-    print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
-    return level
+    code = 0
+    for name, check in checks.items():
+        level, text, remedy = check()
+        print(f"{level:8} {name}: {text}{f'; {remedy}' if remedy else ''}", flush=True)
+        code |= level == PROBLEM
+    return code
 
 
 def _required() -> list[str]:
@@ -85,22 +78,12 @@ def dependencies(required: Iterable[str]) -> Verdict:
     """Check that the required packages are installed, and by pip that their versions are right."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
-    if missing := [name for name in names if not _is_installed(name)]:
+    if missing := [name for name in names if not any(metadata.distributions(name=name))]:
         return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
-    if not names:
-        return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     lines = _python("-m", "pip", "check").stdout.splitlines()
     if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")
     return Verdict(OK, f"{len(names)} found")
-
-
-def _is_installed(name: str) -> bool:
-    try:
-        metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
 
 
 def _library() -> Verdict:
@@ -113,16 +96,16 @@ def _library() -> Verdict:
     return Verdict(OK, "loaded")
 
 
-def rclpy_of(environment: Mapping[str, str]) -> Verdict:
+def _rclpy() -> Verdict:
     """Check that rclpy can be imported with the middleware that the environment names."""
     code = (
         "import rclpy, rclpy.utilities as u; "
         "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])"
     )
-    done = _python("-c", code, environment=environment)
+    done = _python("-c", code)
     if not done.returncode:
         return Verdict(OK, done.stdout.strip())
-    if name := environment.get("RMW_IMPLEMENTATION"):
+    if name := os.environ.get("RMW_IMPLEMENTATION"):
         return Verdict(PROBLEM, f"it does not run with {name}", "unset RMW_IMPLEMENTATION")
     return Verdict(
         PROBLEM,
@@ -133,60 +116,13 @@ def rclpy_of(environment: Mapping[str, str]) -> Verdict:
 
 
 def domain(environment: Mapping[str, str]) -> Verdict:
-    """Check ROS_DOMAIN_ID and the discovery range."""
+    """Check ROS_DOMAIN_ID, and show what is discovered."""
     text = environment.get("ROS_DOMAIN_ID", "") or "0"
-    scope = (environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET").upper()
+    scope = environment.get(SERVER) or environment.get(RANGE) or "SUBNET"
     if not text.isdecimal() or int(text) > MAX_DOMAIN:
         problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {MAX_DOMAIN}"
         return Verdict(PROBLEM, problem, "export ROS_DOMAIN_ID=0")
-    if scope not in _RANGES:
-        hint = did_you_mean(scope, _RANGES, "ranges").strip()
-        return Verdict(PROBLEM, f"ROS_AUTOMATIC_DISCOVERY_RANGE={scope} is none {hint}")
-    if scope == "OFF":
-        return Verdict(
-            PROBLEM, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: nodes do not discover each other",
-            "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
-        )  # fmt: skip
-    if environment.get("ROS_LOCALHOST_ONLY", "0") == "1":
-        return Verdict(
-            NOTE, "ROS_LOCALHOST_ONLY=1 overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
-            "unset ROS_LOCALHOST_ONLY",
-        )  # fmt: skip
-    by = environment.get(SERVER, "")
-    return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery {f'by {by}' if by else f'of {scope}'}")
-
-
-def multicast(environment: Mapping[str, str]) -> Verdict:
-    """Check multicast to DDS's group, on loopback or, for a subnet, on the default route."""
-    if by := environment.get(SERVER):
-        return Verdict(OK, f"not needed with the discovery server at {by}")
-    local = environment.get(RANGE, "").upper() == "LOCALHOST"
-    where = "loopback" if local else "the network"
-    try:
-        _multicast(socket.inet_aton("127.0.0.1" if local else "0.0.0.0"))
-    except OSError as error:
-        return Verdict(
-            NOTE if local else PROBLEM,  # on one computer, DDS also works without it
-            f"no packet comes back from {where}: {error}",
-            "sudo ip link set lo multicast on"
-            if local
-            else "connect to a network, or export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
-        )
-    return Verdict(OK, f"works on {where}")
-
-
-def _multicast(interface: bytes) -> None:
-    group = socket.inet_aton(_MULTICAST[0])
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-    ):
-        receiver.bind(("", 0))
-        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group + interface)
-        receiver.settimeout(1.0)
-        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
-        sender.sendto(_TEXT.encode(), (_MULTICAST[0], receiver.getsockname()[1]))
-        receiver.recv(64)
+    return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery by {scope}")
 
 
 def _messages(timeout: float) -> Verdict:
@@ -209,7 +145,8 @@ def _messages(timeout: float) -> Verdict:
     return Verdict(
         PROBLEM,
         f"none from another process: {_last_line(received)}",
-        "see the lines above; a firewall may drop UDP to this computer's own ports from 7400 on",
+        "see the lines above; a firewall may drop UDP to this computer's own ports from 7400 on, "
+        "or the network multicast: export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
     )
 
 
@@ -236,20 +173,16 @@ def shared_memory(folder: Path) -> Verdict:
 
 def _renderer() -> Verdict:
     code = "from onebot_bringup.viewer import rendering; print(rendering.renderer_problem())"
-    environment = {n: v for n, v in os.environ.items() if n != "RMW_IMPLEMENTATION"}
-    done = _python("-c", code, environment=environment)
+    done = _python("-c", code)
     problem = _last_line(done) if done.returncode else done.stdout.strip()
     if problem:
         return Verdict(NOTE, f"onebot snapshot does not work: {problem}")
     return Verdict(OK, "draws pictures")
 
 
-def _python(
-    *words: str, environment: Mapping[str, str] | None = None
-) -> "subprocess.CompletedProcess[str]":
+def _python(*words: str) -> "subprocess.CompletedProcess[str]":
     """Run Python code in a child process, as rcl ends the process if the middleware is wrong."""
-    command = [sys.executable, *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True)
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True)
 
 
 def _last_line(done: "subprocess.CompletedProcess[str]") -> str:

@@ -5,7 +5,7 @@ from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from onebot_bringup.cli.options import Subcommand, flag, print_rows
+from onebot_bringup.cli.options import Subcommand, flag
 from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
 from onebot_description.errors import OneBotError, alike, did_you_mean
 
@@ -37,17 +37,15 @@ class Named:
         return full, types
 
     def question(self, session: Session, name: str) -> str:
-        """Return a question about similar names, such as ``did you mean "/a"?``; "" for none."""
+        """Return a question about similar names, such as `` (did you mean "/a"?)``; "" for none."""
         names = alike(name, [candidate for candidate, _ in self.discovered(session, False)])
-        return f"did you mean {' or '.join(map(json.dumps, names))}?" if names else ""
+        return f" (did you mean {' or '.join(map(json.dumps, names))}?)" if names else ""
 
     def print_names(self, session: Session, args: Namespace) -> None:
         """List the names, with their types if requested."""
         session.discover()
-        print_rows(
-            f"{name} [{', '.join(types)}]" if args.show_types else name
-            for name, types in self.discovered(session, args.hidden)
-        )
+        for name, types in self.discovered(session, args.hidden):
+            print(f"{name} [{', '.join(types)}]" if args.show_types else name)
 
     def listing(self) -> Subcommand:
         """Return the command that lists the names."""

@@ -3,10 +3,9 @@
 import sys
 from argparse import Namespace
 
-from onebot_bringup.cli.options import Subcommand, flag, positional, print_rows
+from onebot_bringup.cli.options import Subcommand, flag, positional
 from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
 from onebot_bringup.introspection.interfaces import is_hidden
-from onebot_description.errors import OneBotError
 
 
 @in_session
@@ -14,7 +13,8 @@ def nodes(session: Session, args: Namespace) -> None:
     """List the nodes."""
     session.discover()
     names = session.nodes(args.all)
-    print_rows(names)
+    for name in names:
+        print(name)
     if duplicates := sorted({name for name in names if names.count(name) > 1}):
         print(
             "WARNING: Be aware that there are nodes in the graph that share an exact name, which "
@@ -30,24 +30,20 @@ def info(session: Session, args: Namespace) -> None:
         get_action_client_names_and_types_by_node,
         get_action_server_names_and_types_by_node,
     )
-    from rclpy.node import NodeNameNonExistentError
 
     full = session.find_node(args.node)
     session.discover()
     space, _, name = full.rpartition("/")
     where = name, space or "/"
     node = session.node
-    try:
-        tables = {
-            "Subscribers": node.get_subscriber_names_and_types_by_node(*where),
-            "Publishers": node.get_publisher_names_and_types_by_node(*where),
-            "Service Servers": node.get_service_names_and_types_by_node(*where),
-            "Service Clients": node.get_client_names_and_types_by_node(*where),
-            "Action Servers": get_action_server_names_and_types_by_node(node, *where),
-            "Action Clients": get_action_client_names_and_types_by_node(node, *where),
-        }
-    except NodeNameNonExistentError:
-        raise OneBotError(f'node "{full}" has just ended') from None
+    tables = {
+        "Subscribers": node.get_subscriber_names_and_types_by_node(*where),
+        "Publishers": node.get_publisher_names_and_types_by_node(*where),
+        "Service Servers": node.get_service_names_and_types_by_node(*where),
+        "Service Clients": node.get_client_names_and_types_by_node(*where),
+        "Action Servers": get_action_server_names_and_types_by_node(node, *where),
+        "Action Clients": get_action_client_names_and_types_by_node(node, *where),
+    }
     print(full)
     for title, entries in tables.items():
         rows = [

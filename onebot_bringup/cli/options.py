@@ -5,7 +5,6 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import CodeType
 from typing import Any, NoReturn, TypeVar
 
 from onebot_description.errors import UsageError, did_you_mean
@@ -13,7 +12,7 @@ from onebot_description.errors import UsageError, did_you_mean
 _Number = TypeVar("_Number", int, float)
 
 Option = Callable[[Any], object]
-"""Adds an option, a positional argument or a group of options to an argparse parser."""
+"""Adds an option or a positional argument to an argparse parser."""
 
 
 def option(
@@ -52,37 +51,8 @@ def positional(metavar: str, help: str | None = None, **settings: Any) -> Option
     )
 
 
-def group(title: str, description: str, *options: Option) -> Option:
-    """Return options below a title in ``--help``."""
-
-    def add_to(parser: argparse.ArgumentParser) -> None:
-        titled = parser.add_argument_group(title, description)
-        for add_option in options:
-            add_option(titled)
-
-    return add_to
-
-
-def exclusive(*options: Option) -> Option:
-    """Return options of which at most one may be given."""
-
-    def add_to(parser: argparse.ArgumentParser) -> None:
-        alternatives = parser.add_mutually_exclusive_group()
-        for add_option in options:
-            add_option(alternatives)
-
-    return add_to
-
-
 # Matches words that are values, not options; argparse itself does not recognize -1e-3.
 _NEGATIVE = re.compile(r"-(\d|\.|inf|nan)")
-
-# Commands of ros2 that a verb of ours leaves to ros2cli.
-_LEFT_TO_ROS2 = {
-    "param": ("describe", "delete"),
-    "topic": ("type", "find", "delay"),
-    "service": ("type", "find"),
-}
 
 ALLOW_NON_FINITE = flag("--allow-non-finite", "accept .nan and .inf")
 
@@ -110,19 +80,14 @@ class Subcommand:
 
 def dispatch(group: str, table: Mapping[str, Subcommand], argv: Sequence[str]) -> int:
     """Run the subcommand ``argv[0]`` of a group such as ``topic``; return the exit code."""
-    foreign_names = _LEFT_TO_ROS2.get(group, ())
     if argv and argv[0] in ("-h", "--help", "help"):
-        commands = ", ".join(f"ros2 {group} {name}" for name in foreign_names)
-        note = f"; ros2cli has {commands}" if commands else ""
-        print(f"{commands_text(f'onebot {group}', table)}{note}.")
+        print(f"{commands_text(f'onebot {group}', table)}.")
         return 0
     if not argv:
         raise UsageError(f"onebot {group} what? ({', '.join(table)})")
     name, *words = argv
     if name not in table:
         hint = did_you_mean(name, table, "commands")
-        if name in foreign_names:
-            hint = f": ros2cli has it, ros2 {group} {name}"
         raise UsageError(f'onebot {group} has no command "{name}"{hint}')
     subcommand = table[name]
     parser = Parser(f"onebot {group} {name}", subcommand.summary, subcommand.options)
@@ -172,11 +137,6 @@ class Parser(argparse.ArgumentParser):
         return parsed
 
 
-def print_rows(rows: Iterable[str]) -> None:
-    """Print these lines, if there are any."""
-    print("".join(f"{row}\n" for row in rows), end="")
-
-
 def warn(text: str) -> None:
     """Print a warning."""
     print(f"warning: {text}", file=sys.stderr, flush=True)
@@ -206,27 +166,15 @@ def joint_positions(words: Sequence[str]) -> dict[str, float]:
     """Parse words such as ``elbow=0.5``; return the positions, rad or m, by joint.
 
     Raises:
-        UsageError: a word has another form, or names a joint again.
+        UsageError: a word has another form.
     """
     positions: dict[str, float] = {}
     for word in words:
         joint, _, text = word.rpartition("=")
-        if not joint:
-            raise UsageError(f'unexpected "{word}"; joints are written JOINT=POSITION')
-        if joint in positions:
-            raise UsageError(f'the joint "{joint}" is there twice')
         try:
             positions[joint] = float(text)
         except ValueError:
             positions[joint] = math.nan
-        if not math.isfinite(positions[joint]):
-            raise UsageError(f'{word}: "{text}" is not a number; write a position in rad or m')
+        if not (joint and math.isfinite(positions[joint])):
+            raise UsageError(f'"{word}" is not JOINT=POSITION, with a number in rad or m')
     return positions
-
-
-def expression(text: str) -> CodeType:
-    """Compile a Python expression, for ``type=``."""
-    try:
-        return compile(text, "--filter", "eval")
-    except (SyntaxError, ValueError) as error:
-        raise argparse.ArgumentTypeError(f"{text} is no Python expression: {error}") from None

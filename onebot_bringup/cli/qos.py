@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.options import Option, group, natural, option, warn
+from onebot_bringup.cli.options import Option, natural, option
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -20,25 +20,18 @@ PRESETS = (
 _OTHERS = ("system_default", "best_available")
 
 
-def options(default: str) -> Option:
+def options(default: str) -> tuple[Option, ...]:
     """Return the options; ``default`` describes in the help which profile is used without them."""
     policies = {
         "history": ("keep_last", "keep_all", "system_default"),
         "reliability": ("reliable", "best_effort", *_OTHERS),
         "durability": ("transient_local", "volatile", *_OTHERS),
     }
-    return group(
-        "quality of service",
-        f"Without these: {default}.",
-        option("--qos-profile", None, "a preset to start from", choices=PRESETS),
+    return (
+        option("--qos-profile", None, f"a preset to start from ({default})", choices=PRESETS),
         option("--qos-depth", "N", "queue size", natural),
         *(option(f"--qos-{name}", None, None, choices=policies[name]) for name in policies),
     )
-
-
-def given(args: argparse.Namespace) -> bool:
-    """Whether any of the options was given."""
-    return any(value is not None for name, value in vars(args).items() if name.startswith("qos_"))
 
 
 def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
@@ -52,8 +45,6 @@ def profile(args: argparse.Namespace, preset: str) -> "QoSProfile":
             setattr(chosen, name, policy.get_from_short_key(key))
     if args.qos_depth is not None:
         chosen.depth = args.qos_depth
-    if args.qos_durability == "transient_local" and chosen.depth == 0:
-        chosen.depth = 1  # depth 0 would keep nothing for late subscribers
     return chosen
 
 
@@ -62,19 +53,14 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
     """
-    from onebot_description.ros.topic_qos import compatible_qos, is_reliable, is_transient_local
+    from onebot_description.ros.topic_qos import compatible_qos, is_transient_local
 
     chosen = profile(args, "sensor_data")
     offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
-    if given(args) or not offered:
+    given = any(value is not None for name, value in vars(args).items() if name[:4] == "qos_")
+    if given or not offered:
         return chosen
     suited = compatible_qos(offered, chosen.depth)
-    for has, best, fallback in (
-        (is_reliable, "RELIABLE", "BEST_EFFORT"),
-        (is_transient_local, "TRANSIENT_LOCAL", "VOLATILE"),
-    ):
-        if any(map(has, offered)) and not has(suited):
-            warn(f"not all publishers of {topic} offer {best}: it is received as {fallback}")
     if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
         suited.depth = max(suited.depth, 100)
     return suited

@@ -19,7 +19,7 @@ from onebot_bringup.launch.arguments import (
     split,
     table,
 )
-from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
+from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.parameters.reader import read
@@ -121,9 +121,7 @@ def _check_rrd(source: Path, values: Mapping[str, str]) -> None:
     from onebot_bringup.viewer.rrd import check_rrd, has_content  # slower to import
 
     check_rrd(source)
-    if view_file(values["view"]) is not None:
-        raise UsageError(f"a .rrd file has its view in it: leave out view:={values['view']}")
-    for name in ("save", "fixed_frame", "frame_prefix", "namespace"):
+    for name in ("view", "save", "fixed_frame", "frame_prefix", "namespace"):
         if values[name]:
             raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
     content = has_content(source)

@@ -27,13 +27,11 @@ def run(argv: Sequence[str]) -> int:
     if len(argv) < 2:
         raise UsageError("onebot run takes a package, an executable and its arguments")
     package, executable, *arguments = argv
-    if package not in EXECUTABLES:
-        hint = did_you_mean(package, EXECUTABLES, "packages")
-        raise UsageError(f'onebot run has no package "{package}"{hint}')
-    modules = EXECUTABLES[package]
+    modules = EXECUTABLES.get(package, {})
     if executable not in modules:
-        hint = did_you_mean(executable, modules, "executables")
-        raise UsageError(f'{package} has no executable "{executable}"{hint}')
+        known = [f"{name} {each}" for name, row in EXECUTABLES.items() for each in row]
+        named = f"{package} {executable}"
+        raise UsageError(f'onebot run has no "{named}"{did_you_mean(named, known)}')
     use_local_discovery()
     os.environ.update(blas_variables())
     sys.argv[:] = [executable, *arguments]

@@ -55,9 +55,9 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
         return [name for name in _names(session) if full_name in ("", name)]
 
     if not session.look_for(found, full_name or "a joint_trajectory_controller"):
-        hint = did_you_mean(full_name, _names(session), "controllers") if full_name else ""
-        what = f'controller "{full_name}"' if full_name else "joint_trajectory_controller"
-        raise OneBotError(f"no {what} found{hint}; {_START}")
+        others = did_you_mean(full_name, _names(session), "controllers") if full_name else ""
+        what = full_name or "joint_trajectory_controller"
+        raise OneBotError(f"no {what} found{others}; {_START}")
     if not full_name:
         session.discover()  # there may be more than the first one found
     controllers = [RunningController(session, name) for name in found()]
@@ -101,7 +101,6 @@ def controller_of(
     suited = [item for item in controllers if set(joints) <= {*item.joints}]
     if len(suited) == 1:
         return suited[0]
-    text = "; ".join(f"{item.name} moves {listing(item.joints)}" for item in suited or controllers)
-    if suited:
-        raise OneBotError(f"several controllers move them, choose controller:=NAME: {text}")
-    raise OneBotError(f"no controller moves all of them, name those of one: {text}")
+    text = "; ".join(f"{item.name} moves {listing(item.joints)}" for item in controllers)
+    count = "several controllers move" if suited else "no controller moves"
+    raise OneBotError(f"{count} all of these joints, choose one by controller:=NAME: {text}")

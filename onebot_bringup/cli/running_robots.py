@@ -1,6 +1,6 @@
 """Finds the running robots, and the one that a command means."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -62,7 +62,13 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
     if not name:
         session.discover()  # there may be more than the first robot found
         session.spin(lambda: commanded_robots(session), PATIENCE)
-        return _only(commanded_robots(session), first) or session.full_name(_COMMANDS)
+        found = commanded_robots(session)
+        if len(found) > 1 and not first:
+            raise OneBotError(
+                f"{len(found)} robots take commands: {listing(robot.name for robot in found)}; "
+                "choose one by its name, or by its topic of commands"
+            )
+        return found[0].topic if found else session.full_name(_COMMANDS)
     topic = session.full_name(name)
 
     def named() -> list[str]:
@@ -78,13 +84,3 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
             f"for a topic of that name write /{name}"
         )
     return topic
-
-
-def _only(robots: "Sequence[CommandedRobot]", first: bool) -> str:
-    if len(robots) > 1 and not first:
-        names = [robot.name for robot in robots]
-        raise OneBotError(
-            f"{len(names)} robots take commands: {listing(names)}; choose one by its name, or by "
-            "its topic of commands"
-        )
-    return robots[0].topic if robots else ""

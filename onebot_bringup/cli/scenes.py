@@ -25,7 +25,6 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
-from onebot_description.elements.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.steady_timer import steady_timer
@@ -151,7 +150,12 @@ class RunningRobots:
             _progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
             self._wait(is_complete, _FRAMES - PATIENCE)
         if view.stage.missing:
-            raise OneBotError(self._hint(view.stage.missing))
+            frames = listing(view.stage.frames.names)
+            raise OneBotError(
+                f"no transform of {listing(view.stage.missing, _LISTED)} within {_FRAMES:.0f} s "
+                f"(frames received: {frames}): are joint_states published, and is the simulation "
+                "not paused?"
+            )
 
         def has_all() -> bool:
             return feed.received.issuperset(item.topic for item in view.offered if item.visible)
@@ -159,19 +163,6 @@ class RunningRobots:
         self._wait(has_all, _MESSAGES)  # only briefly, since some topics are seldom published
         self._timer.cancel()
         return [*dict.fromkeys(self._warnings), *view.finish()]
-
-    def _hint(self, missing: Sequence[str]) -> str:
-        text = f"no transform of {listing(missing, _LISTED)} within {_FRAMES:.0f} s"
-        frames = self._view.stage.frames.names
-        if not frames:
-            return (
-                f"{text}: nothing on /tf and /tf_static; robot_state_publisher publishes them, "
-                "or the simulation is paused"
-            )
-        joints = self._session.full_name(self._robots[0].topic("joint_states"))
-        if len(self._robots) == 1 and joints not in self._feed.received:
-            return f"{text}: nothing on {joints}, so the joints' positions are not known"
-        return f"{text} (frames received: {listing(frames)})"
 
 
 def running_robots(session: Session) -> list[RobotToShow]:
@@ -181,13 +172,10 @@ def running_robots(session: Session) -> list[RobotToShow]:
         lambda: description_topics(session, session.space), f"a robot on {topic}"
     )
     if not topics:
-        hint = ""
-        if other_topics := description_topics(session):
-            space = other_topics[0].rpartition("/")[0] or "/"
-            hint = f" (there: {listing(other_topics)}; --ros-args -r __ns:={space} goes there)"
         raise OneBotError(
-            f"no robot is running: nothing on {topic}{hint}; start one (onebot_bringup), or name "
-            "its URDF or xacro file"
+            f"no robot is running: nothing on {topic} (elsewhere: "
+            f"{listing(description_topics(session))}); start one (onebot_bringup), name its URDF "
+            "or xacro file, or its namespace: --ros-args -r __ns:=/NAMESPACE"
         )
     session.discover()
     topics = description_topics(session, session.space) or topics
@@ -241,23 +229,14 @@ def record_pose(
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
-    lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
-        if not text.endswith(lacking):
-            warn(text)
+        warn(text)
     positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
         # Problems of the text itself were already reported with the lines of its file.
         if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
             warn(text)
-
-
-def _mesh_problems(description: Description) -> tuple[str, ...]:
-    shapes = (
-        part.shape for link in description.links for part in (*link.visuals, *link.collisions)
-    )
-    return tuple({shape.problem for shape in shapes if isinstance(shape, Mesh) and shape.problem})
 
 
 # --- a bag --------------------------------------------------------------------------------------

@@ -34,8 +34,7 @@ def _await_service(session: Session, name: str, kind: str) -> None:
     print("waiting for service to become available...")
     types = session.await_or_report(
         lambda: SERVICES.types(session, name),
-        lambda: f"note: no server of {name} yet",
-        hint=lambda: SERVICES.question(session, name),
+        lambda: f"note: no server of {name} yet{SERVICES.question(session, name)}",
     )
     if kind not in types:
         raise OneBotError(f"the service {name} is a {', '.join(types)}, not a {kind}")

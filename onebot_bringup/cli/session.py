@@ -209,7 +209,6 @@ class Session:
         notice: Callable[[], str],
         timeout: float | None = None,
         patience: float = PATIENCE,
-        hint: Callable[[], str] = lambda: "",
     ) -> Any:
         """Wait for a condition; after some time print what is waited for.
 
@@ -218,8 +217,6 @@ class Session:
             notice: returns the text to print.
             timeout: the maximum time to wait, s; None for no limit.
             patience: the time before the notice is printed, s.
-            hint: returns a question to add, such as similar names, or "" while there is none; it is
-                printed as soon as there is one.
 
         Returns:
             The last value of ``condition()``.
@@ -229,22 +226,9 @@ class Session:
         left -= patience
         if value or left <= 0.0:
             return value
-        text = hint()
-        print(f"{notice()}{_in_brackets(text)}{self._hint()}", file=sys.stderr)
-        while not text and left > 0.0:
-            if value := self.spin(condition, min(PATIENCE, left)):
-                return value
-            left -= PATIENCE
-            if text := hint():
-                print(text, file=sys.stderr)
-        return value if left <= 0.0 else self.spin(condition, None if timeout is None else left)
-
-    def _hint(self) -> str:
-        return _in_brackets(question() if server() and not self._sees_other_nodes() else "")
-
-
-def _in_brackets(hint: str) -> str:
-    return f" ({hint})" if hint else ""
+        hint = f" ({question()})" if server() and not self._sees_other_nodes() else ""
+        print(f"{notice()}{hint}", file=sys.stderr)
+        return self.spin(condition, None if timeout is None else left)
 
 
 def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:

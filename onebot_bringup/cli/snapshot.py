@@ -1,7 +1,6 @@
 """``onebot snapshot``: draws a picture of a robot without any display."""
 
 import argparse
-import math
 import os
 import re
 import tempfile
@@ -40,10 +39,6 @@ def check_picture(png: Path) -> None:
     """Reject a picture that cannot be written, before any work is done for it."""
     if png.suffix.lower() != ".png":
         raise OneBotError(f"{png}: a picture's name must end in .png")
-    if not png.parent.is_dir():
-        raise OneBotError(f"{png}: there is no folder {png.parent}")
-    if png.is_dir():
-        raise OneBotError(f"{png}: is a folder")
     try:
         refuse_unwritable(png.with_name(f".{png.name}-{os.getpid()}"))  # the temporary file
     except OSError as error:
@@ -59,8 +54,6 @@ folder of record:=). name:=value are arguments that the xacro file declares; of 
 messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
 _NAMESPACE = "namespace"  # the only argument for a bag
-_OF_BAG = "is for a bag as SOURCE; of running robots choose by --ros-args -r __ns:=/NAMESPACE"
-_OF_XACRO = "is for a URDF or xacro file as SOURCE"
 _WIDTH, _HEIGHT = 1280, 720
 # Sizes in pixels: the viewer's window cannot be smaller, and software rendering may fail beyond.
 _SMALLEST, _LARGEST = 100, 4096
@@ -72,27 +65,18 @@ def _pixels(text: str) -> int:
     return int(text)
 
 
-def parse_camera(text: str) -> tuple[Triple, Triple | None]:
+def camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
-        ArgumentTypeError: the text is invalid, or eye and target are equal.
+        ValueError: the text is invalid.
     """
     eye, colon, target = text.partition(":")
-    camera = _vector(eye, text), _vector(target, text) if colon else None
-    if camera[0] == camera[1]:
-        raise argparse.ArgumentTypeError(f'"{text}": eye and target are the same point')
-    return camera
+    return _vector(eye), _vector(target) if colon else None
 
 
-def _vector(text: str, whole: str) -> Triple:
-    try:
-        x, y, z = (float(word) for word in text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    if not all(map(math.isfinite, (x, y, z))):
-        form = "write x,y,z of the eye, or x,y,z:x,y,z with its target (m)"
-        raise argparse.ArgumentTypeError(f'"{whole}": {form}')
+def _vector(text: str) -> Triple:
+    x, y, z = (float(word) for word in text.split(","))
     return x, y, z
 
 
@@ -113,7 +97,7 @@ OPTIONS = (
         "--camera",
         "X,Y,Z[:X,Y,Z]",
         "where to look from, and at, in metres in the fixed frame (default: the view's)",
-        parse_camera,
+        camera,
     ),
     flag("--dashboard", "the whole layout with its plots"),
     option(
@@ -142,24 +126,14 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     args.package_path = args.arguments.pop(PACKAGE_PATH, "")
     args.joints = joint_positions(args.joints)
     args.kind = kind_of(args.source)
-    _check(args)
+    taken = {_NAMESPACE} if args.kind == "bag" else set()
+    if args.kind != "description" and (args.joints or args.arguments.keys() - taken):
+        raise UsageError(
+            "--joints and name:=value are for a URDF or xacro file as SOURCE; of running robots "
+            "choose by --ros-args -r __ns:=/NAMESPACE"
+        )
     args.namespace = args.arguments.get(_NAMESPACE, "")
     return args
-
-
-def _check(args: Namespace) -> None:
-    """Reject options and arguments that do not suit the source."""
-    kind = args.kind
-    if kind != "description":
-        for name, value in args.arguments.items():
-            if (kind, name) != ("bag", _NAMESPACE):
-                raise UsageError(f"{name}:={value} {_OF_BAG if name == _NAMESPACE else _OF_XACRO}")
-        if args.joints:
-            raise UsageError("--joints is for a URDF or xacro file as SOURCE")
-    if args.source is not None and args.ros_args:
-        raise UsageError(f"--ros-args is for the running robot, not for {args.source}")
-    if kind == "rrd" and args.view:
-        raise UsageError("a .rrd file has its view in it; --camera looks from somewhere else")
 
 
 def kind_of(source: str | None) -> str:

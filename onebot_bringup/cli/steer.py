@@ -4,7 +4,6 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from onebot_bringup.cli.options import warn
 from onebot_bringup.cli.running_robots import chosen_commands, description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
@@ -32,7 +31,6 @@ from onebot_bringup.serving.ports import listen
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
 from onebot_control.frame_names import namespace_prefix
-from onebot_description.errors import UsageError
 from onebot_description.ros.names import absolute
 from onebot_description.ros.signals import KeyboardInterrupts
 
@@ -47,7 +45,7 @@ _ARGUMENTS = [
     choice(
         "viewer",
         "auto",
-        "the 3D view; auto: the robot's viewer, or else start one",
+        "the 3D view; auto: the robot's viewer, or else, and for a view:=, start one",
         ("auto", "web", "none"),
     ),
     parameter_of(_VIEWER, ViewerParameters, "view"),
@@ -79,7 +77,9 @@ def run(argv: Sequence[str]) -> int:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
     values = complete(_ARGUMENTS, words)
-    _check(values)
+    # Errors before anything starts.
+    view_file(values["view"])
+    listen(values["host"], int(values["port"])).close()
     os.environ.update(environment(values, forced="discovery" in words))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder behind
@@ -116,15 +116,10 @@ def _found(
     space = absolute(values["namespace"])
     in_namespace = ["-r", f"__ns:={space}"] if space else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
-        if values["odom_topic"]:
-            session.full_name(values["odom_topic"])
         topic = chosen_commands(session, values["topic"], first=True)
         if values["viewer"] == "none":
             return topic, None
-        if values["viewer"] == "auto" and _finds_viewer(session):
-            if values["view"]:
-                text = "is not used, since the robot has a viewer: viewer:=web starts another"
-                warn(f"view:={values['view']} {text}")
+        if values["viewer"] == "auto" and not values["view"] and _finds_viewer(session):
             return topic, None
         return topic, robot_parameters(session)
 
@@ -167,11 +162,3 @@ def page_answers(address: str) -> bool:
 
     view = View.parse(address)
     return view is not None and answers(view.port)
-
-
-def _check(values: Mapping[str, str]) -> None:
-    """Check values that depend on each other or on files."""
-    view_file(values["view"])
-    listen(values["host"], int(values["port"])).close()  # an error before anything starts
-    if values["view"] and values["viewer"] == "none":
-        raise UsageError("viewer:=none shows nothing, so leave out view:=")

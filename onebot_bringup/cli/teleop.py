@@ -13,7 +13,6 @@ import time
 import tty
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
@@ -91,14 +90,9 @@ CTRL-C or Esc to quit
 """
 
 
-@dataclass(frozen=True)
-class TeleopTwist:
-    """The velocity to publish."""
-
-    x: float = 0.0  # forward, m/s
-    y: float = 0.0  # left, m/s
-    z: float = 0.0  # up, m/s
-    turn: float = 0.0  # counterclockwise, rad/s
+Velocity = tuple[float, float, float, float]
+"""Forward, left and up, m/s, and counterclockwise, rad/s."""
+STILL: Velocity = (0.0, 0.0, 0.0, 0.0)
 
 
 class Driver:
@@ -139,16 +133,12 @@ class Driver:
         """Whether a key that moves the robot is held."""
         return self._key is not None and now < self._until
 
-    def velocity(self, now: float) -> TeleopTwist:
+    def velocity(self, now: float) -> Velocity:
         """Return the velocity at ``now``: zero when no key is held."""
         if not self.moving(now):
-            return TeleopTwist()
+            return STILL
         x, y, z, turn = _MOVES[self._key or ""]
-        return TeleopTwist(x * self.speed, y * self.speed, z * self.speed, turn * self.turn)
-
-    def status(self) -> str:
-        """Return the speeds as teleop_twist_keyboard shows them."""
-        return f"currently:\tspeed {self.speed:.3g}\tturn {self.turn:.3g} "
+        return x * self.speed, y * self.speed, z * self.speed, turn * self.turn
 
 
 @contextlib.contextmanager
@@ -291,19 +281,18 @@ class _Teleop:
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
         for _ in range(_ZEROS):
-            self._publish(TeleopTwist())
+            self._publish(STILL)
         await_acknowledgements(self._publisher, 0.5)
         with contextlib.suppress(OSError):  # the terminal's window is closed
             print(flush=True)
 
-    def _publish(self, velocity: TeleopTwist) -> None:
+    def _publish(self, velocity: Velocity) -> None:
         message: Any = self._kind()
         twist = message.twist if self._args.stamped else message
         if self._args.stamped:
             message.header.stamp = self._session.node.get_clock().now().to_msg()
             message.header.frame_id = self._args.frame_id
-        twist.linear.x, twist.linear.y, twist.linear.z = velocity.x, velocity.y, velocity.z
-        twist.angular.z = velocity.turn
+        twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = velocity
         self._publisher.publish(message)
 
     def _show(self) -> None:
@@ -312,7 +301,8 @@ class _Teleop:
             self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
             self._note = self._subscriber_note()
         note = _LOCKED if self._driver.locked else self._note
-        text = f"{self._driver.status()}{note}"
+        driver = self._driver
+        text = f"currently:\tspeed {driver.speed:.3g}\tturn {driver.turn:.3g} {note}"
         if text != self._shown:
             self._shown = text
             sys.stdout.write(f"\r\x1b[K{text}")
@@ -322,8 +312,5 @@ class _Teleop:
         if self._publisher.get_subscription_count():
             return ""
         types = self._session.subscribed_types(self._topic)
-        if "geometry_msgs/msg/TwistStamped" in types and not self._args.stamped:
-            return "\t(the robot subscribes to TwistStamped: use --stamped)"
-        if "geometry_msgs/msg/Twist" in types and self._args.stamped:
-            return "\t(the robot subscribes to Twist: leave out --stamped)"
-        return "\t(no subscriber yet)"
+        other = f", but of {', '.join(types)}: see --stamped" if types else " yet"
+        return f"\t(no subscriber of {self._kind.__name__}{other})"

@@ -1,7 +1,6 @@
 """``onebot tf ...``: shows the tree of frames, and transforms like tf2_echo."""
 
 import math
-import sys
 import time
 from argparse import Namespace
 from collections import Counter
@@ -10,7 +9,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive, warn
-from onebot_bringup.cli.session import PATIENCE, Session, in_session
+from onebot_bringup.cli.session import Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
@@ -124,7 +123,7 @@ def echo(session: Session, args: Namespace) -> None:
 
 
 def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float | None) -> None:
-    """Wait for the transform between the frames; print why there is none when that changes."""
+    """Wait for the transform between the frames; after a second print why there is none."""
 
     def problem() -> str:
         try:
@@ -133,16 +132,12 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
             return str(error)
         return ""
 
-    began, printed = time.monotonic(), ""
-    transforms.session.spin(lambda: not problem(), min(PATIENCE, timeout or PATIENCE))
-    while why := problem():
-        if timeout is not None and time.monotonic() - began >= timeout:
-            raise OneBotError(f"no transform {args.a} -> {args.b}: {why}")
-        if why != printed:
-            printed = why
-            text = f"Waiting for transform {args.a} ->  {args.b}: {why}"
-            print(text, file=sys.stderr)
-        transforms.session.spin(lambda: not problem(), 0.1)
+    if not transforms.session.await_or_report(
+        lambda: not problem(),
+        lambda: f"Waiting for transform {args.a} ->  {args.b}: {problem()}",
+        timeout,
+    ):
+        raise OneBotError(f"no transform {args.a} -> {args.b}: {problem()}")
 
 
 def _shown(stamp_ns: int, pose: "Floats", precision: int) -> str:
@@ -204,13 +199,7 @@ class _Transforms:
     def await_first(self) -> None:
         """Wait for the first transform."""
         if not self.session.look_for(lambda: self.frames.names, "transforms"):
-            texts = []
-            for topic in _TOPICS:
-                names = sorted(set(self.session.publishers(topic)))
-                texts.append(f"publishers of {topic}: {' or '.join(names) or 'none'}")
-            raise OneBotError(
-                f"no transform was received on /tf and /tf_static ({'; '.join(texts)})"
-            )
+            raise OneBotError("no transform was received on /tf and /tf_static")
 
 
 COMMANDS = {

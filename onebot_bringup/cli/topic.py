@@ -1,14 +1,12 @@
 """``onebot topic ...``: lists, prints, measures and publishes topics, like ``ros2 topic``."""
 
 import itertools
-import math
 import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
 from threading import Event
-from types import CodeType
 from typing import Any, NoReturn
 
 from onebot_bringup.cli import qos
@@ -17,8 +15,6 @@ from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
     Subcommand,
     count,
-    exclusive,
-    expression,
     flag,
     natural,
     option,
@@ -56,9 +52,11 @@ def _await_class(
         return topic, kind
     if not session.await_or_report(
         lambda: TOPICS.types(session, topic),
-        lambda: f"WARNING: topic [{topic}] does not appear to be published yet; waiting for it",
+        lambda: (
+            f"WARNING: topic [{topic}] does not appear to be published yet; waiting for it"
+            f"{TOPICS.question(session, topic)}"
+        ),
         timeout,
-        hint=partial(TOPICS.question, session, topic),
     ):
         raise OneBotError(f"no topic {topic} within {timeout:g} s")
     # Further publishers may have another QoS or even another type.
@@ -75,8 +73,6 @@ def _await_class(
 @in_session
 def echo(session: Session, args: Namespace) -> None:
     """Print the messages of a topic."""
-    from rclpy.event_handler import SubscriptionEventCallbacks
-
     from onebot_bringup.introspection.message_text import Style, is_message, pick, to_csv, to_yaml
 
     style = Style(
@@ -99,23 +95,17 @@ def echo(session: Session, args: Namespace) -> None:
         else:
             print(part, end="\n---\n")
 
-    began = time.monotonic()
     topic, kind = _await_class(session, args.topic, args.type, args.timeout)
-    # The default callback, which logs incompatible QoS, stays.
-    events = SubscriptionEventCallbacks(message_lost=_on_lost)
     profile = qos.matching(session.node, topic, args)
-    session.node.create_subscription(kind, topic, on_message, profile, event_callbacks=events)
-    # The time to find the topic counts, too.
-    left = args.timeout and max(0.0, args.timeout - (time.monotonic() - began))
+    session.node.create_subscription(kind, topic, on_message, profile)
     message = "message that passes --filter" if args.filter else "message"
     notice = partial(_no_message, session, topic, message)
-    hint = partial(_other_topics, session, topic)
-    if not session.await_or_report(lambda: printed, notice, left, _NO_MESSAGE, hint):
+    if not session.await_or_report(lambda: printed, notice, args.timeout, _NO_MESSAGE):
         raise OneBotError(f"no {message} on {topic} within {args.timeout:g} s")
     session.spin(lambda: args.once)
 
 
-def _passes(message: Any, condition: CodeType | None) -> bool:
+def _passes(message: Any, condition: str | None) -> bool:
     """Whether the expression of ``--filter`` is true for a message, or a part of one."""
     try:
         return condition is None or bool(eval(condition, {"m": message}))
@@ -134,7 +124,6 @@ _ECHO = (
         "EXPR",
         "print only messages for which this Python expression of m, the message (or its FIELD), "
         "is true, such as 'm.linear.x > 0.1'",
-        expression,
     ),
     flag("--csv", "print values separated by commas"),
     flag("--flow-style", "one line per message"),
@@ -142,25 +131,14 @@ _ECHO = (
     option("-l --truncate-length", "N", "cut lists and strings after N items (128)", natural, 128),
     flag("--no-arr", "print no list's items"),
     SPIN_TIME,
-    qos.options("compatible with the publishers"),
+    *qos.options("compatible with the publishers"),
 )
-
-
-def _on_lost(status: Any) -> None:
-    change, total = status.total_count_change, status.total_count
-    text = f"A message was lost!!!\n\ttotal count change:{change}\n\ttotal count: {total}"
-    print(text, file=sys.stderr)
 
 
 def _no_message(session: Session, topic: str, message: str = "message") -> str:
     publishers = session.node.count_publishers(topic)
-    who = f"{publishers} publisher(s)" if publishers else "no publisher"
-    return f"note: no {message} on {topic} yet; {who}"
-
-
-def _other_topics(session: Session, topic: str) -> str:
-    """Return a question about similar topics, for a topic that nobody publishes."""
-    return "" if session.node.count_publishers(topic) else TOPICS.question(session, topic)
+    question = "" if publishers else TOPICS.question(session, topic)
+    return f"note: no {message} on {topic} yet; {publishers} publisher(s){question}"
 
 
 @in_session
@@ -193,7 +171,7 @@ def _measurement(window: int) -> tuple[Any, ...]:
         _TOPIC,
         option("-w --window", "N", text, count, window),
         SPIN_TIME,
-        qos.options("compatible with the publishers"),
+        *qos.options("compatible with the publishers"),
     )
 
 
@@ -228,8 +206,6 @@ def info(session: Session, args: Namespace) -> None:
     session.discover()  # all endpoints, not only the first
     topic, types = TOPICS.find_types(session, args.topic)
     end, node = "\n\n" if args.verbose else "\n", session.node
-    if args.verbose:
-        session.spin(lambda: _all_named(node, topic), 1.0)
     print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
     for title, number, endpoints in (
         ("Publisher", node.count_publishers(topic), node.get_publishers_info_by_topic),
@@ -238,12 +214,6 @@ def info(session: Session, args: Namespace) -> None:
         print(f"{title} count: {number}", end=end)
         for endpoint in endpoints(topic) if args.verbose else ():
             print(endpoint, end=end)
-
-
-def _all_named(node: Any, topic: str) -> bool:
-    """Whether the node of each endpoint is known; nodes are discovered after their endpoints."""
-    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    return all("UNKNOWN" not in endpoint.node_name for endpoint in ends)
 
 
 def pub(args: Namespace) -> None:
@@ -268,20 +238,14 @@ def pub(args: Namespace) -> None:
 def _await_subscribers(
     session: Session, publisher: Any, number: int, timeout: float | None
 ) -> None:
-    def enough() -> bool:
-        return bool(publisher.get_subscription_count() >= number)
-
-    left = math.inf if timeout is None else timeout
-    while not enough():
+    def waiting() -> str:
         mismatch = _other_subscribers(session, publisher)
-        if left <= 0.0:
-            raise OneBotError(
-                f"timed out after {timeout:g} s: fewer than {number} matching subscription(s) of "
-                f"{publisher.topic_name}{mismatch}"
-            )
-        print(f"Waiting for at least {number} matching subscription(s)...{mismatch}")
-        session.spin(enough, min(1.0, left))
-        left -= 1.0
+        return f"Waiting for at least {number} matching subscription(s)...{mismatch}"
+
+    if not session.await_or_report(
+        lambda: publisher.get_subscription_count() >= number, waiting, timeout
+    ):
+        raise OneBotError(f"timed out after {timeout:g} s: {waiting()}")
 
 
 def _publish(
@@ -330,10 +294,8 @@ _PUB = (
     ),
     option("-r --rate", "HZ", "messages per second (1)", positive, 1.0),
     option("-p --print", "N", "print every N-th message (1)", natural, 1),
-    exclusive(
-        flag("-1 --once", "publish one message and exit"),
-        option("-t --times", "N", "publish N and exit", count),
-    ),
+    flag("-1 --once", "publish one message and exit"),
+    option("-t --times", "N", "publish N and exit", count),
     option(
         "-w --wait-matching-subscriptions",
         "N",
@@ -343,7 +305,7 @@ _PUB = (
     ),
     option("--max-wait-time-secs", "S", "wait no longer than S seconds", positive),
     ALLOW_NON_FINITE,
-    qos.options("default (reliable, volatile, depth 10)"),
+    *qos.options("default: reliable, volatile, depth 10"),
 )
 
 

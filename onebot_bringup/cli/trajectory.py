@@ -1,6 +1,6 @@
 """``onebot trajectory``: moves joints to positions by a joint_trajectory_controller."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from onebot_bringup.cli.running_controllers import (
 from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import Argument, complete, split, table
 from onebot_description.description.tree_text import aligned, cell
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.ros.wire.cdr import NS_PER_S
 
@@ -49,13 +49,6 @@ _ACTION = "control_msgs/action/FollowJointTrajectory"
 _ANSWER = 10.0  # s to wait for an answer of the controller
 _LOG = 0.3  # s to wait for the controller's log messages
 _PROGRESS = 1.0  # s between two lines of the progress
-_CODES = {
-    -1: "INVALID_GOAL",
-    -2: "INVALID_JOINTS",
-    -3: "OLD_HEADER_TIMESTAMP",
-    -4: "PATH_TOLERANCE_VIOLATED",
-    -5: "GOAL_TOLERANCE_VIOLATED",
-}
 
 
 def run(argv: Sequence[str]) -> int:
@@ -83,9 +76,8 @@ def run(argv: Sequence[str]) -> int:
 
 def _listed(session: Session, controllers: Sequence[RunningController]) -> Iterator[str]:
     """Yield lines with the controllers, their joints' positions, and the limits if known."""
-    descriptions = _descriptions(session, {_namespace(controller) for controller in controllers})
     for controller in controllers:
-        limits = _limits(descriptions.get(_namespace(controller), ""))
+        limits = _limits(session, controller.name.rpartition("/")[0])
         positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
         rows = [
             (f"  {cell(joint)}", _shown(position), limits.get(joint, ""))
@@ -94,33 +86,19 @@ def _listed(session: Session, controllers: Sequence[RunningController]) -> Itera
         yield from [controller.name, *aligned([("  joint", "position", "limits"), *rows])]
 
 
-def _namespace(controller: RunningController) -> str:
-    return controller.name.rpartition("/")[0]
-
-
-def _descriptions(session: Session, namespaces: Collection[str]) -> dict[str, str]:
-    """Return the URDF of each namespace in which a robot_description is published."""
+def _limits(session: Session, namespace: str) -> dict[str, str]:
+    """Return the limits of the joints of a robot, as text; none without a readable description."""
     from std_msgs.msg import String
 
+    from onebot_description.description import parse_description
     from onebot_description.ros.topic_qos import LATCHED
 
-    texts = dict[str, str]()
-    topics = {space: f"{space}/robot_description" for space in namespaces}
-    for space, topic in topics.items():
-        session.node.create_subscription(
-            String, topic, lambda message, space=space: texts.update({space: message.data}), LATCHED
-        )
+    topic, texts = f"{namespace}/robot_description", list[String]()
+    session.node.create_subscription(String, topic, texts.append, LATCHED)
     # A publisher of another process may be discovered after the controllers.
-    session.look_for(lambda: len(texts) == len(topics), listing(topics.values()))
-    return texts
-
-
-def _limits(urdf: str) -> dict[str, str]:
-    """Return the limits of the joints of a robot, as text; none without a readable URDF."""
-    from onebot_description.description import parse_description
-
-    with suppress(OneBotError):
-        return {joint.name: _range(joint) for joint in parse_description(urdf).joints}
+    session.look_for(lambda: texts, topic)
+    with suppress(OneBotError, IndexError):
+        return {joint.name: _range(joint) for joint in parse_description(texts[0].data).joints}
     return {}
 
 
@@ -246,8 +224,7 @@ class _Motion:
         elif status == statuses.STATUS_CANCELED:
             raise OneBotError("CANCELED by another client: the joints hold where they are")
         else:
-            name = _CODES.get(result.error_code, "error")
-            raise self._failure(f"ABORTED: {name} ({result.error_code}): {result.error_string}")
+            raise self._failure(f"ABORTED ({result.error_code}): {result.error_string}")
 
     def _error(self) -> str:
         state = self._controller.state

@@ -37,7 +37,6 @@ VERBS = {
     "teleop": Verb("drive from the keyboard", 0),
     "trajectory": Verb("move joints to positions, and list those that can be moved"),
 }
-_LAUNCH = ("launch", "roslaunch")
 
 
 def help_command(words: list[str]) -> str:
@@ -70,7 +69,7 @@ def run_verb(words: list[str]) -> int:
     if first in VERSION:
         return print_version("onebot")
     if first not in VERBS:
-        raise UsageError(f'onebot has no command "{first}"{_instead(first)}')
+        raise UsageError(f'onebot has no command "{first}"{did_you_mean(first, VERBS, "commands")}')
     if table := subcommands(first):
         from onebot_bringup.cli.options import dispatch
 
@@ -91,13 +90,6 @@ def take_settings(words: list[str]) -> list[str]:
         values = complete(discovery_settings(), settings)
         os.environ.update(discovery_variables(values, forced="discovery" in settings))
     return words[count:]
-
-
-def _instead(verb: str) -> str:
-    """Return what to write in place of a verb that does not exist."""
-    if verb in _LAUNCH:
-        return ": write onebot_bringup, mrm_bringup or onebot view FILE, and name:=value after it"
-    return did_you_mean(verb, VERBS, "commands")
 
 
 def usage() -> str:

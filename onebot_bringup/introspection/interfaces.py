@@ -36,20 +36,7 @@ def full_name(name: str, kind: str) -> str:
     names = installed(kind)
     if full in names:
         return full
-    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{_suggestion(full, names)}')
-
-
-def _suggestion(name: str, types: tuple[str, ...]) -> str:
-    """Return a hint on similar types, including types of the same name in other packages."""
-    package, _, kind = name.rpartition("/")
-    package = package.partition("/")[0]
-    namesakes = [full for full in types if full.rpartition("/")[2].lower() == kind.lower()]
-    if namesakes:
-        return f" (did you mean {' or '.join(namesakes)}?)"
-    siblings = [full for full in types if full.startswith(f"{package}/")]
-    if siblings:
-        return did_you_mean(name, siblings, f"in {package}")
-    return did_you_mean(name, types, "installed")
+    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{did_you_mean(full, names, "installed")}')
 
 
 @cache

@@ -126,10 +126,7 @@ def _cut(text: str, style: Style) -> str:
 def _summary(values: Any, slot: Any) -> str:
     """Return the type and length of a list whose items are not printed."""
     kind = _type_of(slot.value_type)
-    if isinstance(slot, Array):
-        return f"<array type: {kind}[{slot.size}]>"
-    bound = f"[{slot.maximum_size}]" if isinstance(slot, BoundedSequence) else ""
-    return f"<sequence type: {kind}{bound}, length: {len(values)}>"
+    return f"<sequence type: {kind}, length: {len(values)}>"
 
 
 def _type_of(slot: Any) -> str:
@@ -168,10 +165,8 @@ def _field(value: Any, name: str, path: str) -> Any:
 def _item(value: Any, step: str, path: str) -> Any:
     try:
         return value[int(step.strip("[]"))]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, IndexError):
         raise OneBotError(f'no field "{path}": no item {step} there') from None
-    except IndexError:
-        raise OneBotError(f'no item "{path}": the list has {len(value)}') from None
 
 
 def fill(message: Any, text: str, *, finite: bool = True) -> list[Any]:
@@ -227,7 +222,7 @@ class _Filler:
             kind = "list" if isinstance(value, list) else "dictionary"
             raise OneBotError(f"{path} is one value ({_type_of(slot)}), not a {kind}")
         if isinstance(slot, AbstractGenericString):
-            return _string(slot, value, path)
+            return value
         try:
             return read_scalar(slot.typename, value, self._finite)
         except ValueError as error:
@@ -269,13 +264,6 @@ class _Filler:
         if isinstance(current, array.array):
             return array.array(current.typecode, items)
         return items
-
-
-def _string(slot: Any, value: str, path: str) -> str:
-    most = getattr(slot, "maximum_size", None)
-    if most is not None and len(value) > most:
-        raise OneBotError(f"{path} has at most {most} characters, not {len(value)}")
-    return value
 
 
 def read_scalar(kind: str, text: str, finite: bool = True) -> Any:

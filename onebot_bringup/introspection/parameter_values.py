@@ -146,8 +146,6 @@ def _adapted(kind: int, value: Any, declared: int) -> tuple[int, Any]:
         return DOUBLES, [float(number) for number in value]
     if kind == STRINGS and not value and declared in (BYTES, BOOLS, INTEGERS, DOUBLES):
         return declared, []
-    if kind == INTEGERS and declared == BYTES and all(0 <= number < 256 for number in value):
-        return BYTES, [bytes([number]) for number in value]
     return kind, value
 
 

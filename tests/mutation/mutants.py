@@ -53,13 +53,6 @@ class Mutant(NamedTuple):
         )
         return "\n".join([f"{self.module}: {self.definition}", *list(lines)[2:]])
 
-    def line(self) -> str:
-        """Return the first line that the change adds; if it adds none, the last that it removes."""
-        lines = list(difflib.ndiff(self.text.splitlines(), self.source().splitlines()))
-        added = [line[2:].strip() for line in lines if line.startswith("+ ")]
-        removed = [line[2:].strip() for line in lines if line.startswith("- ")]
-        return added[0] if added else removed[-1]
-
 
 def mutants(module: str) -> Iterator[Mutant]:
     """Yield all mutants of a module, a path in the checkout."""

@@ -70,22 +70,17 @@ def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Pa
 
 
 def add_what_is_not_played(folder: Path) -> None:
-    """Names and types that ROS refuses, a second type of a topic, and publishers that disagree."""
+    """Names that ROS refuses, and publishers that disagree."""
     offered = "[{reliability: best_effort}, {reliability: reliable}]"
     with closing(sqlite3.connect(next(folder.glob("*.db3")))) as database, database:
         database.execute(
             "UPDATE topics SET offered_qos_profiles = ? WHERE name = '/words'", [offered]
         )
-        for name, kind in (("/a b", "String"), ("/rosout", "String"), ("/words", "Empty")):
-            number = database.execute(
-                "INSERT INTO topics(name, type, serialization_format, offered_qos_profiles,"
-                " type_description_hash) VALUES (?, ?, 'cdr', '', '')",
-                [name, f"std_msgs/msg/{kind}"],
-            ).lastrowid
-            database.executemany(
-                "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)",
-                [(number, START + 1, b"\0\1\0\0\0")] * 2,
-            )
+        database.executemany(
+            "INSERT INTO topics(name, type, serialization_format, offered_qos_profiles,"
+            " type_description_hash) VALUES (?, 'std_msgs/msg/String', 'cdr', '', '')",
+            [("/a b",), ("/rosout",)],
+        )
 
 
 @pytest.mark.parametrize(
@@ -135,7 +130,6 @@ def test_play(tmp_path: Path, peer: Peer) -> None:
         '/odd is not played: no message type "odd_msgs/msg/Odd"',
         '/a b is not played: "/a b" is no name: ',
         "/rosout is not played: ",
-        "/words is played as std_msgs/msg/String, not as std_msgs/msg/Empty as well",
     )
     for line, start in zip(problems(command), expected, strict=True):
         assert line.startswith(f"warning: {start}")
@@ -172,7 +166,6 @@ def test_loop_of_one_moment(tmp_path: Path, peer: Peer) -> None:
     ("words", "code", "part"),
     [
         (("--topics", "/word"), 1, 'has no topic /word (did you mean "/words"? topics: '),
-        (("--start-offset", "9"), 1, "--start-offset is beyond the end: it has 1.8 s"),
         (("--topics", "/odd"), 1, "has nothing to play"),
         (("-r", "0"), 2, "not above zero"),
     ],
@@ -198,8 +191,6 @@ def test_record(tmp_path: Path, peer: Peer) -> None:
         assert command.interrupt() == 0, command.err
     assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
     assert onebot("bag", "record").returncode == 2
-    both = onebot("bag", "record", "-a", "/words")
-    assert both.returncode == 2 and "-a records all topics" in both.stderr
 
 
 def test_selection() -> None:

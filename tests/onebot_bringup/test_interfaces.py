@@ -16,9 +16,7 @@ from tests.support import run_to_end
     ("name", "part"),
     [
         ("geometry_msgs/msg/Twst", 'did you mean "geometry_msgs/msg/Twist"'),
-        ("geometry_msg/msg/Twist", "did you mean geometry_msgs/msg/Twist"),
-        ("Twist", "did you mean geometry_msgs/msg/Twist"),
-        ("geometry_msgs/srv/Twist", "did you mean geometry_msgs/msg/Twist"),
+        ("geometry_msgs/srv/Twist", 'did you mean "geometry_msgs/msg/Twist"'),
         ("", "no message type"),
     ],
 )

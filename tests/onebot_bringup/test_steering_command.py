@@ -43,7 +43,6 @@ def test_help_says_how_to_use_it(capsys):
     [
         (["hots:=0.0.0.0"], UsageError, 'no argument "hots" .did you mean "host"'),
         (["/a", "topic:=/b"], UsageError, "write the topic or topic:=, not both"),
-        (["viewer:=none", "view:=none"], UsageError, "leave out view:="),
         (["view:=nowhere.yaml"], OneBotError, "^view:=nowhere.yaml: no such file"),
         (["host:=192.0.2.77"], OneBotError, "^host:=192.0.2.77 is not an address of this computer"),
         (["rate:=1"], UsageError, "rate:=1 is not possible; write a number from 5 to 100"),
@@ -117,14 +116,13 @@ def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
 
 
 def test_with_a_viewer_it_starts_none(peer, tmp_path):
-    """The robot's own view is beside the pad; a warning says that another is not shown."""
+    """The robot's own view is beside the pad."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         viewer = peer.node.create_publisher(String, "/left/rerun_viewer/page", LATCHED)
         viewer.publish(String(data=_page(server.getsockname()[1])))
-        with running(tmp_path, "steer", "namespace:=left", "view:=none", *QUIET) as command:
+        with running(tmp_path, "steer", "namespace:=left", *QUIET) as command:
             with PageClient(_address(command)) as page:
                 wait_for(lambda: page.state["view"], "the view")
                 assert page.state["topic"] == "/left/velocity_controller/cmd_vel"
             assert "steering_viewer" not in command.out
-            assert "warning: view:=none is not used" in command.err
             assert command.interrupt() == 0

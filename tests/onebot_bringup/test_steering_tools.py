@@ -127,7 +127,6 @@ def test_the_picture_of_a_map() -> None:
         {"type": 4, "string_value": "true"},
         {"type": 4, "string_value": "'quoted'"},
         {"type": 4, "string_value": "two\nlines: 1"},
-        {"type": 5, "byte_array_value": [b"\x00", b"\xff"]},
         {"type": 6, "bool_array_value": [True, False]},
         {"type": 7, "integer_array_value": []},
         {"type": 8, "double_array_value": [0.5, 2.0]},

@@ -1,12 +1,12 @@
-"""Builds the ROS package control_msgs with ROS's own generators, for tests of the types made here.
+"""Builds packages such as control_msgs with ROS's own generators, for tests of the types made here.
 
-No wheel of ROS has it, so ``load_interface`` makes its types of their definitions. That these are
+No wheel of ROS has them, so ``load_interface`` makes their types of definitions. That these are
 everyone else's types can only be shown by types that share no code with them. The wheels do have
 the generators, and the headers and libraries that generated code needs: this module calls them as
 CMake would for somebody who builds the package. It takes 30 s of processor time; CMake would need
 more wheels, and corrections of what they say about the machine on which they were made.
 
-    python -m tests.onebot_control.genuine_control_msgs FOLDER
+    python -m tests.onebot_control.genuine_control_msgs FOLDER PACKAGE
 
 needs a C and a C++ compiler and Python's headers. FOLDER belongs on PYTHONPATH and its folder
 ``lib`` on LD_LIBRARY_PATH before the process starts that is to have the package.
@@ -31,8 +31,7 @@ from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesup
 
 from onebot_description.ros.wire import interface_text
 
-PACKAGE = "control_msgs"
-_DEFINITIONS = Path(interface_text.__file__).with_name("definitions") / PACKAGE
+_DEFINITIONS = Path(interface_text.__file__).with_name("definitions")
 _PREFIX = Path(sys.prefix)
 # A library of each one's code, in this order: each is linked to those before it.
 _GENERATORS = {
@@ -45,34 +44,35 @@ _GENERATORS = {
 _FLAGS = "-O0 -g0 -w -fPIC -shared -Wl,--as-needed".split()
 
 
-def build(folder: Path) -> None:
-    """Generate, compile and link the package in an empty folder."""
+def build(folder: Path, package: str) -> None:
+    """Generate, compile and link a package in an empty folder."""
     (folder / "lib").mkdir(parents=True)
     with patch.dict(os.environ, AMENT_PREFIX_PATH=sys.prefix):  # for the generators' templates
-        _generate(folder)
+        _generate(folder, package)
     for name in _GENERATORS:
-        sources = folder / "src" / name / PACKAGE
-        _link(folder, f"lib/lib{PACKAGE}__{name}.so", sources.glob("*/**/*.c*"))
+        sources = folder / "src" / name / package
+        _link(folder, f"lib/lib{package}__{name}.so", sources.glob("*/**/*.c*"))
     # The Python package, and the module by which it reaches the libraries.
-    python = folder / "src/rosidl_generator_py" / PACKAGE
-    shutil.copytree(python, folder / PACKAGE, ignore=shutil.ignore_patterns("*.c"))
-    (folder / PACKAGE / "__init__.py").touch()
-    source = python / f"_{PACKAGE}_s.ep.rosidl_typesupport_c.c"
-    _link(folder, f"{PACKAGE}/{PACKAGE}_s__rosidl_typesupport_c.so", [source])
+    python = folder / "src/rosidl_generator_py" / package
+    shutil.copytree(python, folder / package, ignore=shutil.ignore_patterns("*.c"))
+    (folder / package / "__init__.py").touch()
+    source = python / f"_{package}_s.ep.rosidl_typesupport_c.c"
+    _link(folder, f"{package}/{package}_s__rosidl_typesupport_c.so", [source])
 
 
-def _generate(folder: Path) -> None:
+def _generate(folder: Path, package: str) -> None:
     """Write the code, and beside that of C each type's description and hash as a .json file."""
-    files = [path.relative_to(_DEFINITIONS) for path in sorted(_DEFINITIONS.glob("*/*"))]
+    definitions = _DEFINITIONS / package
+    files = [path.relative_to(definitions) for path in sorted(definitions.glob("*/*"))]
     translated = translate(
-        package_name=PACKAGE,
-        interface_files=[f"{_DEFINITIONS}:{file}" for file in files],
+        package_name=package,
+        interface_files=[f"{definitions}:{file}" for file in files],
         output_format="idl",
         output_path=folder / "idl",
     )
     for name, generator in _GENERATORS.items():
-        output = folder / "src" / name / PACKAGE
-        generator(name).generate(PACKAGE, translated, [_PREFIX / "share"], output_path=output)
+        output = folder / "src" / name / package
+        generator(name).generate(package, translated, [_PREFIX / "share"], output_path=output)
 
 
 def _link(folder: Path, library: str, sources: Iterable[Path]) -> None:
@@ -95,4 +95,4 @@ def _link(folder: Path, library: str, sources: Iterable[Path]) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(sys.argv[1]))
+    build(Path(sys.argv[1]), sys.argv[2])

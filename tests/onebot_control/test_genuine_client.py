@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.arm_support import CONTROL, MODULE, ROBOT
 from tests.onebot_description.test_interfaces import (
     OWN,
@@ -20,8 +21,9 @@ from tests.onebot_description.test_interfaces import (
     described,
     generated_description,
 )
-from tests.ros_support import NodeProcess
-from tests.support import require, require_program, skip_for
+from tests.orphans import marked
+from tests.ros_support import NodeProcess, Peer
+from tests.support import require, require_program, skip_for, wait_for
 
 PACKAGE = "control_msgs"
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -46,18 +48,39 @@ def before(folder: Path, variable: str) -> str:
     return os.pathsep.join(filter(None, [str(folder), os.environ.get(variable)]))
 
 
+def build(folder: Path, package: str) -> None:
+    """Build a package in a new folder, by compilers that have to be there."""
+    for compiler, name in (("cc", "gcc"), ("c++", "g++")):
+        require_program(compiler, name)
+    header = Path(sysconfig.get_path("include"), "Python.h")
+    require(header.is_file(), str(header), "python3-dev")
+    run("-m", "tests.onebot_control.genuine_control_msgs", str(folder), package)
+
+
+@pytest.mark.slow
+def test_a_robot_uses_the_tf2_msgs_of_a_sourced_ros(
+    peer: Peer, ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And our own type is the same on DDS."""
+    build(tmp_path / "ros", "tf2_msgs")
+    monkeypatch.setenv("PYTHONPATH", before(tmp_path / "ros", "PYTHONPATH"))
+    monkeypatch.setenv("LD_LIBRARY_PATH", before(tmp_path / "ros/lib", "LD_LIBRARY_PATH"))
+    transforms = peer.hear(TFMessage, "/tf")
+    with NodeProcess("mrm_description.launch.mrm_bringup", "viewer:=none"):
+        wait_for(lambda: transforms, "a transform")
+        domain, node = f"ROS_DOMAIN_ID={ros_domain}\0", "onebot_description.robot_state_publisher"
+        [publisher] = marked(domain, node)
+        assert "libtf2_msgs" in Path(f"/proc/{publisher}/maps").read_text()
+
+
 @pytest.mark.slow
 def test_a_genuine_client_moves_the_robot(ros_domain: int, tmp_path: Path) -> None:
     """Its types have our hashes and descriptions, and genuine_client.py is what it sees."""
-    for compiler, package in (("cc", "gcc"), ("c++", "g++")):
-        require_program(compiler, package)
-    header = Path(sysconfig.get_path("include"), "Python.h")
-    require(header.is_file(), str(header), "python3-dev")
     if importlib.util.find_spec(PACKAGE) is not None:
         skip_for(f"an environment without {PACKAGE}, in which the node makes its own types")
 
     genuine = tmp_path / "genuine"
-    run("-m", "tests.onebot_control.genuine_control_msgs", str(genuine))
+    build(genuine, PACKAGE)
     compare_descriptions(genuine / "src/rosidl_generator_c")
 
     robot, control = tmp_path / "arm.urdf", tmp_path / "control.yaml"
