@@ -211,10 +211,6 @@ EQUIVALENT: dict[str, set[str]] = {
         "Wheels.separation: if len(self.left) <= 1:",
     },
     "onebot_description/description/checks.py": {
-        # With no spread, any angle will do.
-        "_principal_moments: cosine = determinant / (2 * spread**3) if spread > 1e-12 else 2.0",
-        "_principal_moments: cosine = determinant / (2 * spread**3) if spread > 1e-12 else 0.0",
-        "_principal_moments: cosine = determinant / (2 * spread**3) if spread >= 1e-12 else 1.0",
         # A count is 1 at least.
         "_check_repeats: if count != 1 and tag in _SINGLE:",
     },
@@ -237,8 +233,6 @@ EQUIVALENT: dict[str, set[str]] = {
         # Nothing is less than a turn.
         "_radians: degrees = max(map(abs, values), default= 1.0)",
         "_radians: degrees = max(map(abs, values), default= -1.0)",
-        # It checks attributes of one number.
-        "_not_negative: return values[ -1] >= 0",
     },
     "onebot_description/joints/motion_limits.py": {
         # NumPy takes any number below 0 for the rest.
