@@ -228,8 +228,9 @@ EQUIVALENT: dict[str, set[str]] = {
         'written_at: calls = f" (called at {\', from \'.join(places[1:])})" if len(places) != 1 else ""',  # noqa: E501
     },
     "onebot_description/elements/reading.py": {
-        # No angle in a file is exactly that.
+        # No angle and no moment in a file is exactly that.
         "_radians: if degrees >= _TURN:",
+        "_inertia: if min(values) <= -_INERTIA_ROUNDING:",
         # Nothing is less than a turn.
         "_radians: degrees = max(map(abs, values), default= 1.0)",
         "_radians: degrees = max(map(abs, values), default= -1.0)",
