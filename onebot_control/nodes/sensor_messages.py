@@ -93,7 +93,7 @@ def _imu(
 
 def _covariance(noises: Iterable[Noise]) -> NDArray[np.float64]:
     """Return the covariance matrix (9,), row by row, of values that are independent."""
-    return np.diag([noise.variance for noise in noises]).ravel()
+    return np.diag([noise.stddev**2 for noise in noises]).ravel()
 
 
 def _image(header: Header, camera: Camera, rate: float, pixels: NDArray[Any]) -> Image:

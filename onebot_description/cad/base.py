@@ -96,7 +96,7 @@ def make_base(dimensions: Section) -> Part:
         "rubber": hull(base, base.bumper) ^ bumper,
     }
     inertial = weigh(_hollow(base, seen), dimensions.densities)
-    add_ballast(dimensions, inertial, hull(base, -base.wall))
+    add_ballast(dimensions, inertial)
     return Part("base_link", seen, inertial)
 
 
@@ -112,11 +112,10 @@ def _hollow(base: Section, seen: dict[str, Manifold]) -> list[tuple[str, Manifol
     return bodies
 
 
-def add_ballast(dimensions: Section, body: Body, room: Manifold) -> None:
+def add_ballast(dimensions: Section, body: Body) -> None:
     """Give a body the wanted mass and centre of mass, by a block.
 
-    Raises OneBotError if its mass would be negative, or it would stick out of the ``room`` inside
-    the hull.
+    Raises OneBotError if its mass would be negative.
     """
     mass = dimensions.base_mass - body.mass
     if mass <= 0:
@@ -127,12 +126,6 @@ def add_ballast(dimensions: Section, body: Body, room: Manifold) -> None:
     center = (moment - body.mass * body.center) / mass
     ballast = dimensions.base.ballast
     size = np.array([ballast.length, ballast.width, ballast.height])
-    block = Manifold.cube(size, True).translate(center)
-    outside = (block - room).volume() / block.volume()
-    if outside > 1e-6:
-        raise OneBotError(
-            f"the ballast, at {center.round(4).tolist()} m, sticks out of the hull by {outside:.1%}"
-        )
     body.add_mass(mass, center, np.diag(mass * (size @ size - size**2) / 12))
 
 

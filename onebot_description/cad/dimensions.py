@@ -1,15 +1,19 @@
 """config/dimensions.yaml (m, kg, kg/m3; colours are sRGB, 0 to 1)."""
 
-import math
 from pathlib import Path
 from typing import Any
 
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.parameters.files import Parameters, read_map, read_text
+from onebot_description.ros.parameters.values import Rule, ValueType
+
+_COUNTS = ("wheel.spokes", "wheel.tread_blocks")
+_NUMBER, _NUMBERS = ValueType(float), ValueType(float, many=True, length=3)
+_COUNT = ValueType(int, Rule(at_least=1))
 
 
 class Section:
-    """A map of the file; its keys are attributes: numbers, lists of three numbers, or sections."""
+    """A map of the file; its keys are attributes: numbers, three numbers each, or sections."""
 
     def __init__(self, file: str, content: Parameters, prefix: str = "") -> None:
         self._file, self._content, self._prefix = file, content, prefix
@@ -18,14 +22,11 @@ class Section:
         name = f"{self._prefix}{key}"
         values = self._content.values
         if name in values:
-            value = values[name]
-            for number in value if isinstance(value, list) and len(value) == 3 else [value]:
-                if not isinstance(number, (int, float)) or not math.isfinite(number):
-                    place = self._content.places[name]
-                    raise OneBotError(
-                        f"{place}: {name}: {value!r} is neither a finite number nor three"
-                    )
-            return value
+            number_type = _NUMBERS if isinstance(values[name], list) else _NUMBER
+            try:
+                return (_COUNT if name in _COUNTS else number_type).checked(values[name])
+            except ValueError as error:
+                raise OneBotError(f"{self._content.places[name]}: {name}: {error}") from None
         if any(entry.startswith(f"{name}.") for entry in values):
             return Section(self._file, self._content, f"{name}.")
         inside = (entry for entry in values if entry.startswith(self._prefix))

@@ -50,4 +50,4 @@ def _spokes(wheel: Section) -> Manifold:
     near = box((hub, -0.0035, half * 0.42), (hub + 0.003, 0.0035, half * 0.86))
     far = box((rim - 0.001, -0.0023, half * 0.25), (rim, 0.0023, half * 0.6))
     prong = Manifold.batch_hull([near, far.rotate((0.0, 0.0, 15.0))])
-    return around(prong + prong.mirror((0.0, 1.0, 0.0)), int(wheel.spokes))
+    return around(prong + prong.mirror((0.0, 1.0, 0.0)), wheel.spokes)

@@ -18,9 +18,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-# Isolated (-I), so that no file in the current folder is imported instead of a module.
+# Isolated (-I), so that no file in the current folder is imported instead of a module. Without site
+# (-S), the prefix would be that of the interpreter of which the environment was made.
 _START = (
-    "import sys; sys.path[:] = sys.argv[1].split('\\n');"
+    "import sys; sys.path[:] = sys.argv[1].split('\\n'); sys.prefix = sys.argv[2];"
     "from onebot_description.description import bounded_process; bounded_process.main()"
 )
 
@@ -87,7 +88,7 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
 
     path = "\n".join(filter(None, sys.path))
     with subprocess.Popen(
-        [sys.executable, "-I", "-S", "-c", _START, path],
+        [sys.executable, "-I", "-S", "-c", _START, path, sys.prefix],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         start_new_session=True,  # Ctrl-C in a terminal must only reach the waiting process

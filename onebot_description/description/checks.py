@@ -4,19 +4,15 @@ It checks names, the tree of links, mimic joints, masses, mesh files, materials,
 attributes that are not part of URDF, and xacro that is not expanded.
 """
 
-import math
 import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from onebot_description.elements.description import MOVING_KINDS, Inertial, Joint, Material
+from onebot_description.elements.description import MOVING_KINDS, Joint, Material
 from onebot_description.elements.reading import ELEMENTS, Element, Findings, local_name
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
-
-# Robots in other formats, by their outermost elements.
-_FORMATS = {"sdf": "SDF", "COLLADA": "COLLADA", "mujoco": "MJCF"}
 
 
 def check_root(findings: Findings) -> None:
@@ -26,7 +22,8 @@ def check_root(findings: Findings) -> None:
     if outer.tag != "robot":
         inner = outer.find("robot")
         if inner is None:
-            findings.error(outer, _wrong_root(outer))
+            text = 'the outermost element must be <robot name="...">; convert other formats to URDF'
+            findings.error(outer, text)
             findings.raise_errors()
         else:
             root = inner
@@ -35,15 +32,6 @@ def check_root(findings: Findings) -> None:
     name = root.get("name")
     if name is None or not name.strip():
         findings.problem(root, 'the robot has no name; write <robot name="...">')
-
-
-def _wrong_root(root: Element) -> str:
-    """Return the message about a document without a robot."""
-    form = _FORMATS.get(local_name(root))
-    if form is not None:
-        return f"is a robot in {form}, which is not read; convert it to URDF"
-    children = listing(child.tag for child in root)
-    return f'the outermost element must be <robot name="...">; this one holds: {children}'
 
 
 def named(findings: Findings, tag: str) -> dict[str, Element]:
@@ -145,8 +133,6 @@ def check_mimics(
         kind = joints[name].kind
         if kind and kind not in MOVING_KINDS:
             wrong[name] = f"a {kind} joint has no single position, so it cannot mimic"
-        elif master == name:
-            wrong[name] = "the joint mimics itself; name another joint"
         elif master not in joints:
             hint = findings.hint(master, [joint for joint in moving if joint != name], "joints")
             wrong[name] = f'there is no joint "{master}" to mimic{hint}'
@@ -163,60 +149,6 @@ def check_mimics(
     return {*wrong, *(name for circle in circles for name in circle)}
 
 
-# Moments are written with few digits; a plate's are just at the limit of the triangle inequality.
-_INERTIA_ROUNDING = 0.01
-# A moment below these is 0, apart from rounding in the program that computed it.
-_CAD_ROUNDING, _RELATIVE_ROUNDING = 1e-15, 1e-9  # kg m^2, and of the largest moment
-
-
-def check_inertial(findings: Findings, link: Element, inertial: Inertial) -> None:
-    """Warn if mass or inertia of ``link`` are physically impossible."""
-    mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-    assert mass is not None and inertia is not None  # the inertial was read from them
-    if inertial.mass == 0:
-        findings.warning(mass, "the mass is 0; a simulation takes a base of mass 0 for fixed")
-    moments = inertial.inertia
-    largest = max(map(abs, moments))
-    if largest == 0:
-        findings.warning(inertia, "the inertia is zero; a simulation cannot turn such a link")
-        return
-    rounded = -max(_CAD_ROUNDING, _RELATIVE_ROUNDING * largest)
-    for name, moment in {"ixx": moments[0], "iyy": moments[3], "izz": moments[5]}.items():
-        if moment < rounded:
-            findings.problem(inertia, f'{name}="{moment:g}" is negative; it must not be')
-            return
-    least, middle, greatest = _principal_moments(*(value / largest for value in moments))
-    if least <= 0:
-        text = f"the inertia is not positive definite (least moment {least * largest:.3g} kg m2)"
-        findings.warning(inertia, f"{text}; no real body has such moments")
-    elif greatest > (least + middle) * (1 + _INERTIA_ROUNDING):
-        values = ", ".join(f"{value * largest:.3g}" for value in (least, middle, greatest))
-        findings.warning(
-            inertia, f"of the moments {values} one exceeds the sum of the others; no body has such"
-        )
-
-
-def _principal_moments(
-    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
-) -> tuple[float, float, float]:
-    """Return the eigenvalues of a symmetric matrix with elements up to 1, in ascending order.
-
-    O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", Communications of the ACM 4 (4), 1961.
-    NumPy would take longer to import than everything here.
-    """
-    mean = (xx + yy + zz) / 3
-    a, b, c = xx - mean, yy - mean, zz - mean
-    spread = math.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
-    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-    cosine = determinant / (2 * spread**3) if spread > 1e-12 else 1.0
-    angle = math.acos(max(-1.0, min(1.0, cosine))) / 3
-    greatest = mean + 2 * spread * math.cos(angle)
-    least = mean + 2 * spread * math.cos(angle + 2 * math.pi / 3)
-    values = (round(value, 12) + 0.0 for value in (least, 3 * mean - greatest - least, greatest))
-    least, middle, greatest = values
-    return least, middle, greatest
-
-
 def check_meshes(findings: Findings) -> None:
     """Report meshes without a file; each reason once, at the first such mesh."""
     reasons: dict[str, list[Element]] = {}
@@ -230,41 +162,19 @@ def check_meshes(findings: Findings) -> None:
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
     """Check the names of the robot's materials, then of its visuals'."""
-    robots = dict.fromkeys(findings.document.root.iterfind("material"))
-    visuals = [element for element in materials if element not in robots]
     definitions: dict[str, Material] = {}
-    for element in (*robots, *visuals):
-        _check_material(findings, element, materials[element], definitions, element in robots)
-    for element in visuals:
-        name = materials[element].name
-        if materials[element].is_reference and name and name not in definitions:
-            hint = findings.hint(name, definitions, "materials")
+    for element, material in materials.items():
+        if material.name is None:
+            findings.problem(element, 'has no name; write <material name="...">')
+        elif not material.name or material.is_reference:
+            continue
+        elif definitions.setdefault(material.name, material) != material:
+            text = "a material of that name looks different elsewhere, and is used here; rename one"
+            findings.warning(element, text)
+    for element, material in materials.items():
+        if material.is_reference and material.name is not None and material.name not in definitions:
+            hint = findings.hint(material.name, definitions, "materials")
             findings.warning(element, f"no material of that name is defined{hint}")
-
-
-def _check_material(
-    findings: Findings,
-    element: Element,
-    material: Material,
-    definitions: dict[str, Material],
-    is_robots: bool,
-) -> None:
-    """Check one material and add it to the definitions, which any visual may use."""
-    if not material.name and (is_robots or material.name is None):
-        remedy = "" if is_robots else ', if need be name=""'
-        findings.problem(element, f'has no name; write <material name="...">{remedy}')
-    elif material.is_reference and is_robots:
-        findings.warning(element, "defines neither <color> nor <texture>")
-    elif material.is_reference and not material.name:
-        findings.warning(element, "has neither a name nor a <color>, so it does nothing")
-    elif material.is_reference or not material.name:
-        return
-    elif definitions.setdefault(material.name, material) != material and is_robots:
-        text = "there is another material of that name that looks different; rename one"
-        findings.problem(element, text)
-    elif definitions[material.name] != material:
-        text = "a material of that name looks different elsewhere, and is used here; rename one"
-        findings.warning(element, text)
 
 
 # Other programs' elements; they may hold anything.
@@ -322,17 +232,15 @@ def _check_attributes(
     findings: Findings, element: Element, leftovers: list[tuple[Element, str]]
 ) -> None:
     """Warn of unknown attributes and collect xacro expressions."""
-    attributes = ELEMENTS[element.tag].attributes if element.tag in ELEMENTS else None
+    content = ELEMENTS.get(element.tag)
+    attributes = [*content.texts.split(), *content.numbers] if content else []
     for name, value in element.attrib.items():
         if left := _XACRO_LEFT.search(value):
             leftovers.append((element, f'{name}="{left[0]}"'))
-        if attributes is None or name.startswith("{") or name in attributes:
+        if content is None or name.startswith("{") or name in attributes:
             continue
-        if element.tag == "origin" and name == "quat_xyzw":
-            findings.error(element, "quat_xyzw is not supported; write rpy in radians")
-        else:
-            hint = findings.hint(name, attributes) if attributes else ""
-            findings.warning(element, f'unknown attribute "{name}", so it is ignored{hint}')
+        hint = findings.hint(name, attributes) if attributes else ""
+        findings.warning(element, f'unknown attribute "{name}", so it is ignored{hint}')
 
 
 def _check_repeats(findings: Findings, element: Element) -> None:

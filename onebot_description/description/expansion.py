@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,7 +20,6 @@ from xml.dom import minicompat, minidom
 from xml.etree.ElementTree import Element
 
 import xacro
-from simpleeval import FunctionNotDefined, NameNotDefined
 from xacro import substitution_args
 
 from onebot_description.description.bounded_process import Place
@@ -38,8 +37,6 @@ from onebot_description.errors import (
 )
 
 _MOST_PLACES = 4
-_UNKNOWN = (NameError, NameNotDefined, FunctionNotDefined)
-_DEEP = 50  # nested macro calls that count as endless recursion
 
 
 def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
@@ -210,7 +207,7 @@ class _Run:
         return str(self._packages.setdefault(folder, Resources(folder)).package(package))
 
 
-def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
+def explain(error: Exception, path: Path, arguments: Collection[str]) -> str:
     """Return the message for an exception that xacro raised.
 
     Args:
@@ -224,7 +221,7 @@ def explain(error: Exception, path: Path, arguments: Iterable[str]) -> str:
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     places = [place for frame in frames if (place := written_at(_node(frame))) is not None]
     place = places[-1] if places else shown_path(path)
-    return f"{place}: {_cause(chain, frames, list(arguments))}"
+    return f"{place}: {_cause(chain, arguments)}"
 
 
 def _chain(error: Exception) -> list[Exception]:
@@ -235,43 +232,27 @@ def _chain(error: Exception) -> list[Exception]:
     return chain
 
 
-def _cause(chain: list[Exception], frames: list[FrameType], arguments: list[str]) -> str:
+def _cause(chain: list[Exception], arguments: Collection[str]) -> str:
     """Return the message without its place."""
     inner = chain[-1]
     if isinstance(inner, OneBotError):
         return str(inner)
     if isinstance(inner, RecursionError):
-        return _recursing(frames)
+        return "what is evaluated here is nested too deeply, or refers to itself without end"
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
     if type(inner).__name__ == "ArgException":
-        return _argument_without_value(str(inner), arguments)
+        name = str(inner)
+        hint = "" if name in arguments else did_you_mean(name, arguments, "declared")
+        return (
+            f'argument "{name}" has no value here{hint}; give {name}:=<value>, '
+            f'or declare <xacro:arg name="{name}" default="..."/> above'
+        )
     text = " ".join(str(inner).split()) or repr(inner)
     expression = _expression(chain)
-    if isinstance(inner, _UNKNOWN) and (name := re.search(r"'(.+?)'", text)):
-        hint = did_you_mean(name[1], _names(frames, "symbols"), "defined")
-        where = f" in ${{{expression}}}" if expression else ""
-        return f'unknown property "{name[1]}"{where}{hint}'
-    if macro := re.match(r"unknown macro name: xacro:(.+)", text):
-        hint = did_you_mean(macro[1], _names(frames, "macros"), "defined")
-        return f'unknown macro "{macro[1]}"{hint}'
-    if lack := re.match(r"(.+): missing attribute (.+)", text):
-        return f"<{lack[1]}> has no attribute {lack[2]}"
-    if macros := getattr(inner, "macros", None):
-        text = f'macro "{macros[0].body.getAttribute("name")}": {text}'
     if expression and not hasattr(inner, "suffix"):
         return f"cannot evaluate ${{{expression}}}: {text}"
     return f"xacro: {text}"
-
-
-def _argument_without_value(name: str, arguments: list[str]) -> str:
-    if name in arguments:
-        return f'argument "{name}" has no value here; give {name}:=<value>, or declare it above'
-    hint = did_you_mean(name, arguments, "declared")
-    return (
-        f'argument "{name}" has no value{hint}; give {name}:=<value>, '
-        f'or declare <xacro:arg name="{name}" default="..."/>'
-    )
 
 
 def _expression(chain: list[Exception]) -> str:
@@ -299,31 +280,3 @@ def _node(frame: FrameType) -> Any:
     if frame.f_globals.get("__name__") != "xacro":
         return None
     return frame.f_locals.get("node", frame.f_locals.get("elt"))
-
-
-def _recursing(frames: list[FrameType]) -> str:
-    """Return the message about an endless recursion."""
-    calls = [frame for frame in frames if frame.f_code.co_name == "handle_macro_call"]
-    macros = [frame.f_locals["m"] for frame in calls if "m" in frame.f_locals]
-    if len(macros) > _DEEP:
-        return f'macro "{macros[-1].body.getAttribute("name")}" calls itself without end'
-    if sum(frame.f_code.co_name == "process_include" for frame in frames) > _DEEP:
-        return "files include each other without end"
-    return "what is evaluated here is nested too deeply, or refers to itself"
-
-
-def _names(frames: list[FrameType], table: str) -> list[str]:
-    """Return the names in xacro's innermost table of this kind (``symbols`` or ``macros``)."""
-    for frame in reversed(frames):
-        names = frame.f_locals.get(table)
-        if isinstance(names, dict):
-            return list(_own_names(names))
-    return []
-
-
-def _own_names(table: Any) -> Iterator[str]:
-    """Yield the names that files define: in ``table`` and its parents, without xacro's globals."""
-    root = getattr(table, "root", None)
-    while table is not None and table is not root and hasattr(table, "parent"):
-        yield from (name for name in dict.keys(table) if not name.startswith(("*", "__")))
-        table = table.parent

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_description.description.checks import (
-    check_inertial,
     check_materials,
     check_meshes,
     check_mimics,
@@ -200,8 +199,6 @@ def _folder(name: str) -> Path | None:
 def _locate(source: str | Path) -> Path:
     """Return the absolute path that ``source`` names."""
     text = os.fspath(source)
-    if not text:
-        raise DescriptionError(["no robot description given; name a .urdf or .xacro file"])
     try:
         if text.startswith("package://"):
             return resolve(text, None)
@@ -229,9 +226,6 @@ def _check(
     materials = read_materials(findings)
     link_elements = read_links(findings, materials)
     check_meshes(findings)
-    for element, link in link_elements.items():
-        if link.inertial is not None:
-            check_inertial(findings, element, link.inertial)
     check_materials(findings, materials)
     check_schema(findings)
     sensors, bad_sensors = read_sensors(findings, links, joints.values())

@@ -36,18 +36,17 @@ def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> tuple[str, Tra
 
 
 class Frames:
-    """Resolves names of frames (links and joints of a robot) that poses may be relative to."""
+    """Resolves names of frames (links and joints of a robot) that poses may be relative to.
+
+    Attributes:
+        names: the link of each frame, by its name.
+    """
 
     def __init__(self, links: Iterable[str], joints: Iterable[Joint]) -> None:
         self._joints = [*joints]
         # A joint's frame is the one of the link that it moves.
-        self._names = {joint.name: joint.child for joint in self._joints}
-        self._names |= {name: name for name in links}
-
-    @property
-    def names(self) -> list[str]:
-        """Names of links and joints."""
-        return [*self._names]
+        self.names = {joint.name: joint.child for joint in self._joints}
+        self.names |= {name: name for name in links}
 
     def link(self, name: str, default: str) -> str | None:
         """Return the link whose frame has this SDFormat name; None if there is none.
@@ -59,7 +58,7 @@ class Frames:
         name = name.strip().rpartition("::")[2]
         if name == _MODEL:
             return placed(default, Origin(), self._joints)[0]
-        return self._names.get(name) if name else default
+        return self.names.get(name) if name else default
 
     def relative(self, origin: Origin, frame: str, link: str) -> Origin:
         """Convert ``origin`` from the frame of the link ``frame`` to that of ``link``."""

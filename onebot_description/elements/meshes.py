@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 from onebot_description.elements.description import MESH_SUFFIXES, Mesh
 from onebot_description.elements.packages import Resources
-from onebot_description.elements.xml import missing_file, shown_path
+from onebot_description.elements.xml import shown_path
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import trimesh
     from numpy.typing import NDArray
 
-_MOST_LISTINGS = 20  # a description; each compares the names of a folder
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
@@ -37,26 +36,20 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
     except OneBotError as error:
         return Mesh(uri, scale, problem=str(error))
     try:
-        problem = "" if path.is_file() else _missing(resources, path)
-        problem = problem or _unsuitable(path)
+        problem = _unsuitable(path)
     except (OSError, ValueError) as error:
         problem = f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}"
     return Mesh(uri, scale, None if problem else path, problem)
 
 
-def _missing(resources: Resources, path: Path) -> str:
-    """Return the message about a missing file; for the first few, with similar names there."""
-    resources.missing += 1
-    many = resources.missing > _MOST_LISTINGS
-    return f"{shown_path(path)}: no such file" if many else missing_file(path)
-
-
 def _unsuitable(path: Path) -> str:
-    """Return why the file ``path`` cannot be a mesh, without opening it; "" if it can."""
+    """Return why ``path`` cannot be a mesh, without opening it; "" if it can."""
+    if not path.is_file():
+        return f"{shown_path(path)}: no such file"
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
         return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'
-    return "" if path.stat().st_size else f'"{path.name}" is an empty file; export it again'
+    return ""
 
 
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-from onebot_description.errors import OneBotError, nearest, shortened
+from onebot_description.errors import OneBotError, shortened
 
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 PACKAGE_PATH = "package_path"  # the argument of commands
@@ -51,7 +51,6 @@ class Resources:
         self._folder = folder
         self._packages: dict[str, Path | str] = {}  # folder by name, or why there is none
         self._below: dict[Path, dict[str, Path]] = {}  # packages by name, in and below a folder
-        self.missing = 0  # number of located files that do not exist; callers count them
 
     def locate(self, uri: str) -> Resource:
         """Return the file that ``package://name/path``, ``file:///path`` or a path names.
@@ -59,8 +58,8 @@ class Resources:
         Raises:
             OneBotError: it names no file; the text says what to write.
         """
-        scheme = _scheme(uri)
         try:
+            scheme = urlsplit(uri).scheme
             if scheme == "package":
                 return self._in_package(uri)
             if scheme == "file":
@@ -68,10 +67,8 @@ class Resources:
         except ValueError as error:
             raise OneBotError(f'"{uri}": {error}') from None
         if scheme:
-            network = scheme in ("http", "https", "ftp")
             raise OneBotError(
                 f'"{uri}": {scheme}:// is not loaded; '
-                f"{'nothing is fetched from the network; ' if network else ''}"
                 "write package://<package>/<path>, file:///<path> or a path"
             )
         if self._folder is None and not uri.startswith("/"):
@@ -84,8 +81,6 @@ class Resources:
 
     def _in_package(self, uri: str) -> Resource:
         name, _, inner = uri.partition("://")[2].partition("/")
-        if not name or not inner:
-            raise OneBotError(f'"{uri}" must read package://<package>/<path>')
         folder = self.package(name)
         path = folder / inner
         return Resource(path, uri if folder == _in_index(name) else _file_uri(path))
@@ -106,7 +101,7 @@ class Resources:
     def _find(self, name: str) -> Path | None:
         if not _VALID.fullmatch(name):
             return None
-        source = self._on_ros_path(name) or _in_index(name) or _in_share(name)
+        source = self._on_ros_path(name) or _in_index(name)
         return source or (None if self._folder is None else self._around(name, self._folder))
 
     def _on_ros_path(self, name: str) -> Path | None:
@@ -153,14 +148,6 @@ class Resources:
 def resolve(uri: str, folder: Path | None) -> Path:
     """Return the path of ``uri``, which is relative to ``folder``; see ``Resources.locate``."""
     return Resources(folder).locate(uri).path
-
-
-def _scheme(uri: str) -> str:
-    """Return the scheme of ``uri`` in lower case; "" if it is a path."""
-    scheme, colon, _ = uri.partition(":")
-    # One letter is a drive of another system, and a slash before the colon makes it a path.
-    is_scheme = colon and len(scheme) > 1 and scheme.isascii() and scheme.isalnum()
-    return scheme.lower() if is_scheme else ""
 
 
 def _in_file_system(uri: str) -> Path:
@@ -229,12 +216,6 @@ def _in_index(name: str) -> Path | None:
     return None
 
 
-def _in_share(name: str) -> Path | None:
-    """Return the share folder of a package in no ament index, as catkin installs it; or None."""
-    shares = (Path(prefix) / "share" / name for prefix in _entries(_AMENT_PATH))
-    return next((share.resolve() for share in shares if _package_name(share) == name), None)
-
-
 def _source_tree(folder: Path) -> list[Path]:
     """The folders from ``folder`` up to the outermost repository, src or parent of a package."""
     above = [folder, *folder.parents]
@@ -263,50 +244,27 @@ def _folders_in(folder: Path) -> list[Path]:
         return []
 
 
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
-_NAME = re.compile(rb"<name>\s*([\w.-]+)\s*</name>")
-
-
 def _package_name(folder: Path) -> str:
     """The package's name in the package.xml in ``folder``; "" if there is none."""
-    file = folder / "package.xml"
+    from xml.etree import ElementTree  # slow to import
+
     try:
-        if not file.is_file():
-            return ""
-        with file.open("rb") as content:
-            name = _NAME.search(_COMMENT.sub(b"", content.read(100_000)))
-    except (OSError, ValueError):
+        return ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
+    except (OSError, ValueError, ElementTree.ParseError):
         return ""
-    return name[1].decode("ascii", "replace") if name else ""
 
 
 def _missing(name: str, folder: Path | None) -> OneBotError:
     """Return the error about a missing package: where it was searched, and what to set."""
-    guess = _similar(name)
-    question = f' (did you mean "{guess}"?)' if guess is not None else ""
     ours = _own_prefixes()
     installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
     path = os.environ.get(_ROS_PATH) or "not set"
     around = "" if folder is None else f" and around {folder}"
     return OneBotError(
-        f'no ROS package "{shortened(name)}"{question}: looked in {_ROS_PATH} ({path}), '
+        f'no ROS package "{shortened(name)}": looked in {_ROS_PATH} ({path}), '
         f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
         f"name a folder that holds it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
     )
-
-
-def _similar(name: str) -> str | None:
-    """Return the known package most similar to ``name``, compared without a common ending.
-
-    Otherwise our package would be suggested for every missing <robot>_description.
-    """
-    indices = (Path(prefix, _INDEX) for prefix in _entries(_AMENT_PATH))
-    packages = [entry.name for index in indices if index.is_dir() for entry in index.iterdir()]
-    guess = nearest(name, packages)
-    stem, underscore, ending = name.rpartition("_")
-    if guess and underscore and guess.endswith(end := f"_{ending}"):
-        return guess if nearest(stem, [guess.removesuffix(end)]) else None
-    return guess
 
 
 # --- the checkout -------------------------------------------------------------------------------

@@ -36,7 +36,6 @@ from onebot_description.errors import (
     DescriptionError,
     clipped,
     did_you_mean,
-    listing,
     printable,
     shortened,
 )
@@ -49,6 +48,7 @@ _LIMITED_KINDS = ("revolute", "prismatic")
 _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 # An axis whose length differs from 1 by more than this was not merely rounded.
 _AXIS_ROUNDING = 1e-3
+_INERTIA_ROUNDING = 1e-15  # kg or kg m^2; CAD programs write less than this for 0
 _MOST_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
 _MOST_DEGREES = 720  # a joint's limit; more means no limit
@@ -140,29 +140,15 @@ def _short(element: Element) -> str:
 
 
 def _not_negative(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    if values[0] < 0:
-        findings.problem(element, f'{name}="{values[0]:g}" is negative; it must not be')
-    return values[0] >= 0
-
-
-def _mass(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    """Report a mass below zero; it is kept, and the simulation refuses the robot."""
-    _not_negative(findings, element, name, values)
-    return True
-
-
-def _sizes(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    written = f'{name}="{element.get(name)}"'
-    if min(values) == 0:
-        findings.warning(element, f"{written} is zero; sizes are in m and above 0")
-    elif min(values) < 0:
-        findings.problem(element, f"{written} is negative; sizes are in m and above 0")
+    if min(values) < 0:
+        findings.problem(element, f'{name}="{element.get(name)}" is negative; it must not be')
     return min(values) >= 0
 
 
-def _scale(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    if 0 in values:
-        findings.warning(element, f'{name}="{element.get(name)}" flattens the mesh')
+def _inertia(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
+    """Report a mass or moment below zero; it is kept, and the simulation refuses the robot."""
+    if min(values) < -_INERTIA_ROUNDING:
+        _not_negative(findings, element, name, values)
     return True
 
 
@@ -202,14 +188,10 @@ class Content(NamedTuple):
     texts: str = ""  # attributes
     numbers: Mapping[str, Numbers] = {}  # likewise
 
-    @property
-    def attributes(self) -> tuple[str, ...]:
-        return (*self.texts.split(), *self.numbers)
-
 
 _NEEDED = Numbers(write='{}="..."')
-_SIZE = _NEEDED._replace(check=_sizes)
-_FORCE = _NEEDED._replace(check=_not_negative)
+_NOT_NEGATIVE = _NEEDED._replace(check=_not_negative)
+_INERTIA = _NEEDED._replace(check=_inertia)
 ELEMENTS = {
     "robot": Content("link joint material", "name version"),
     "link": Content("inertial visual collision", "name type"),
@@ -222,15 +204,22 @@ ELEMENTS = {
     "origin": Content(
         numbers={"xyz": Numbers(3, ZERO), "rpy": Numbers(3, ZERO, check=_radians)},  # m, rad
     ),
-    "mass": Content(numbers={"value": _NEEDED._replace(check=_mass)}),  # kg
+    "mass": Content(numbers={"value": _INERTIA}),  # kg
     "inertia": Content(  # kg m^2
-        numbers=dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), _NEEDED)
+        numbers={
+            "ixx": _INERTIA,
+            "ixy": _NEEDED,
+            "ixz": _NEEDED,
+            "iyy": _INERTIA,
+            "iyz": _NEEDED,
+            "izz": _INERTIA,
+        }
     ),
-    "box": Content(numbers={"size": Numbers(3, write='{}="x y z", in m', check=_sizes)}),
-    "cylinder": Content(numbers={"radius": _SIZE, "length": _SIZE}),  # m
-    "capsule": Content(numbers={"radius": _SIZE, "length": _SIZE}),
-    "sphere": Content(numbers={"radius": _SIZE}),
-    "mesh": Content("", "filename", {"scale": Numbers(3, (1.0, 1.0, 1.0), check=_scale)}),
+    "box": Content(numbers={"size": Numbers(3, write='{}="x y z", in m', check=_not_negative)}),
+    "cylinder": Content(numbers={"radius": _NOT_NEGATIVE, "length": _NOT_NEGATIVE}),  # m
+    "capsule": Content(numbers={"radius": _NOT_NEGATIVE, "length": _NOT_NEGATIVE}),
+    "sphere": Content(numbers={"radius": _NOT_NEGATIVE}),
+    "mesh": Content("", "filename", {"scale": Numbers(3, (1.0, 1.0, 1.0))}),
     "color": Content(
         numbers={"rgba": Numbers(4, write='<color {}="red green blue alpha"/>', check=_colors)}
     ),
@@ -242,7 +231,12 @@ ELEMENTS = {
         "",
         "acceleration jerk deceleration",
         # rad or m, Nm or N, rad/s or m/s; by URDF's specification, a missing end is 0.
-        {"lower": Numbers(1, 0.0), "upper": Numbers(1, 0.0), "effort": _FORCE, "velocity": _FORCE},
+        {
+            "lower": Numbers(1, 0.0),
+            "upper": Numbers(1, 0.0),
+            "effort": _NOT_NEGATIVE,
+            "velocity": _NOT_NEGATIVE,
+        },
     ),
     "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
     "mimic": Content("", "joint", {"multiplier": Numbers(1, 1.0), "offset": Numbers(1, 0.0)}),
@@ -252,6 +246,7 @@ ELEMENTS = {
     ),
     "lateral_friction": Content(numbers={"value": Numbers()}),
 }
+_SHAPE_TAGS = ELEMENTS["geometry"].children.split()
 _SHAPES = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "capsule": Capsule}
 
 
@@ -291,36 +286,22 @@ def _read_numbers(
         if numbers.check is not None and not numbers.check(findings, element, name, values):
             return None
         return values[0] if numbers.size == 1 else values
-    written = f'{name}="{_cut(text)}"'
-    if "," in text and len(text.replace(",", " ").split()) == numbers.size:
-        message = f"{written} has commas; separate the numbers by spaces"
-    elif fault is not None:
-        message = f"{written}: {fault}"
-    else:
-        noun = "number" if numbers.size == 1 else "numbers"
-        message = f"{written} holds {len(words)}; it takes {numbers.size} {noun}"
+    noun = "number" if numbers.size == 1 else "numbers"
+    fault = fault or f"holds {len(words)}; it takes {numbers.size} {noun}"
+    message = f'{name}="{shortened(text)}": {fault}'
     (findings.error if needed else findings.problem)(element, message)
     return None
 
 
 # The numbers that every URDF reader accepts. float() would also accept "1_000", "nan", Thai digits.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def number_fault(word: str) -> str | None:
     """Return why ``word`` is not a usable number; None if it is one."""
-    if _NUMBER.fullmatch(word):
-        finite = math.isfinite(float(word))
-        return None if finite else f"{_cut(word)} is too large for a number"
-    if _NOT_FINITE.fullmatch(word):
-        return f"{word} is not a finite number"
-    return f'"{_cut(word)}" is not a number'
-
-
-def _cut(text: str) -> str:
-    """Shorten a text to fit in one line."""
-    return shortened(" ".join(text.split()), 60)
+    if _NUMBER.fullmatch(word) and math.isfinite(float(word)):
+        return None
+    return f'"{shortened(word)}" is not a finite number'
 
 
 def _read_origin(findings: Findings, element: Element, *, needed: bool = False) -> Origin | None:
@@ -391,34 +372,23 @@ def _read_geometry(
     """Read a <visual> or <collision>; None if anything in it is wrong."""
     origin = _read_origin(findings, part)
     geometry = part.find("geometry")
-    takes = f"it takes one of: {', '.join(_shape_tags())}"
+    takes = f"it takes one of: {', '.join(_SHAPE_TAGS)}"
     if geometry is None:
         findings.problem(part, f"has no <geometry>; {takes}")
         return None
     shapes = [_read_shape(findings, element) for element in geometry]
-    if len(shapes) == 1 and shapes[0] is not None and origin is not None:
+    if len(shapes) != 1:
+        findings.problem(geometry, f"holds {len(shapes)} shapes; {takes}")
+    elif shapes[0] is not None and origin is not None:
         return Geometry(shapes[0], origin, colors.get(part), findings.where(part))
-    if not shapes:
-        findings.problem(geometry, f"is empty; {takes}")
-    elif len(shapes) > 1:
-        names = listing(str(element.tag) for element in geometry)
-        findings.problem(
-            geometry,
-            f"holds {len(shapes)} shapes ({names}); it takes one; "
-            f"give the link a second <{part.tag}>",
-        )
     return None
-
-
-def _shape_tags() -> list[str]:
-    return ELEMENTS["geometry"].children.split()
 
 
 def _read_shape(findings: Findings, element: Element) -> Shape | None:
     if element.tag == "mesh":
         return _read_mesh(findings, element)
     if element.tag not in _SHAPES:
-        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _shape_tags())}")
+        findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _SHAPE_TAGS)}")
         return None
     if element.tag == "capsule":
         findings.problem(element, "is no shape of URDF; other programs refuse the robot")
@@ -486,12 +456,7 @@ def read_ends(
         parent = _read_end(findings, joint, "parent", links)
         child = _read_end(findings, joint, "child", links)
         if parent is not None and child is not None:
-            if parent == child:
-                findings.error(
-                    joint, f'connects link "{parent}" with itself; parent or child is wrong'
-                )
-            else:
-                ends[name] = (parent, child)
+            ends[name] = (parent, child)
     return ends
 
 
@@ -502,10 +467,7 @@ def _read_end(
     if element is None:
         findings.error(joint, f'has no <{end}>; write <{end} link="..."/>')
         return None
-    link = element.get("link")
-    if not link:
-        findings.error(element, f'names no link; write <{end} link="..."/>')
-        return None
+    link = element.get("link", "")
     if link not in links:
         hint = findings.hint(link, links, "links")
         findings.error(element, f'there is no link "{link}"{hint}')
@@ -545,14 +507,10 @@ def read_joint(
 
 
 def _read_kind(findings: Findings, element: Element) -> str:
-    kind = element.get("type")
-    if kind is None:
-        findings.error(element, f"has no type; write one of: {', '.join(JOINT_KINDS)}")
-    elif kind not in JOINT_KINDS:
-        hint = findings.hint(kind, JOINT_KINDS)
-        findings.error(element, f'unknown joint type "{kind}"{hint}')
-    else:
+    kind = element.get("type", "")
+    if kind in JOINT_KINDS:
         return kind
+    findings.error(element, f'unknown joint type "{kind}"{findings.hint(kind, JOINT_KINDS)}')
     return ""
 
 
@@ -563,19 +521,16 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     [xyz] = read(findings, axis, needed=kind in _AXIS_KINDS)
     if xyz is None or kind not in _AXIS_KINDS:
         return _DEFAULT_AXIS
-    largest = max(map(abs, xyz))
-    if largest == 0:
+    length = math.hypot(*xyz)
+    if length == 0:
         findings.error(
             axis, f'the axis of a {kind} joint cannot be zero; write for example "0 0 1"'
         )
         return _DEFAULT_AXIS
-    # Scaled first, so that huge and tiny numbers do not overflow or underflow.
-    x, y, z = (value / largest for value in xyz)
-    norm = math.hypot(x, y, z)
-    excess = abs(norm * largest - 1)
+    excess = abs(length - 1)
     if excess > _AXIS_ROUNDING:
-        findings.warning(axis, f"the axis has length {norm * largest:.4g}; it is taken as length 1")
-    unit = x / norm, y / norm, z / norm
+        findings.warning(axis, f"the axis has length {length:.4g}; it is taken as length 1")
+    unit = xyz[0] / length, xyz[1] / length, xyz[2] / length
     if excess > 1e-6:
         # Rerun would rotate by wrong angles about an axis that is not of unit length.
         axis.set("xyz", " ".join(map(repr, unit)))
@@ -636,9 +591,7 @@ def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
     mimic = element.find("mimic")
     if mimic is None:
         return None
-    joint = mimic.get("joint")
-    if not joint:
-        findings.problem(mimic, 'names no joint; write <mimic joint="..."/>')
-        return None
     multiplier, offset = read(findings, mimic)
-    return None if multiplier is None or offset is None else Mimic(joint, multiplier, offset)
+    if multiplier is None or offset is None:
+        return None
+    return Mimic(mimic.get("joint", ""), multiplier, offset)

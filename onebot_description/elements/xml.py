@@ -4,10 +4,9 @@ Each document is parsed here before any other parser sees it: DOCTYPE is refused
 bombs and external entities, and so is absurd nesting. The line of every element is noted.
 """
 
-import codecs
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -26,16 +25,9 @@ _SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
 # A comment, with its text, or a CDATA section, which may hold what looks like one. The end of the
 # document ends either, so that the time stays linear.
 _COMMENT = re.compile(rb"<!--(.*?)(-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
-_DASHES = '"--" inside a comment'
 MOST_BYTES = 50_000_000
 _MOST_NESTED = 100
 _MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
-# Suffixes of files that are mistaken for one another.
-_SUFFIXES = (
-    (".urdf", ".xacro", ".xml"),
-    (".yaml", ".yml"),
-    (".stl", ".dae", ".obj", ".glb", ".gltf"),
-)
 
 
 @dataclass(frozen=True)
@@ -80,25 +72,20 @@ def read_bytes(path: Path) -> bytes:
 
 def missing_file(path: Path) -> str:
     """Return the message about a missing file, with the files that are there."""
-    folder, name = path.parent, shown_path(path)
-    if not folder.is_dir():
-        return f"{name}: no such file (there is no folder {shown_path(folder)})"
+    name = shown_path(path)
     if path.is_dir():
         return f"{name}: is a folder; name the file{_choices(path, '')}"
     if path.exists():
         return f"{name}: is a device or pipe, not a file"
-    return f"{name}: no such file{_choices(folder, path.name)}"
+    return f"{name}: no such file{_choices(path.parent, path.name)}"
 
 
 def _choices(folder: Path, name: str) -> str:
     """Return what to write instead of ``name``: similar files in ``folder``."""
-    suffix = Path(name).suffix.lower()
-    suffixes = next((kind for kind in _SUFFIXES if suffix in kind), (suffix, *_SUFFIXES[0]))
     try:
-        names = [entry.name for entry in folder.iterdir() if entry.suffix.lower() in suffixes]
+        return did_you_mean(name, os.listdir(folder), "in that folder")
     except OSError:
         return ""
-    return did_you_mean(name, names, "in that folder")
 
 
 def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
@@ -117,8 +104,10 @@ def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
         data = document[:end] + blank + document[end:]
         text = "blank lines before <?xml ...?>, which some programs refuse: delete them"
         warnings.append(f"{shown}:1: {text}")
-    if lines := next(_dashed_comments(data), None):
-        warnings.append(f"{shown}:{lines[0]}: {_DASHES}, which some programs refuse: delete it")
+    if dashed := next(filter(_is_dashed, _COMMENT.finditer(data)), None):
+        line = data.count(b"\n", 0, dashed.start()) + 1
+        text = '"--" inside a comment, which some programs refuse: delete it'
+        warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
     return data, tuple(warnings)
 
@@ -130,14 +119,9 @@ def _emptied(comment: re.Match[bytes]) -> bytes:
     return b"<!--" + re.sub(rb"[^\r\n]", b" ", comment[1]) + comment[2]
 
 
-def _dashed_comments(data: bytes) -> Iterator[range]:
-    """Yield the lines of each comment with "--" inside."""
-    line, counted = 1, 0
-    for comment in _COMMENT.finditer(data):
-        line += data.count(b"\n", counted, comment.start())
-        counted = comment.start()
-        if comment[1] and (b"--" in comment[1] or comment[1].endswith(b"-")):
-            yield range(line, line + comment[0].count(b"\n") + 1)
+def _is_dashed(comment: re.Match[bytes]) -> bool:
+    """Return whether it is a comment with "--" inside."""
+    return bool(comment[1]) and (b"--" in comment[1] or comment[1].endswith(b"-"))
 
 
 def parse(
@@ -154,8 +138,6 @@ def parse(
     Raises:
         DescriptionError: it cannot be parsed; the text has line and column.
     """
-    if not data.strip():
-        raise DescriptionError([f'{shown}: is empty; it should hold <robot name="...">'])
     parser = expat.ParserCreate(encoding, namespace_separator=_SEPARATOR)
     parser.namespace_prefixes = True
     parser.buffer_text = True
@@ -190,8 +172,6 @@ def parse(
         )
 
     def declare(prefix: str | None, uri: str | None) -> None:
-        if "}" in (uri or ""):  # ElementTree ends a namespace by it
-            raise DescriptionError([f'{place()}: the namespace "{uri}" holds a }}'])
         namespaces.add(uri or "")
 
     parser.StartElementHandler = start
@@ -218,44 +198,25 @@ def _tag(name: str) -> str:
 
 def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple[str, int]]) -> str:
     """Return the message for malformed XML; ``opened`` are the elements around the fault."""
-    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    if b"\0" in data and not wide:
-        return f"{shown}: is a binary file, not URDF or xacro"
     if not isinstance(error, expat.ExpatError):
         return f"{shown}: its encoding cannot be read ({error}); save it as UTF-8"
     place = f"{shown}:{error.lineno}:{error.offset + 1}"
     try:
-        if not wide:
-            data.decode("utf-8")
+        data.decode("utf-8")
     except UnicodeDecodeError as bad:
         line = data.count(b"\n", 0, bad.start) + 1
         return f"{shown}:{line}: is not UTF-8 text (byte 0x{data[bad.start]:02x}); save it as UTF-8"
-    if any(error.lineno in lines for lines in _dashed_comments(data)):
-        return f"{place}: malformed XML: {_DASHES}: delete it"
     reason = expat.ErrorString(error.code)
-    if reason == "unbound prefix" and (prefix := _undeclared(data, error)):
-        uri = XACRO_NAMESPACES[0] if prefix == "xacro" else f"http://{prefix}"
-        return (
-            f'{place}: {prefix}: is used but not declared; write <robot xmlns:{prefix}="{uri}" ...>'
-        )
-    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and not wide:
+    if reason == "unbound prefix":
+        remedy = f'for xacro: write <robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>'
+        return f"{place}: the prefix of a name is not declared; {remedy}"
+    if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return f"{place}: is not XML: URDF starts with <robot ...>"
     if opened and reason in ("mismatched tag", "no element found"):
         name, line = opened[-1]
         words = name.split(_SEPARATOR)  # namespace, name, prefix, or fewer
         reason += f": <{':'.join(reversed(words[1:] or words))}> of line {line} is not closed"
     return f"{place}: malformed XML: {reason}"
-
-
-def _undeclared(data: bytes, error: expat.ExpatError) -> str:
-    """Return the undeclared prefix of the element at which expat stops, or of its attributes."""
-    text = b"\n".join(data.splitlines()[error.lineno - 1 :])[error.offset :]
-    element, _, _ = text.partition(b">")
-    declared = re.findall(rb"\sxmlns:([\w.-]+)\s*=", data)
-    bare = re.sub(rb"""="[^"]*"|='[^']*'""", b"", element)  # values may hold what looks like one
-    used = re.findall(rb"[<\s]([A-Za-z_][\w.-]*):", bare)
-    names = (prefix.decode() for prefix in used if prefix not in (*declared, b"xmlns", b"xml"))
-    return next(names, "")
 
 
 def to_text(root: ElementTree.Element) -> str:

@@ -37,14 +37,10 @@ def transformed(points: Floats, matrix: Floats) -> Floats:
 
 def of_origin(origin: Origin) -> Floats:
     """Return the matrix of a URDF origin."""
-    matrix = np.eye(4)
-    if any(origin.rpy):  # Most are not rotated.
-        matrix[:3, :3] = quaternions.to_matrix(quaternions.from_rpy(origin.rpy))
-    matrix[:3, 3] = origin.xyz
-    return matrix
+    return of_transform(origin.transform)
 
 
 def to_origin(matrix: Floats) -> Origin:
-    """Return the URDF origin of a matrix; at a pitch of a quarter turn it has no roll."""
+    """Return the URDF origin of a matrix; see ``rpy_of_rows``."""
     x, y, z = matrix[:3, 3].tolist()
-    return Origin((x, y, z), rpy_of_rows(matrix[:3, :3].tolist(), keeps_yaw=True))
+    return Origin((x, y, z), rpy_of_rows(matrix[:3, :3].tolist()))

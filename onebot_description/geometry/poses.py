@@ -124,19 +124,17 @@ def to_rpy(rotation: Quaternion) -> Triple:
     return rpy_of_rows(rows_of(rotation))
 
 
-def rpy_of_rows(rows: Sequence[Sequence[float]], *, keeps_yaw: bool = False) -> Triple:
+def rpy_of_rows(rows: Sequence[Sequence[float]]) -> Triple:
     """Return fixed-axis roll, pitch, yaw, rad, of the three rows of a rotation matrix.
 
     At a pitch of a quarter turn (gimbal lock), only the sum or difference of roll and yaw is
-    defined: then yaw is zero, as in tf2, or roll if it ``keeps_yaw``.
+    defined: then yaw is zero, as in tf2.
     """
-    (xx, xy, _), (yx, yy, yz), (zx, zy, zz) = rows
+    (xx, _, _), (yx, yy, yz), (zx, zy, zz) = rows
     flat = math.hypot(xx, yx)
     pitch = math.atan2(-zx, flat)
     if flat > _LOCKED:
         return math.atan2(zy, zz), pitch, math.atan2(yx, xx)
-    if keeps_yaw:
-        return 0.0, pitch, math.atan2(-xy, yy)
     return math.atan2(-yz, yy), pitch, 0.0
 
 

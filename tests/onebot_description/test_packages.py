@@ -53,13 +53,6 @@ def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
     assert package_share("mrm_description") == tmp_path / "share/mrm_description"
 
 
-@pytest.mark.parametrize("name", ["ridgeback_description", "ur_description", "laser_msgs"])
-def test_an_ending_alone_makes_no_package_the_one_meant(name):
-    with pytest.raises(OneBotError) as caught:
-        package_share(name)
-    assert "did you mean" not in str(caught.value)
-
-
 @pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])
 def test_paths_lead_to_the_file(uri: str) -> None:
     assert resolve(uri, ROBOTS) == CUBE
@@ -68,13 +61,9 @@ def test_paths_lead_to_the_file(uri: str) -> None:
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("package://", "must read package://<package>/<path>"),
-        ("package:///a.stl", "must read package://<package>/<path>"),
         ("file://host/a.stl", "with three slashes"),
         ("file://[/a.stl", "Invalid"),
-        ("http://a.org/b.stl", "nothing is fetched from the network"),
-        ("HTTPS://a.org/b.stl", "nothing is fetched from the network"),
-        ("model://b/b.stl", "is not loaded; write package://"),
+        ("HTTPS://a.org/b.stl", "https:// is not loaded; write package://"),
     ],
 )
 def test_what_names_no_file_is_refused(uri: str, words: str) -> None:
@@ -199,13 +188,9 @@ def test_package_path_is_put_first_in_the_variable_that_children_inherit(tmp_pat
 
 
 def test_a_package_that_ros_2_does_not_find_becomes_a_file(tmp_path, monkeypatch):
-    """As one that catkin has installed, which is in no ament index."""
-    path, share = _package(tmp_path / "path/p", "on_path"), _package(tmp_path / "share/old", "old")
+    path = _package(tmp_path / "path/p", "on_path")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "path"))
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
-    resources = Resources(None)
-    assert resources.locate("package://on_path/a b.stl").uri == (path / "a b.stl").as_uri()
-    assert resources.locate("package://old/a.stl").uri == (share / "a.stl").as_uri()
+    assert Resources(None).locate("package://on_path/a b.stl").uri == (path / "a b.stl").as_uri()
 
 
 def test_a_missing_package_is_explained(tmp_path, monkeypatch):
@@ -218,9 +203,6 @@ def test_a_missing_package_is_explained(tmp_path, monkeypatch):
     for place in ("mine", "sourced", sys.prefix, f"around {tmp_path}"):
         assert place in looked
     assert "package_path:=FOLDER" in remedy and "export ROS_PACKAGE_PATH=FOLDER" in remedy
-    with pytest.raises(OneBotError, match='did you mean "geometry_msgs"') as caught:
-        Resources(None).package("geometri_msgs")
-    assert "std_msgs" not in str(caught.value) and "(not set)" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "..", "a b", "\N{BLACK STAR}", "a\0b"])

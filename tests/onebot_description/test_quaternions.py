@@ -80,9 +80,9 @@ def test_points_are_those_of_the_parent():
     np.testing.assert_allclose(found, [[1.0, 3.0, 3.0], [0.0, 2.0, 3.5]], atol=1e-15)
 
 
-@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.2, 1.0), (0.0, np.pi / 2, 0.7)])
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -0.2, 1.0), (0.7, np.pi / 2, 0.0)])
 def test_origins(rpy):
-    """At a pitch of a quarter turn, an origin has no roll."""
+    """At a pitch of a quarter turn, an origin has no yaw."""
     origin = Origin((1.0, 2.0, 3.0), rpy)
     matrix = matrices.of_origin(origin)
     turn = Rotation.from_euler("xyz", rpy).as_matrix()

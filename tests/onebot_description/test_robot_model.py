@@ -118,10 +118,6 @@ def test_limits_are_the_joints_own():
     model = RobotModel.from_description(parse_description(_ARM))
     np.testing.assert_array_equal(model.lower, [-1.0, -0.5, -np.inf])
     np.testing.assert_array_equal(model.upper, [2.0, 0.25, np.inf])
-    np.testing.assert_array_equal(model.velocity, [3.0, 4.0, np.inf])
-    limited = _ARM.replace("</joint></robot>", '<limit effort="1" velocity="0"/></joint></robot>')
-    model = RobotModel.from_description(parse_description(limited))
-    np.testing.assert_array_equal(model.velocity, [3.0, 4.0, 0.0])
 
 
 def test_rows_taken_are_those_joints_in_that_order():

@@ -68,7 +68,6 @@ class ColorCamera(Kind[Camera]):
 
     types: ClassVar[tuple[str, ...]] = ("camera",)
     message_types = {output: spec.message_type for output, spec in _OUTPUTS.items()}
-    own_frame = ()  # images have an optical frame, and clouds are converted
     frame_tags = ("optical_frame_id",)
     elements = {
         "sensor": f"{_LENS}camera",
@@ -82,7 +81,7 @@ class ColorCamera(Kind[Camera]):
         f"{_LOWS} {_HIGHS} hack_baseline hackBaseline border_crop borderCrop"
     )
     substitutes: ClassVar[tuple[Substitute, ...]] = (
-        Substitute(6, "camera", "camera", "camera", "30"),
+        Substitute("camera", "camera", "camera", "30"),
     )
     by_sensor: ClassVar[tuple[str, ...]] = ("image", "camera_info")
     by_plugin: ClassVar[tuple[str, ...]] = ("image", "camera_info")
@@ -161,9 +160,7 @@ class RgbdCamera(ColorCamera):
     """How a camera of colours and depths is described."""
 
     types = ("rgbd", "rgbd_camera")
-    substitutes = (
-        Substitute(1, "realsense|kinect|openni|depth|rgbd", "camera", "rgbd_camera", "30"),
-    )
+    substitutes = (Substitute("realsense|kinect|openni|depth|rgbd", "camera", "rgbd_camera", "30"),)
     by_sensor = by_plugin = ("image", "depth", "camera_info", "points")
 
     def below_topic(self, outputs: tuple[str, ...]) -> dict[str, str]:

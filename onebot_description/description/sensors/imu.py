@@ -42,7 +42,7 @@ _AXES: Mapping[str, Triple] = {
     "NED": (math.pi, 0.0, math.pi / 2.0),
     "NWU": (0.0, 0.0, math.pi / 2.0),
 }
-_CUSTOM, _BY_GRAVITY = "CUSTOM", ("GRAV_UP", "GRAV_DOWN")
+_CUSTOM = "CUSTOM"
 
 
 def _read_noises(block: Block, imu: Element, tag: str, old_name: str) -> _Noises:
@@ -58,14 +58,11 @@ def _read_reference(block: Block, imu: Element) -> Reference:
     if element is None:
         return Reference()
     name = element.findtext("localization", _CUSTOM).strip()
-    if name in _BY_GRAVITY:
-        text = f"{name} is not simulated: the orientation is that in the world, as of ENU"
-        block.findings.warning(element, f"{text}; write one of: {', '.join(_AXES)}, {_CUSTOM}")
-    elif name != _CUSTOM and name not in _AXES:
-        hint = did_you_mean(name, (*_AXES, _CUSTOM))
-        block.problem(f'there are no axes "{name}"{hint}', element)
     if name != _CUSTOM:
-        return Reference(_AXES.get(name, _AXES["ENU"]))
+        if name not in _AXES:
+            hint = did_you_mean(name, (*_AXES, _CUSTOM))
+            block.problem(f'there are no axes "{name}"{hint}', element)
+        return Reference(_AXES.get(name, ZERO))
     custom = element.find("custom_rpy")
     if custom is None:
         return Reference(block.frames.turned(ZERO, block.pose, block.link), at_start=True)
@@ -83,7 +80,6 @@ class ImuKind(Kind[Imu]):
 
     types = ("imu",)
     message_types = {"imu": "sensor_msgs/msg/Imu"}
-    own_frame = ("imu",)
     frame_tags = ()
     elements = {
         "sensor": "imu",
@@ -92,7 +88,7 @@ class ImuKind(Kind[Imu]):
         "orientation_reference_frame": "localization custom_rpy",
     }
     plugin_elements = "topicName gaussianNoise"
-    substitutes = (Substitute(2, r"(?<![a-z])imu|(?<=ros)imu", "imu", "imu", "100"),)
+    substitutes = (Substitute(r"(?<![a-z])imu|(?<=ros)imu", "imu", "imu", "100"),)
 
     @staticmethod
     def read(block: Block) -> Imu:

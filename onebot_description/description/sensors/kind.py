@@ -35,11 +35,10 @@ def joined(*names: str) -> str:
 class Substitute(NamedTuple):
     """A <sensor> to write instead of a plugin that stands alone, in no <sensor>."""
 
-    precedence: int  # the substitute with the least is taken if several match
     words: str  # pattern of the plugin's file or name
     name: str
     type: str
-    rate: str  # Hz, unless the plugin has one
+    rate: str  # Hz
     inside: str = ""
 
 
@@ -51,8 +50,6 @@ class Kind(ABC, Generic[M]):
     Attributes:
         types: of the <sensor>.
         message_types: of all outputs, by their names.
-        own_frame: outputs whose values are in the sensor's own frame, which has to be that of the
-            messages.
         frame_tags: elements that name the frame of the messages, before those of all kinds.
         elements: by element, the elements in it that are read, or have no effect here.
         plugin_elements: those in a plugin.
@@ -66,7 +63,6 @@ class Kind(ABC, Generic[M]):
 
     types: ClassVar[tuple[str, ...]]
     message_types: ClassVar[Mapping[str, str]]
-    own_frame: ClassVar[tuple[str, ...]]
     frame_tags: ClassVar[tuple[str, ...]]
     elements: ClassVar[Mapping[str, str]]
     plugin_elements: ClassVar[str]

@@ -8,7 +8,8 @@ from onebot_description.description.sensors.imu import ImuKind
 from onebot_description.description.sensors.kind import Kind
 from onebot_description.description.sensors.lidar import LidarKind
 
-_KINDS: tuple[type[Kind[Any]], ...] = (LidarKind, DepthCamera, RgbdCamera, ImuKind, ColorCamera)
+# In the order in which their substitutes are looked through.
+_KINDS: tuple[type[Kind[Any]], ...] = (RgbdCamera, DepthCamera, ImuKind, LidarKind, ColorCamera)
 
 BY_TYPE = {kind_type: kind for kind in _KINDS for kind_type in kind.types}
 """The kind of sensor, by the type of its block."""
@@ -18,10 +19,7 @@ MESSAGE_TYPES = {
 }
 """The message type of each sensor output."""
 
-OWN_FRAME = frozenset(output for kind in _KINDS for output in kind.own_frame)
-"""The outputs whose values are in the sensor's own frame."""
-
-SUBSTITUTES = sorted(substitute for kind in _KINDS for substitute in kind.substitutes)
+SUBSTITUTES = [substitute for kind in _KINDS for substitute in kind.substitutes]
 """The sensors to write instead of plugins; the first one whose words match is right."""
 
 _COMMON = {

@@ -77,7 +77,6 @@ _WORDS = {
     "scan": "laser",
     "range": "range sonar",
 }
-_SPELLINGS = {"ultrasonic": "ultrasound", "infared": "infrared"}  # the last by a plugin of ROS 1
 
 
 def _fan(tag: str, samples: int, angle: float) -> str:
@@ -103,7 +102,6 @@ class LidarKind(Kind[Lidar]):
 
     types = ("lidar", "gpu_lidar", "ray", "gpu_ray")
     message_types = _MESSAGES
-    own_frame = ("scan", "range")
     frame_tags = ()
     elements = {
         "sensor": "ray lidar",
@@ -117,9 +115,9 @@ class LidarKind(Kind[Lidar]):
         "radiation_type radiationType radiation fov organize_cloud"
     )
     substitutes = (
-        Substitute(3, "velodyne|ouster|livox", "lidar", "gpu_lidar", "10", _IN_ROWS),
-        Substitute(4, r"sonar|ultrasonic|(?<![a-z])range", "range", "ray", "10", _CONE),
-        Substitute(5, "laser|lidar|hokuyo|ray_sensor", "lidar", "gpu_lidar", "10", _IN_PLANE),
+        Substitute("velodyne|ouster|livox", "lidar", "gpu_lidar", "10", _IN_ROWS),
+        Substitute(r"sonar|ultrasonic|(?<![a-z])range", "range", "ray", "10", _CONE),
+        Substitute("laser|lidar|hokuyo|ray_sensor", "lidar", "gpu_lidar", "10", _IN_PLANE),
     )
     _made = ""  # the output of the plugin
 
@@ -145,7 +143,7 @@ class LidarKind(Kind[Lidar]):
             noise=model.noise.plus(stddev),
             is_organized=not is_false(text_of(plugin, "organize_cloud")),
             cone=(is_range and block.of_plugin(plugin, "fov", NOT_NEGATIVE)) or 0.0,
-            radiation=_radiation(block, plugin) if is_range else "infrared",
+            radiation=_radiation(plugin) if is_range else "infrared",
         )
 
     @property
@@ -190,8 +188,6 @@ def _read_fan(block: Block, ray: Element, path: str) -> Fan:
     count = max(1, round(samples * block.number(element, "resolution", 1.0, POSITIVE)))
     least = block.number(element, "min_angle", 0.0, _ANGLE)
     greatest = block.number(element, "max_angle", 0.0, _ANGLE)
-    if count > _MOST_RAYS and not block.wrong:
-        block.problem(f"{count} rays are more than {_MOST_RAYS}; lower <samples>", element)
     if count > 1:
         block.check_order(ray, path, ("min_angle", least), ("max_angle", greatest))
         if greatest - least > _TURN:
@@ -199,14 +195,9 @@ def _read_fan(block: Block, ray: Element, path: str) -> Fan:
     return Fan(count, least, greatest)
 
 
-def _radiation(block: Block, plugin: Element) -> str:
+def _radiation(plugin: Element) -> str:
     """Return the radiation of a plugin that publishes Range messages."""
     text = text_of(plugin, "radiation_type", "radiationType", "radiation")
-    radiation = _SPELLINGS.get(text, text)
-    if text and radiation not in RADIATIONS:
-        kinds = ", ".join(RADIATIONS)
-        fault = f'has the unknown radiation "{text}", so it is infrared; write one of: {kinds}'
-        block.findings.warning(plugin, fault)
     file = plugin.get("filename", "")
     is_sonar = not text and ("gazebo_ros_range" in file or "sonar" in file)
-    return "ultrasound" if is_sonar or radiation == "ultrasound" else "infrared"
+    return "ultrasound" if is_sonar or text in ("ultrasound", "ultrasonic") else "infrared"

@@ -19,11 +19,6 @@ class Noise:
     bias_stddev: float = 0.0
     precision: float = 0.0  # step to which the sum is rounded; 0: no rounding
 
-    @property
-    def variance(self) -> float:
-        """The square of the standard deviation."""
-        return self.stddev**2
-
     def plus(self, stddev: float) -> "Noise":
         """Return it with independent noise of another ``stddev`` added."""
         return replace(self, stddev=math.hypot(self.stddev, stddev)) if stddev else self

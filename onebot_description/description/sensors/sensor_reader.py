@@ -1,14 +1,12 @@
 """Reads the sensors of a document; one with a fault is left out, and reported as a problem."""
 
-import math
-import operator
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from onebot_description.description.sensors.block import NOT_NEGATIVE, Block, text_of
 from onebot_description.description.sensors.kind import Kind, word_of
-from onebot_description.description.sensors.kind_table import BY_TYPE, OWN_FRAME, clashes
+from onebot_description.description.sensors.kind_table import BY_TYPE, clashes
 from onebot_description.description.sensors.unread import (
     RATES,
     warn_of_misplaced,
@@ -16,11 +14,10 @@ from onebot_description.description.sensors.unread import (
     warn_of_unread,
 )
 from onebot_description.elements.description import Joint
-from onebot_description.elements.frames import Frames, placed
+from onebot_description.elements.frames import Frames
 from onebot_description.elements.reading import Element, Findings
 from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.errors import did_you_mean
-from onebot_description.geometry.poses import Origin
 from onebot_description.ros.parameters.values import Rule, ValueType
 
 _RATE = Rule(at_least=0.0, at_most=1000.0)
@@ -29,8 +26,6 @@ _TOPIC = Rule(
     pattern=re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII),
     write="a ROS name: words of letters, digits and _ that do not start with a digit, joined by /",
 )
-# A sensor may differ this much from the frame of its messages; 1.57 for a quarter turn is no fault.
-_APART, _TURNED = 1e-3, 1e-2  # m, rad
 
 
 def read_sensors(
@@ -48,9 +43,8 @@ def read_sensors(
     """
     root = findings.document.root
     parents = [root] if root.tag == "gazebo" else root.findall("gazebo")
-    joints = [*joints]
     readers = [*_readers(findings, parents, Frames(links, joints))]
-    warn_of_misplaced(findings, parents, links)
+    warn_of_misplaced(findings, parents)
     for reader in readers:
         reader.read(links)
     published = list[tuple[dict[str, str], _SensorReader]]()
@@ -62,7 +56,7 @@ def read_sensors(
             reader.compare(topics, published)
             published.append((topics, reader))
         if not reader.wrong:
-            reader.warn_of_frames(reader_sensors, links, joints)
+            reader.warn_of_frames(reader_sensors, links)
             sensors.extend(reader_sensors)
     bad = dict.fromkeys(reader.name for reader in readers if reader.wrong)
     return tuple(sensors), tuple(bad)
@@ -75,9 +69,7 @@ def _readers(
     for parent in parents:
         for element in parent.iterfind("sensor"):
             kind = element.get("type", "")
-            if not kind:
-                findings.problem(element, f"has no type; write one of: {', '.join(BY_TYPE)}")
-            elif kind in BY_TYPE:
+            if kind in BY_TYPE:
                 link = parent.get("reference", "")
                 yield _SensorReader(findings, element, link, frames, BY_TYPE[kind])
             else:
@@ -131,12 +123,7 @@ class _SensorReader(Block):
             return {}
         keys = outputs.made(self._model.rays[0])
         written = outputs.topics(keys, self._above(outputs, readers))
-        topics = {output: self._checked(topic) for output, topic in written.items()}
-        names = [topics[output].lstrip("/") for output in keys if output != "depth_camera_info"]
-        twice = next((name for name in names if names.count(name) > 1), "")
-        if twice and not self.wrong:
-            self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
-        return topics
+        return {output: self._checked(topic) for output, topic in written.items()}
 
     def _checked(self, topic: str) -> str:
         """Return a topic's name."""
@@ -202,37 +189,10 @@ class _SensorReader(Block):
                 self.findings.warning(self.element, text)
                 return
 
-    def warn_of_frames(
-        self, sensors: Iterable[Sensor], links: Collection[str], joints: Iterable[Joint]
-    ) -> None:
-        """Warn once of each frame that is wrong for the messages of these sensors."""
-        for sensor in {sensor.frame: sensor for sensor in sensors}.values():
-            if sensor.frame not in links:
-                hint = self.findings.hint(sensor.frame, links, "links")
-                text = f'no link is called "{sensor.frame}", the frame of its messages{hint}'
+    def warn_of_frames(self, sensors: Iterable[Sensor], links: Collection[str]) -> None:
+        """Warn once of each frame of the messages of these sensors that no link has."""
+        for frame in dict.fromkeys(sensor.frame for sensor in sensors):
+            if frame not in links:
+                hint = self.findings.hint(frame, links, "links")
+                text = f'no link is called "{frame}", the frame of its messages{hint}'
                 self.findings.warning(self.element, text)
-            elif text := _apart(sensor, joints):
-                text += f' "{sensor.frame}", the frame of its messages, which have what it measures'
-                remedy = "name a link that is where it is in <gz_frame_id>, or change its <pose>"
-                self.findings.warning(self.element, f"{text} there; {remedy}")
-
-
-def _apart(sensor: Sensor, joints: Iterable[Joint]) -> str:
-    """Return how a sensor is placed that should be at the frame of its messages; "" if it is there.
-
-    Images need not be, as they have an optical frame, nor clouds, which are converted.
-    """
-    is_there = sensor.frame == sensor.link and sensor.origin == Origin()
-    if is_there or next(iter(sensor.topics)) not in OWN_FRAME:
-        return ""
-    fixed = [joint for joint in joints if joint.kind == "fixed"]
-    body, (at, turn) = placed(sensor.link, sensor.origin, fixed)
-    frame_body, (place, direction) = placed(sensor.frame, Origin(), fixed)
-    if body != frame_body:
-        return "moves against"
-    apart = math.dist(at, place)
-    cosine = abs(sum(map(operator.mul, turn, direction)))  # cosine of half the angle
-    angle = 2 * math.acos(min(1.0, cosine))
-    if apart > _APART or angle > _TURNED:
-        return f"is {apart:.3g} m and {math.degrees(angle):.3g} degrees from"
-    return ""

@@ -6,14 +6,14 @@ from collections.abc import Collection, Iterator
 from onebot_description.description.sensors.block import text_of
 from onebot_description.description.sensors.kind import Substitute
 from onebot_description.description.sensors.kind_table import ELEMENTS, SUBSTITUTES
-from onebot_description.elements.reading import Element, Findings, number_fault
+from onebot_description.elements.reading import Element, Findings
 
 RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
 _IN_ANY_PLUGIN = (
     "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
     "ignition_frame_id frame_id always_on alwaysOn visualize"
 )
-_NOTHING = ("0", "false", "none", "")  # values of a plugin's child that ask for nothing
+_NOTHING = ("", "false", "none")  # values of a plugin's child that ask for nothing, besides zeros
 
 _TRUTH = re.compile(r"p3d|ground_?truth")
 # Plugins of gz sim's world, and those that move a body, are not sensors.
@@ -52,35 +52,26 @@ def warn_of_unread(
     unread = [child.tag for child in children if child.tag not in known_tags and _asks(child)]
     rules = [f"<remapping> {old}:={new}" for old, new in idle]
     names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
-    if len(unread) == 1 and not rules:
-        hint = findings.hint(unread[0], known_tags)
-        hint = hint if "did you mean" in hint else ""  # else it lists all that is known
-        findings.warning(plugin, f"{names} is not simulated, so it is ignored{hint}")
-    elif names:
+    if names:
         findings.warning(plugin, f"{names}: nothing of the sensor reads this")
 
 
 def _asks(element: Element) -> bool:
     """Return whether an element asks for anything; zeros and false do not."""
-    words = (element.text or "").split()
-    zeros = all(
-        word.lower() in _NOTHING or number_fault(word) is None and not float(word) for word in words
-    )
-    return len(element) > 0 or not zeros
+    words = (element.text or "").lower().split()
+    return len(element) > 0 or any(word.strip("0.") not in _NOTHING for word in words)
 
 
-def warn_of_misplaced(
-    findings: Findings, parents: Collection[Element], links: Collection[str]
-) -> None:
+def warn_of_misplaced(findings: Findings, parents: Collection[Element]) -> None:
     """Warn of sensors outside of ``parents``, and of sensor plugins outside of a <sensor>."""
     for element, path in _walk(findings.document.root, ()):
         if element.tag == "sensor" and element.keys() and path[-1] not in parents:
-            link = _link_above(path) or _named(element, links) or "LINK"
+            link = _link_above(path) or "LINK"
             text = f"lies in <{path[-1].tag}>, where it is not read; write <gazebo "
             text += f'reference="{link}"> around it, directly in <robot>'
             findings.warning(element, text)
         elif element.tag == "plugin":
-            _warn_of_plugin(findings, element, _link_above(path), links)
+            _warn_of_plugin(findings, element, _link_above(path))
 
 
 def _walk(
@@ -103,15 +94,7 @@ def _link_above(path: tuple[Element, ...]) -> str:
     return next(filter(None, names), "")
 
 
-def _named(element: Element, links: Collection[str]) -> str:
-    """Return the link that an element inside names, like <parent link="..."/> in old URDF."""
-    texts = (text for inside in element.iter() for text in (inside.get("link"), inside.text))
-    return next((text.strip() for text in texts if text and text.strip() in links), "")
-
-
-def _warn_of_plugin(
-    findings: Findings, plugin: Element, above: str, links: Collection[str]
-) -> None:
+def _warn_of_plugin(findings: Findings, plugin: Element, above: str) -> None:
     words = f"{plugin.get('filename', '')} {plugin.get('name', '')}".lower()
     if _NO_SENSOR.search(words):
         return
@@ -119,14 +102,13 @@ def _warn_of_plugin(
     is_truth, named = _TRUTH.search(words), text_of(plugin, *_LINKS)
     if not (substitute or is_truth or named):
         return
-    frame = text_of(plugin, "frame_name", "frameName")
-    link = named or above or (frame if frame in links else "")
+    link = named or above
     place = f' on link "{link}"' if link else ""
     text = f"is a sensor{place} without a <sensor>, so it is ignored"
     if is_truth:
         text += "; the true pose and twist are on ~/ground_truth of velocity_controller"
     elif substitute:
-        text += f"; write {_written(substitute, plugin, link or 'LINK')}"
+        text += f"; write {_written(substitute, link or 'LINK')}"
     else:
         types = ", ".join(dict.fromkeys(entry.type for entry in SUBSTITUTES))
         text += f'; if it is like one, write <gazebo reference="{link}"><sensor name="NAME" '
@@ -134,11 +116,8 @@ def _warn_of_plugin(
     findings.warning(plugin, text)
 
 
-def _written(substitute: Substitute, plugin: Element, link: str) -> str:
-    rate = text_of(plugin, "updateRate", *RATES)
-    if not rate or number_fault(rate):
-        rate = substitute.rate
+def _written(substitute: Substitute, link: str) -> str:
     return (
         f'<gazebo reference="{link}"><sensor name="{substitute.name}" type="{substitute.type}">'
-        f"<update_rate>{rate}</update_rate>{substitute.inside}</sensor></gazebo>"
+        f"<update_rate>{substitute.rate}</update_rate>{substitute.inside}</sensor></gazebo>"
     )
