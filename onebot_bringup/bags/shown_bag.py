@@ -1,6 +1,7 @@
 """Shows a whole bag in Rerun as the live viewer would have shown it."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -77,11 +78,6 @@ class ShownBag:
         first = self._first = robots[0]
         if len(robots) > 1:
             spaces = listing([robot.space or "/" for robot in robots])
-            if frame_prefix:
-                raise OneBotError(
-                    f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
-                    f"{spaces}: choose one by namespace:="
-                )
             progress(f"showing the robots in {spaces}; namespace:= chooses one")
         elif not first.description:
             warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
@@ -107,9 +103,6 @@ class ShownBag:
             OneBotError: nothing can be shown.
         """
         bag, warn = self._bag, self._warn
-        for warning in bag.warnings:
-            warn(warning)
-        warned = len(bag.warnings)
         player = _Player(bag, stream, warn)
         robot_view = RobotView(
             stream,
@@ -124,7 +117,7 @@ class ShownBag:
         for warning in robot_view.offer(_with_messages(bag, self._first, self._namespace)):
             warn(warning)
         replay = player.play(robot_view, self._progress)
-        for warning in bag.warnings[warned:]:
+        for warning in dict.fromkeys(bag.warnings):
             warn(warning)
         if not replay.messages:
             topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
@@ -150,14 +143,14 @@ class _Player:
         self._bag = bag
         self._stream = stream
         self._warn = warn
-        self._bad: dict[str, int] = {}  # number of bad messages by topic
+        self._bad: Counter[str] = Counter()  # number of bad messages by topic
+        self._first_errors: dict[str, Exception] = {}  # by topic
         self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:
-        """Count a message that cannot be shown; warn of the first on each topic."""
-        self._bad[topic] = self._bad.get(topic, 0) + 1
-        if self._bad[topic] == 1:
-            self._warn(f"a message of {topic} is left out: {error}")
+        """Note a message that cannot be shown."""
+        self._bad[topic] += 1
+        self._first_errors.setdefault(topic, error)
 
     def play(self, view: RobotView, progress: Log) -> Shown:
         """Show the whole bag; call ``progress`` if it takes over two seconds."""
@@ -185,11 +178,10 @@ class _Player:
         self.now_ns += int(_SETTLE * 1e9)
         self._tick(view)
         view.finish()
-        for topic, number in self._bad.items():
-            if number > 1:
-                self._warn(f"{number} messages of {topic} were left out")
+        for topic, error in self._first_errors.items():
+            self._warn(f"{self._bad[topic]} messages of {topic} were left out; the first: {error}")
         robot = printable(view.robot.robot_name) if view.robot is not None else ""
-        return Shown(robot, count - sum(self._bad.values()), seconds)
+        return Shown(robot, count - self._bad.total(), seconds)
 
     def _tick(self, view: RobotView) -> None:
         for sentence in view.tick(self.now_ns):

@@ -15,23 +15,20 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.whole_file import write_whole
 
-METADATA = "metadata.yaml"
+_METADATA = "metadata.yaml"
 CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's default
 _MOST_PENDING = 16 * 1024 * 1024  # most bytes kept in memory between two checkpoints
 _INFINITE = 2**63 - 1  # ns; what rosbag2 writes for an infinite duration, and for no start
+_FOREVER = dict(zip(("sec", "nsec"), divmod(_INFINITE, 10**9), strict=True))
 _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyYAML has it
 
 
 @dataclass(frozen=True)
 class Qos:
-    """The quality of service that a publisher offers, in rosbag2's terms."""
+    """The quality of service that a publisher offers, as far as it is recorded."""
 
     reliability: str = "reliable"  # the other value is best_effort
     durability: str = "volatile"  # the other value is transient_local
-    liveliness: str = "automatic"  # the other value is manual_by_topic
-    deadline: int | None = None  # ns; None for infinite, as in the next two
-    lifespan: int | None = None
-    lease: int | None = None  # lease duration of the liveliness
 
 
 @dataclass(frozen=True)
@@ -144,7 +141,7 @@ class BagWriter:
 
     def _write_metadata(self) -> None:
         # The file is replaced as a whole, so that it is never incomplete.
-        write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
+        write_whole(self.folder / _METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
         """Return the metadata in rosbag2's version 9, as Jazzy writes it."""
@@ -292,17 +289,12 @@ def _qos(qos: Qos) -> dict[str, Any]:
         "depth": 0,
         "reliability": qos.reliability,
         "durability": qos.durability,
-        "deadline": _duration(qos.deadline),
-        "lifespan": _duration(qos.lifespan),
-        "liveliness": qos.liveliness,
-        "liveliness_lease_duration": _duration(qos.lease),
+        "deadline": _FOREVER,
+        "lifespan": _FOREVER,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _FOREVER,
         "avoid_ros_namespace_conventions": False,
     }
-
-
-def _duration(nanoseconds: int | None) -> dict[str, int]:
-    sec, nsec = divmod(_INFINITE if nanoseconds is None else nanoseconds, 10**9)
-    return {"sec": sec, "nsec": nsec}
 
 
 class _Dumper(_FastDumper):  # type: ignore[misc, valid-type]

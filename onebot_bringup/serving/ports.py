@@ -59,9 +59,6 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
             listener = socket.create_server(
                 (address[0], chosen, *address[2:]), family=family, dualstack_ipv6=dualstack
             )
-        except PermissionError:
-            text = f"{name}:={port} is not allowed to you: use one from 1024 on"
-            raise OneBotError(text) from None
         except OSError as error:
             if error.errno in _NOT_HERE:
                 raise _not_here(host) from None
@@ -78,15 +75,10 @@ def free_port(port: int, name: str = "port") -> int:
 
 
 def hidden_address() -> tuple[str, int]:
-    """Return a loopback address that cannot be guessed, and a free port on it.
-
-    All of 127.0.0.0/8 is loopback on Linux; elsewhere only the port is random.
-    """
+    """Return an address of 127.0.0.0/8 that cannot be guessed, and a free port on it."""
     address = str(ipaddress.ip_address("127.0.0.0") + secrets.randbelow((1 << 24) - 2) + 1)
-    for host in (address, LOOPBACK):
-        with contextlib.suppress(OneBotError), listen(host, 0) as probe:
-            return host, int(probe.getsockname()[1])
-    raise OneBotError(f"there is no free port on {LOOPBACK}")
+    with listen(address, 0) as probe:
+        return address, int(probe.getsockname()[1])
 
 
 def answers(port: int) -> bool:

@@ -127,7 +127,7 @@ class BlueprintSender:
         if bounds is not None:
             eye, target = fitting_eye(bounds)
             size = diagonal(bounds)
-        camera, follow = layout.camera, self._followed(layout.camera.follow)
+        camera, follow = layout.camera, self.followed(layout.camera.follow)
         if len(self._robots) > 1 and camera.follow and follow is None:
             camera = CameraSettings()  # the view's camera was set up for a single robot
         camera = replace(camera, eye=camera.eye or eye, target=camera.target or target)
@@ -153,7 +153,7 @@ class BlueprintSender:
             }
         return bounds
 
-    def _followed(self, wanted: str) -> str | None:
+    def followed(self, wanted: str) -> str | None:
         """Return the entity that moves with a link; among several robots, links go by frame."""
         for candidate in self._robots:
             robot = candidate.description

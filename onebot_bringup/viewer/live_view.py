@@ -35,12 +35,7 @@ class LiveView:
         source: the view and where it comes from.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        own: Any,
-        apply: Callable[[], None],
-    ) -> None:
+    def __init__(self, node: Node, own: Any, apply: Callable[[], None]) -> None:
         """Declare the settings as parameters, with the view's values where none are given.
 
         Args:
@@ -55,7 +50,6 @@ class LiveView:
         self._apply = apply
         self.source = ViewSource(own.view, self._log.warning)
         self._mirroring = False
-        self._refused: set[Path] = set()  # files with a mistake
         self._declare()
         self._mirror()
         refuse_undeclared(node, ViewConfig)
@@ -120,21 +114,12 @@ class LiveView:
 
     def poll(self) -> None:
         """Apply edits of the view's file; call this periodically."""
-        saved, removed = self.source.poll()
-        for file in removed:
-            self._log.warning(f"{file} was removed: keeping the view shown so far")
-        for file in saved:
+        for file in self.source.poll().saved:
             try:
-                changed = self.source.reload()
+                if self.source.reload():
+                    self._changed(f"{file} was edited: the view is up to date")
             except OneBotError as error:
-                self._refused.add(file)
                 self._log.warning(f"keeping the view shown so far: {error}")
-                continue
-            if changed:
-                self._changed(f"{file} was edited: the view is up to date")
-            elif file in self._refused:
-                self._log.info(f"{file} is right again: it is in use")
-            self._refused.discard(file)
 
     def set_robot(self, robot: str) -> None:
         """Use the view in the robot's description package, unless the user has given another."""

@@ -67,11 +67,10 @@ def test_what_rviz_shows_is_shown(tmp_path):
     assert (view.axes.visible, view.axes.names, view.axes.frames) == (True, False, ("base_link",))
     assert view.collision
     looks = view.path.topics
-    assert set(looks) == {"plan", "/other"}
+    assert set(looks) == {"plan"}
     assert (looks["plan"].color, looks["plan"].visible) == ((255, 0, 10), True)
     assert looks["plan"].line_width == 0.029999999329447746
     assert (looks["plan"].reliability, looks["plan"].depth) == ("best_effort", 7)
-    assert not looks["/other"].visible
     [notice] = notices
     assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
 
@@ -165,22 +164,6 @@ def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
     view, _ = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", display, 1))
     assert view.marker.topics["/marks"].visible
     assert view.marker.topics["/marks"].hidden_namespaces == ("noise", "visible", "1")
-
-
-@pytest.mark.parametrize("enabled_first", [True, False])
-def test_of_two_displays_of_a_topic_the_enabled_one_counts(tmp_path, enabled_first):
-    """A topic is shown once; the other display's settings are left out whole."""
-    displays = [
-        """
-    - {Class: rviz_default_plugins/PointCloud2, Size (m): 0.3, Topic: {Value: /points}}""",
-        """
-    - {Class: rviz_default_plugins/PointCloud2, Enabled: false, Size (m): 0.7, Color: 1; 2; 3,
-       Topic: {Value: /points}}""",
-    ]
-    both = "".join(displays if enabled_first else displays[::-1])
-    view, _ = _loaded(tmp_path, FILE.replace("  Displays:", f"  Displays:{both}", 1))
-    [look] = view.point_cloud2.topics.values()
-    assert (look.visible, look.size, look.color) == (True, 0.3, None)
 
 
 def test_an_orbit_looks_from_where_rviz_does(tmp_path):

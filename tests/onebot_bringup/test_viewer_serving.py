@@ -144,9 +144,9 @@ def test_a_port_in_use_is_said_and_replaced_and_a_page_that_died_is_reported():
         parameters = ViewerParameters(grpc_port=0, web_port=port, open_browser=False)
         server = DisplayServer(parameters, log)
     [warning] = said
-    assert warning.startswith(f"web_port {port} is in use; using ")
+    assert warning.startswith(f"web_port {port} is not free; using ")
     wait_for(lambda: server.watch() or server.page_address, "the page")
-    os.kill(server._viewer._child.pid, signal.SIGKILL)
+    os.kill(server._viewer.pid, signal.SIGKILL)
     wait_for(lambda: server.watch() or not server.page_address, "its end")
     assert said[-1] == "the page's server died (exit code -9)"
     server.close()
@@ -186,7 +186,7 @@ def test_the_page_is_served_with_an_order_to_stay_on_this_machine(served):
     recording, page = served
     listening = [
         connection.laddr
-        for process in (psutil.Process(), psutil.Process(page._child.pid))
+        for process in (psutil.Process(), psutil.Process(page.pid))
         for connection in process.net_connections("tcp")
         if connection.status == psutil.CONN_LISTEN
     ]
@@ -282,7 +282,7 @@ def test_the_page_responds_by_the_rules_of_http():
             assert response.read() == b""
         with pytest.raises(urllib.error.HTTPError, match="405"):
             urllib.request.urlopen(page.url, b"data", timeout=PATIENCE)
-        os.kill(page._child.pid, signal.SIGKILL)
+        os.kill(page.pid, signal.SIGKILL)
         wait_for(lambda: not page.running, "its end")
         with pytest.raises(urllib.error.HTTPError, match="502") as caught:
             _get(page.address)
