@@ -123,7 +123,7 @@ class BagRecorder(Node):
 
     def _finish(self, bag: BagWriter) -> None:
         bag.close()
-        recorded = f"recorded {bag.message_count} messages of {bag.topic_count} topics"
+        recorded = f"recorded {bag.message_count} messages of {len(bag.topics)} topics"
         lost = f", {self._topics.lost} were lost" if self._topics.lost else ""
         self.get_logger().info(f"{recorded} to {bag.folder}{lost}")
 

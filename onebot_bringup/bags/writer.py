@@ -52,6 +52,7 @@ class BagWriter:
     Attributes:
         folder: the recording.
         open: whether messages are written; False once closed, or after a failure.
+        topics: the topics, by number.
         message_count: the number of messages of all topics.
     """
 
@@ -73,39 +74,27 @@ class BagWriter:
         self.message_count = 0
         self._start = self._end = 0  # times of the first and the last message, ns
         self._counts: dict[int, int] = {}  # number of messages by the topic's number
-        self._topics: dict[int, RecordedTopic] = {}
-        self._schemas: dict[str, int] = {}
+        self.topics: dict[int, RecordedTopic] = {}
         self._changed = False
+        if folder.exists():
+            raise OneBotError(f"{folder} exists already: name a new folder")
         with self._explained():
-            try:
-                folder.mkdir()
-            except FileExistsError:
-                raise OneBotError(f"{folder} exists already: name a new folder") from None
+            folder.mkdir()
             self._file = _McapFile(folder / f"{folder.name}_0.mcap", compress, chunk_size)
             self.open = True
             self._write_metadata()
 
-    @property
-    def topic_count(self) -> int:
-        return len(self._topics)
-
     def add_topic(self, topic: RecordedTopic) -> int:
         """Add a topic, whose type must be installed; return its number for ``write``."""
-        schema = self._schema(topic.type)
+        definition = full_definition(topic.type).encode()
+        schema = self._file.writer.register_schema(topic.type, "ros2msg", definition)
         offered = _yaml([_qos(qos) for qos in topic.offered])
         metadata = {"offered_qos_profiles": offered, "topic_type_hash": topic.hash}
         number = self._file.writer.register_channel(topic.name, "cdr", schema, metadata)
-        self._topics[number] = topic
+        self.topics[number] = topic
         self._counts[number] = 0
         self._changed = True
         return number
-
-    def _schema(self, type_name: str) -> int:
-        if type_name not in self._schemas:
-            definition = full_definition(type_name).encode()
-            number = self._file.writer.register_schema(type_name, "ros2msg", definition)
-            self._schemas[type_name] = number
-        return self._schemas[type_name]
 
     def write(self, topic: int, time_ns: int, data: bytes) -> None:
         """Add a message, which the next checkpoint writes.
@@ -132,8 +121,6 @@ class BagWriter:
         if not self.open:
             return
         with self._explained():
-            if self._file.vanished:
-                raise OneBotError(f"{self._file.path} was deleted or moved while recording")
             if self._changed:
                 self._file.checkpoint()
                 self._write_metadata()
@@ -152,7 +139,7 @@ class BagWriter:
             "starting_time": {"nanoseconds_since_epoch": start},
             "message_count": self.message_count,
         }
-        topics = [_topic(topic, self._counts[number]) for number, topic in self._topics.items()]
+        topics = [_topic(topic, self._counts[number]) for number, topic in self.topics.items()]
         information = {
             "version": 9,
             "storage_identifier": "mcap",
@@ -186,9 +173,6 @@ class BagWriter:
         except OSError as error:
             self._stop()
             raise OneBotError(f"cannot record to {self.folder}: {error.strerror}") from error
-        except OneBotError:
-            self._stop()
-            raise
 
 
 class _Output(io.BytesIO):
@@ -259,14 +243,6 @@ class _McapFile:
             view, place = view[written:], place + written
         if os.fstat(self._file).st_size > place:
             os.ftruncate(self._file, place)
-
-    @property
-    def vanished(self) -> bool:
-        """Whether the file was deleted or moved, so that further data would be lost."""
-        try:
-            return not os.path.samestat(os.stat(self.path), os.fstat(self._file))
-        except OSError:
-            return True
 
     def close(self) -> None:
         os.close(self._file)

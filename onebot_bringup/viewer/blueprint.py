@@ -105,8 +105,9 @@ class BlueprintSender:
         It is not sent otherwise, since that would undo what the user has rearranged.
         """
         sent = self._sent
-        if sent and sent.complete and _same_frames(layout, sent):
-            layout = replace(layout, complete=True)  # once complete, it stays so
+        if sent and (layout.fixed_frame, layout.robots) == (sent.fixed_frame, sent.robots):
+            # Once complete, it stays so.
+            layout = replace(layout, complete=layout.complete or sent.complete)
         if layout == sent:
             return
         self._sent = layout
@@ -169,10 +170,6 @@ def _without(part: LayoutPart, entities: Container[str]) -> LayoutPart:
         views=tuple(view for view in part.views if view.entity not in entities),
         shown=tuple(entity for entity in part.shown if entity not in entities),
     )
-
-
-def _same_frames(layout: Layout, other: Layout) -> bool:
-    return (layout.fixed_frame, layout.robots) == (other.fixed_frame, other.robots)
 
 
 def make_blueprint(

@@ -43,7 +43,11 @@ _CRASH = re.compile(r"(?:(?!.*XDG_RUNTIME_DIR).*\n+){0,8}.*(?:panicked at|caught
 
 
 class Child:
-    """A running Rerun program."""
+    """A running Rerun program.
+
+    Attributes:
+        process: its process.
+    """
 
     def __init__(self, arguments: Sequence[str], environment: dict[str, str] | None = None) -> None:
         """Start the program; it listens on 127.0.0.1 only, and dies with this process.
@@ -56,7 +60,7 @@ class Child:
         self._scratch = temporary_folder("rerun")  # the program leaves files there
         variables["TMPDIR"] = self._scratch.name
         variables.update(environment or {})
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             [str(_PROGRAM), "--bind", LOOPBACK, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=self._output,
@@ -67,14 +71,9 @@ class Child:
         )
 
     @property
-    def pid(self) -> int:
-        """The process id."""
-        return self._process.pid
-
-    @property
     def running(self) -> bool:
         """False once the program has ended."""
-        return self._process.poll() is None
+        return self.process.poll() is None
 
     def last_words(self) -> str:
         """Return the last line of its output or its crash message, or else its exit code."""
@@ -82,7 +81,7 @@ class Child:
         crash = _CRASH.search(output)
         if crash is not None:
             return " ".join(crash.group().split())
-        return output.rpartition("\n")[2].strip() or f"exit code {self._process.poll()}"
+        return output.rpartition("\n")[2].strip() or f"exit code {self.process.poll()}"
 
     def output(self) -> str:
         """Return everything the program has written."""
@@ -92,12 +91,12 @@ class Child:
     def stop(self) -> None:
         """Ask the program to end, and kill it if it does not."""
         if self.running:
-            self._process.terminate()
+            self.process.terminate()
             try:
-                self._process.wait(_PATIENCE)
+                self.process.wait(_PATIENCE)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+                self.process.kill()
+                self.process.wait()
         self._output.close()
         self._scratch.cleanup()
 
@@ -125,8 +124,8 @@ class WebPage(Child):
         from onebot_bringup.serving.http_server import ServerThread  # imports aiohttp
         from onebot_bringup.serving.rerun_proxy import page_app
 
-        listener = listen(LOOPBACK, port, "web_port")
-        self._backend = free_port(0)
+        listener = listen(LOOPBACK, port)
+        self._backend = free_port()
         super().__init__(["--serve-web", "--web-viewer-port", str(self._backend), recording_uri])
         # persist=0: show this robot's view, not one that the browser remembers of another robot.
         options = "hide_welcome_screen&theme=dark&persist=0&notebook=1"
@@ -148,7 +147,7 @@ class WebPage(Child):
 
 def native_window(recording_uri: str) -> Child:
     """Open Rerun's native window."""
-    port = str(free_port(0))
+    port = str(free_port())
     return Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
 
 
@@ -169,7 +168,7 @@ class RecordingFile:
         self._path = path
         self._new = path.resolve().with_name(f".{path.name}-{os.getpid()}")
         self._file = _opened(path, self._new)
-        weakref.finalize(self, self._new.unlink, missing_ok=True)
+        self._discard = weakref.finalize(self, self._new.unlink, missing_ok=True)
         self._error: OSError | None = None
         source, self._target = os.pipe()
         with suppress(OSError):  # a user with many pipes gets small ones
@@ -189,6 +188,7 @@ class RecordingFile:
     def replace(self) -> None:
         """Take the name of an existing file, which until now is as it was."""
         self._new.replace(self._path.resolve())
+        self._discard.detach()
 
     def _copy(self, source: int) -> None:
         buffer = memoryview(bytearray(_PIPE_SIZE))
@@ -222,8 +222,6 @@ class RecordingFile:
 def _opened(path: Path, new: Path) -> FileIO:
     if path.suffix != ".rrd":
         raise OneBotError(f"save:={path}: a recording's name must end in .rrd")
-    if not path.parent.is_dir():
-        raise OneBotError(f"save:={path}: there is no folder {path.parent}")
     try:
         refuse_unwritable(path)
         return new.open("wb", buffering=0)
@@ -272,7 +270,7 @@ def open_recording(
             beyond it the oldest data is dropped, except static data.
         replace: make the file, or replace an existing one, at once; False: by ``file.replace``.
     """
-    listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
+    listener = None if port is None else listen(LOOPBACK, port)
     server = hidden_address()
     file = None if save is None else RecordingFile(save)
     stream = rr.RecordingStream("onebot")
@@ -304,6 +302,7 @@ class DisplayServer:
 
     Attributes:
         stream: the stream to log to.
+        page_address: the page's full address once it can be opened; "" before that, or without one.
     """
 
     def __init__(self, parameters: ViewerParameters, log: Log) -> None:
@@ -321,7 +320,7 @@ class DisplayServer:
             )
         self._parameters, self._log = parameters, log
         self._viewer: Child | None = None  # None once it ended, too
-        self._page_address = ""
+        self.page_address = ""
         served = None if viewer == "none" else parameters.grpc_port
         self._recording = open_recording(served, save, parameters.memory_limit, replace=False)
         self.stream: rr.RecordingStream = self._recording.stream
@@ -345,11 +344,6 @@ class DisplayServer:
         if wanted and got != wanted:
             self._log.warning(f"{name} {wanted} is not free; using {got} instead")
 
-    @property
-    def page_address(self) -> str:
-        """The page's full address once it can be opened; "" before that or without a page."""
-        return self._page_address
-
     def watch(self) -> None:
         """Announce the page once it is up; report a page that died or a window that was closed.
 
@@ -365,12 +359,14 @@ class DisplayServer:
         if not viewer.running:
             reason = viewer.last_words()
             viewer.stop()
-            self._viewer, self._page_address = None, ""
+            self._viewer, self.page_address = None, ""
             is_page = isinstance(viewer, WebPage)
             end = "the page's server died" if is_page else "the viewer's window was closed"
             self._log.warning(f"{end} ({reason})")
-        elif isinstance(viewer, WebPage) and not self._page_address and viewer.ready:
-            self._announce(viewer)
+        elif isinstance(viewer, WebPage) and not self.page_address and viewer.ready:
+            self.page_address = viewer.address
+            if not self._parameters.embedded:
+                self._announce(viewer.url)
 
     def _watch_file(self) -> None:
         try:
@@ -382,13 +378,10 @@ class DisplayServer:
             self._file = None
             self._log.warning(f"no longer recording: {error}")
 
-    def _announce(self, page: WebPage) -> None:
-        self._page_address = page.address
-        if self._parameters.embedded:
-            return
-        self._log.info(f"open {page.url}")
+    def _announce(self, url: str) -> None:
+        self._log.info(f"open {url}")
         if self._parameters.open_browser:
-            open_in_browser(page.url)
+            open_in_browser(url)
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""

@@ -12,8 +12,6 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import (
-    ConfigError,
-    Problem,
     declare,
     follow_changes,
     is_parameter,
@@ -60,16 +58,9 @@ class LiveView:
 
     def _declare(self) -> None:
         usual = values_of(self.source.view)
-        problems: list[Problem] = []
         for name, value in declare(self._node, ViewConfig, usual).items():
-            if value == usual[name] or (name == _FIXED_FRAME and value == ""):
-                continue
-            try:
+            if value != usual[name] and (name != _FIXED_FRAME or value != ""):
                 self.source.change(name, value)
-            except ConfigError as error:
-                problems += error.problems
-        if problems:
-            raise ConfigError(problems)
 
     def _mirror(self) -> None:
         stale = [

@@ -21,7 +21,7 @@ from rerun.experimental import ViewerClient, ViewerState
 
 from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
-from onebot_bringup.viewer.display_server import Child
+from onebot_bringup.viewer.display_server import Child, open_recording
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import in_background
 from onebot_description.geometry.poses import Triple
@@ -84,10 +84,8 @@ def render(
         progress: called with what is being waited for, if that takes over two seconds.
 
     Raises:
-        OneBotError: there is no such recording, nothing to draw with, or nothing in 3D.
+        OneBotError: there is nothing to draw, nothing to draw with, or nothing in 3D.
     """
-    if not source.is_file():
-        raise OneBotError(f"there is no recording {source}")
     framing = framing or Framing()
     around = (0, _TITLE_BAR) if framing.dashboard else _AROUND
     window = width + around[0], height + around[1]
@@ -234,7 +232,7 @@ def headless_viewer(
     """
     if not hasattr(ViewerClient, "get_state"):
         raise OneBotError(TOO_OLD)
-    port = free_port(0)
+    port = free_port()
     size = f"{width}x{height}"
     child = Child(
         ["--headless", "--port", str(port), "--window-size", size, "--hide-welcome-screen", source],
@@ -258,11 +256,10 @@ def renderer_problem() -> str:
     """Draw an empty picture; return why this computer cannot, or "" if it can."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "nothing.rrd")
-        stream = rr.RecordingStream("onebot_renderer")
-        stream.set_sinks(rr.FileSink(path))
-        stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
-        stream.log("text", rr.TextDocument("nothing"), static=True)
-        stream.disconnect()
+        recording = open_recording(save=path)
+        recording.stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
+        recording.stream.log("text", rr.TextDocument("nothing"), static=True)
+        recording.close()
         try:
             with headless_viewer(str(path), 320, 240):
                 return ""

@@ -43,7 +43,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, printable
+from onebot_description.errors import printable
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.parameters.reader import declare, read
 from onebot_description.ros.run_node import ends_node, run_node
@@ -134,12 +134,7 @@ class RerunViewer(Node):
 
     def _report(self, topic: str, error: Exception) -> None:
         """Report a bad message, which must not end the viewer."""
-        if isinstance(error, OneBotError):
-            kept = bool(self._robots)
-            goes_on = "keeping the robot shown so far" if kept else "still waiting for a robot"
-            self._warn(topic, f"{goes_on}: {error}")
-        else:
-            self._warn(topic, f"ignored a message of {topic}: {error}")
+        self._warn(topic, f"ignored a message of {topic}: {error}")
 
     def destroy_node(self) -> None:
         """Write out the recording, end the viewers and the node.

@@ -14,13 +14,11 @@ def check_rrd(rrd: Path) -> None:
     """Check that a file begins as Rerun's recordings do.
 
     Raises:
-        OneBotError: it does not, or it is missing.
+        OneBotError: it does not, or cannot be read.
     """
     try:
         with open_regular(rrd) as file:
             start = file.read(4)
-    except FileNotFoundError:
-        raise OneBotError(f"there is no recording {rrd}") from None
     except OSError as error:
         raise OneBotError(f"{rrd}: {error.strerror}") from error
     if not start.startswith(_STARTS):

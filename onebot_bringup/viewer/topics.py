@@ -82,8 +82,6 @@ class ViewFeed:
         if kind is None:
             return
         qos = compatible_qos(offered.get(kind, ()), topic.depth)
-        if subscription.qos is not None and not any(offered.values()):
-            qos = subscription.qos
         latched = topic.latched or is_transient_local(qos)
         reliable = topic.reliable or latched or (topic.as_published and is_reliable(qos))
         subscription.update(kind, make_qos(topic.depth, reliable=reliable, latched=latched))
