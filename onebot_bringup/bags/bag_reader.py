@@ -3,13 +3,12 @@
 import shutil
 import tempfile
 import weakref
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import yaml
 import zstandard
 
 from onebot_bringup.bags.contents import (
@@ -23,17 +22,14 @@ from onebot_bringup.bags.contents import (
 )
 from onebot_bringup.bags.mcap_file import McapFile
 from onebot_bringup.bags.sqlite_file import SqliteFile
-from onebot_bringup.bags.writer import METADATA
 from onebot_description.errors import OneBotError, natural_order
-from onebot_description.ros.parameters import bounded_yaml
 from onebot_description.ros.wire.interface_text import full_definition
 
 MAX_SIZE = 256_000_000  # bytes
 _FILE_RATIO = 100  # maximum growth of a whole compressed file
 
 # Besides the chunks of an MCAP file, rosbag2 can compress whole files or single messages.
-_ZSTD = "zstd"
-_COMPRESSED = f".{_ZSTD}"
+_COMPRESSED = ".zstd"
 _FRAME = b"\x28\xb5\x2f\xfd"  # zstd's data begins with this, CDR never does
 _ROS1 = ".bag"
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
@@ -46,8 +42,7 @@ class Bag(Contents):
         source: the file or folder.
         files: the files with the messages, in order.
         storage: rosbag2's name of the storage: mcap or sqlite3.
-        distro: the ROS distro that recorded it, in lower case; "" if unknown.
-        warnings: problems that do not prevent reading; reading may add some.
+        warnings: problems that were found while reading messages.
     """
 
     def __init__(self, source: Path, max_size: int = MAX_SIZE) -> None:
@@ -64,7 +59,6 @@ class Bag(Contents):
         self.source = source
         self._max_size = max_size
         self.warnings: list[str] = []
-        self.distro = ""
         try:
             self.files = self._find()
         except OSError as error:  # a folder cannot be listed, or a file cannot have that name
@@ -156,48 +150,16 @@ class Bag(Contents):
         return [source]
 
     def _in_folder(self) -> list[Path]:
-        """Return the files that metadata.yaml names, or else all in the folder."""
-        paths = {path.name: path for path in self.source.iterdir()}
-        information = self._metadata()
-        if information is None:
-            files = [path for path in paths.values() if _is_storage(path)]
-            if not files:
-                raise OneBotError(
-                    f"{self.source} is no recording: it holds neither {METADATA} nor a .mcap or "
-                    ".db3 file"
-                )
-            return sorted(files, key=lambda path: natural_order(path.name))
-        compression = str(information.get("compression_format") or _ZSTD)
-        if compression != _ZSTD:
-            raise OneBotError(
-                f"{self.source} is compressed by {compression}, not {_ZSTD}: decompress it by "
-                "ros2 bag convert"
-            )
-        names = dict.fromkeys(Path(path).name for path in information["relative_file_paths"] or ())
-        missing = [name for name in names if name not in paths]
-        files = [paths[name] for name in names if name in paths and _is_storage(paths[name])]
-        if not files:
-            raise OneBotError(f"{self.source} lacks its files: {', '.join(missing) or 'none'}")
-        if missing:
-            self.warnings.append(f"{self.source} lacks {', '.join(missing)}; the others are read")
-        return files
+        """Return the files in the order of the numbers that rosbag2 puts into their names.
 
-    def _metadata(self) -> Mapping[str, Any] | None:
-        path = self.source / METADATA
-        try:
-            text = bounded_yaml.read_text(path)
-            information: Mapping[str, Any] = bounded_yaml.load(text)["rosbag2_bagfile_information"]
-            names = information["relative_file_paths"] or []
-            if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-                raise TypeError("no list of names")
-        except OSError:
-            self.warnings.append(f"{self.source} has no {METADATA}; the files that it has are read")
-            return None
-        except (yaml.YAMLError, TypeError, KeyError, AttributeError, ValueError):
-            self.warnings.append(f"{path} is damaged; the files beside it are read")
-            return None
-        self.distro = str(information.get("ros_distro") or "")
-        return information
+        metadata.yaml has no more than that, and is missing if ros2 bag was killed.
+        """
+        paths = sorted(self.source.iterdir(), key=lambda path: natural_order(path.name))
+        # ros2 bag leaves a file that it has decompressed beside the compressed one.
+        files = {path.name.removesuffix(_COMPRESSED): path for path in paths if _is_storage(path)}
+        if not files:
+            raise OneBotError(f"{self.source} is no recording: it holds no .mcap or .db3 file")
+        return list(files.values())
 
 
 def _is_storage(path: Path) -> bool:

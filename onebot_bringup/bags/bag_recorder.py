@@ -8,9 +8,8 @@ second can be read by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove 
 The recorder warns of messages that were lost.
 
 Subscribes:
-    /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
-    every other topic that appears, except hidden ones, /rosout and /parameter_events; its QoS is
-        adapted to what its publishers offer.
+    every topic that appears, except hidden ones, /rosout and /parameter_events; its QoS is adapted
+        to what its publishers offer.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -25,10 +24,9 @@ from collections.abc import Iterable, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import LivelinessPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
@@ -48,7 +46,6 @@ from onebot_description.ros.topic_qos import (
     exceeds,
     is_reliable,
     is_transient_local,
-    make_qos,
 )
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
@@ -59,22 +56,9 @@ from onebot_description.ros.topic_subscription import (
 from onebot_description.ros.wire.interface_text import full_definition
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
-_POLLS = 8  # number of polls after which every topic is checked, even if no count has changed
 _WRITE_PERIOD = 1.0  # minimum seconds between checkpoints
 _LEAST_IDLE = 10.0  # minimum pause between checkpoints, as a multiple of a checkpoint's duration
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
-_DEFAULT = QoSProfile(depth=_DEPTH)
-_LATCHED = make_qos(_DEPTH, reliable=True, latched=True)
-_FOREVER = 2**63 - 1  # ns; DDS's infinite duration
-# Type of each topic that our robots publish, and whether it is transient_local. The recorder
-# subscribes to them from the start, so that nothing is missed before publishers are discovered.
-_KNOWN = {
-    "/tf": ("tf2_msgs/msg/TFMessage", False),
-    "/tf_static": ("tf2_msgs/msg/TFMessage", True),
-    "joint_states": ("sensor_msgs/msg/JointState", False),
-    "robot_description": ("std_msgs/msg/String", True),
-    "velocity_controller/odom": ("nav_msgs/msg/Odometry", False),
-}
 _LEFT_OUT = ("/rosout", "/parameter_events")
 COMPRESSIONS = ("zstd", "none")
 
@@ -139,7 +123,7 @@ class BagRecorder(Node):
 
     def _finish(self, bag: BagWriter) -> None:
         bag.close()
-        recorded = f"recorded {bag.message_count} messages of {bag.topic_count} topics"
+        recorded = f"recorded {bag.message_count} messages of {len(bag.topics)} topics"
         lost = f", {self._topics.lost} were lost" if self._topics.lost else ""
         self.get_logger().info(f"{recorded} to {bag.folder}{lost}")
 
@@ -191,8 +175,6 @@ class TopicRecorder:
         self._simulated = bool(node.get_parameter("use_sim_time").value)
         self._selection = selection
         self._topics: dict[str, _Recorded] = {}
-        self._counts: dict[str, Any] = {}
-        self._polls = 0
         self._warn = Throttled(node.get_logger().warning)
 
     @property
@@ -208,56 +190,37 @@ class TopicRecorder:
         if not self._now():
             self._warn.once("waiting for the first message on /clock, as use_sim_time is true")
             return
-        if not self._polls:
-            self._subscribe_to_known()
-        self._polls += 1
-        if self._polls % _POLLS == 0:
-            self._counts.clear()
-        node = self._node
-        for topic, types in node.get_topic_names_and_types():
+        for topic, _ in self._node.get_topic_names_and_types():
             if self._selection.has(topic):
-                counts = (types, node.count_publishers(topic), node.count_subscribers(topic))
-                if self._counts.get(topic) != counts:
-                    self._counts[topic] = counts
-                    self._update(topic)
-
-    def _subscribe_to_known(self) -> None:
-        for name, (kind, transient_local) in _KNOWN.items():
-            topic = self._node.resolve_topic_name(name)
-            if self._selection.has(topic):
-                self._record(topic, kind, _LATCHED if transient_local else _DEFAULT)
+                self._update(topic)
 
     def _update(self, topic: str) -> None:
-        """Subscribe with the type and QoS of a topic's publishers, or else of its subscribers."""
-        recorded = self._topics.get(topic)
-        current = recorded.subscription.type if recorded is not None else None
+        """Subscribe with the type and QoS of a topic's publishers, or else of its subscribers.
+
+        Once a message was recorded, only the QoS can be relaxed.
+        """
         offered = offers(self._node, topic)
         types = self._installed(topic, offered)
+        recorded = self._topics.get(topic)
+        current = recorded.subscription.type if recorded is not None else None
         kind = choose_type(types, current)
+        if recorded is not None and recorded.number is not None:
+            kind = current
         if kind is None:
             return
-        if len(types) > 1:
-            self._warn.once(
-                f"{topic} has several types ({', '.join(types)}); it is recorded as {kind}"
-            )
+        for other in types:
+            if other != kind:
+                self._warn.once(f"{topic} is recorded as {kind}, not as {other}")
+        publishers = offered.get(kind, [])
+        qos = compatible_qos(publishers, _DEPTH)
         if recorded is None:
-            self._record(topic, kind, compatible_qos(offered[kind], _DEPTH))
-        elif kind != current or offered[kind]:
-            self._change(topic, recorded, kind, compatible_qos(offered[kind], _DEPTH))
-
-    def _change(self, topic: str, recorded: _Recorded, kind: str, qos: QoSProfile) -> None:
-        """Resubscribe; once a message was recorded, only the QoS can be relaxed."""
-        subscription = recorded.subscription
-        if recorded.number is None:
+            self._record(topic, kind, qos)
+        elif recorded.number is None:
             # The executor may still hold the previous type; the next poll tries again.
             with suppress(TypeConflictError):
-                subscription.update(kind, qos)
-        elif kind != subscription.type:
-            self._warn.once(f"{topic} is recorded as {subscription.type}, not as {kind} as well")
-        elif subscription.qos is not None and exceeds(subscription.qos, qos):
-            subscription.update(kind, qos)
-        if subscription.type is None:
-            del self._counts[topic]  # the next poll subscribes
+                recorded.subscription.update(kind, qos)
+        elif publishers and exceeds(recorded.subscription.qos, qos):
+            recorded.subscription.update(kind, qos)
 
     def _installed(self, topic: str, types: Iterable[str]) -> list[str]:
         """Return the installed ones of the types, sorted; warn of the others."""
@@ -307,20 +270,11 @@ class TopicRecorder:
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """Return a publisher's QoS in rosbag2's terms; DDS does not report its history."""
-    is_manual = profile.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC
+    """Return a publisher's QoS in rosbag2's terms."""
     return Qos(
         reliability="reliable" if is_reliable(profile) else "best_effort",
         durability="transient_local" if is_transient_local(profile) else "volatile",
-        liveliness="manual_by_topic" if is_manual else "automatic",
-        deadline=_limit(profile.deadline),
-        lifespan=_limit(profile.lifespan),
-        lease=_limit(profile.liveliness_lease_duration),
     )
-
-
-def _limit(duration: Any) -> int | None:
-    return int(duration.nanoseconds) if 0 < duration.nanoseconds < _FOREVER else None
 
 
 def main(args: list[str] | None = None) -> int:

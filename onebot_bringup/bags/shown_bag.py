@@ -1,6 +1,7 @@
 """Shows a whole bag in Rerun as the live viewer would have shown it."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from onebot_description.ros.wire.messages import tf_arrays
 if TYPE_CHECKING:
     import rerun as rr
 
-_DESCRIPTION_NAME, _JOINTS_NAME = "robot_description", "joint_states"
+_DESCRIPTION_NAME = "robot_description"
 _TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf within which every robot is expected to appear
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
@@ -77,11 +78,6 @@ class ShownBag:
         first = self._first = robots[0]
         if len(robots) > 1:
             spaces = listing([robot.space or "/" for robot in robots])
-            if frame_prefix:
-                raise OneBotError(
-                    f"frame_prefix:={frame_prefix} is one robot's, and several are recorded, in "
-                    f"{spaces}: choose one by namespace:="
-                )
             progress(f"showing the robots in {spaces}; namespace:= chooses one")
         elif not first.description:
             warn(f"{bag.source} holds no {_DESCRIPTION_NAME}: showing the rest without the robot")
@@ -107,9 +103,6 @@ class ShownBag:
             OneBotError: nothing can be shown.
         """
         bag, warn = self._bag, self._warn
-        for warning in bag.warnings:
-            warn(warning)
-        warned = len(bag.warnings)
         player = _Player(bag, stream, warn)
         robot_view = RobotView(
             stream,
@@ -124,7 +117,7 @@ class ShownBag:
         for warning in robot_view.offer(_with_messages(bag, self._first, self._namespace)):
             warn(warning)
         replay = player.play(robot_view, self._progress)
-        for warning in bag.warnings[warned:]:
+        for warning in dict.fromkeys(bag.warnings):
             warn(warning)
         if not replay.messages:
             topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
@@ -139,7 +132,7 @@ def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str
     return {
         topic: kind
         for topic, kind in bag.topics.items()
-        if (bag.counts[topic] or not bag.count) and not topic.startswith(other_prefixes)
+        if bag.counts[topic] and not topic.startswith(other_prefixes)
     }
 
 
@@ -150,14 +143,14 @@ class _Player:
         self._bag = bag
         self._stream = stream
         self._warn = warn
-        self._bad: dict[str, int] = {}  # number of bad messages by topic
+        self._bad: Counter[str] = Counter()  # number of bad messages by topic
+        self._first_errors: dict[str, Exception] = {}  # by topic
         self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:
-        """Count a message that cannot be shown; warn of the first on each topic."""
-        self._bad[topic] = self._bad.get(topic, 0) + 1
-        if self._bad[topic] == 1:
-            self._warn(f"a message of {topic} is left out: {error}")
+        """Note a message that cannot be shown."""
+        self._bad[topic] += 1
+        self._first_errors.setdefault(topic, error)
 
     def play(self, view: RobotView, progress: Log) -> Shown:
         """Show the whole bag; call ``progress`` if it takes over two seconds."""
@@ -178,18 +171,16 @@ class _Player:
                     self._stream.flush()
                 if time.monotonic() >= next_report:
                     next_report = time.monotonic() + _REPORT_EVERY
-                    part = f" of {bag.count}" if bag.count else ""
-                    progress(f"loading {bag.source}: message {count}{part}")
+                    progress(f"loading {bag.source}: message {count} of {bag.count}")
         seconds = (self.now_ns - start) / 1e9 if start is not None else 0.0
         self._tick(view)
         self.now_ns += int(_SETTLE * 1e9)
         self._tick(view)
         view.finish()
-        for topic, number in self._bad.items():
-            if number > 1:
-                self._warn(f"{number} messages of {topic} were left out")
+        for topic, error in self._first_errors.items():
+            self._warn(f"{self._bad[topic]} messages of {topic} were left out; the first: {error}")
         robot = printable(view.robot.robot_name) if view.robot is not None else ""
-        return Shown(robot, count - sum(self._bad.values()), seconds)
+        return Shown(robot, count - self._bad.total(), seconds)
 
     def _tick(self, view: RobotView) -> None:
         for sentence in view.tick(self.now_ns):
@@ -202,13 +193,10 @@ class RecordedRobot:
 
     space: str  # its namespace: "" or "/name"
     description: str  # the topic of its description; "" for none
-    joints: str  # the topic of its joint states
     tf_space: str  # the namespace of its transforms, which some robots publish in their own
 
     def resolved(self, name: str) -> str:
         """Return the full name of a topic that the view names."""
-        if name == _JOINTS_NAME:
-            return self.joints
         if name in _TF_NAMES:
             return f"{self.tf_space}{name}"
         return name if name.startswith("/") else f"{self.space}/{name}"
@@ -227,28 +215,22 @@ def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
         OneBotError: there is no robot in ``namespace``.
     """
     described = _spaces(bag, _DESCRIPTION_NAME, DESCRIPTION.name)
-    joints = _spaces(bag, _JOINTS_NAME, JOINT_STATE.name)
     transforms = _tf_spaces(bag)
     spaces = described or [""]
     if namespace:
         spaces = [absolute(namespace)]
+        joints = _spaces(bag, "joint_states", JOINT_STATE.name)
         known_spaces = {*described, *joints, *filter(None, transforms)}
         if spaces[0] not in known_spaces:
             hint = did_you_mean(namespace, {space or "/" for space in known_spaces}, "robots")
             raise OneBotError(f"namespace:={namespace}: {bag.source} has no robot there{hint}")
     robots = []
     for space in spaces:
-        with_joints, with_tf = space, [t for t in ("", space) if t in transforms]
-        if not described and not namespace:
-            with_joints = next((option for option in (space, *joints) if option in joints), space)
+        with_tf = [t for t in ("", space) if t in transforms]
         if not namespace and len(spaces) == 1:
             with_tf += transforms
         description = f"{space}/{_DESCRIPTION_NAME}" if space in described else ""
-        robots.append(
-            RecordedRobot(
-                space, description, f"{with_joints}/{_JOINTS_NAME}", next(iter(with_tf), "")
-            )
-        )
+        robots.append(RecordedRobot(space, description, next(iter(with_tf), "")))
     return robots
 
 
@@ -323,12 +305,10 @@ def frame_prefix_of(
         frames: the recorded frames, also of other robots.
         namespace: the robot's namespace, which decides between prefixes that fit equally well.
     """
-    names = set(frames)
-    prefixes = {frame[: len(frame) - len(root)] for frame in names if frame.endswith(root)}
+    prefixes = {frame.removesuffix(root) for frame in frames if frame.endswith(root)}
 
-    def fit(prefix: str) -> tuple[int, bool, bool, int, str]:
-        count = sum(prefix + link in names for link in links)
-        is_namespace = prefix.strip("/_") == namespace.strip("/")
-        return count, is_namespace, not prefix, -len(prefix), prefix
+    def fit(prefix: str) -> tuple[int, bool, int, str]:
+        count = sum(prefix + link in frames for link in links)
+        return count, prefix.strip("/_") == namespace.strip("/"), -len(prefix), prefix
 
     return max(prefixes, key=fit, default="")

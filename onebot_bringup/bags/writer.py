@@ -15,23 +15,20 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.whole_file import write_whole
 
-METADATA = "metadata.yaml"
+_METADATA = "metadata.yaml"
 CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's default
 _MOST_PENDING = 16 * 1024 * 1024  # most bytes kept in memory between two checkpoints
 _INFINITE = 2**63 - 1  # ns; what rosbag2 writes for an infinite duration, and for no start
+_FOREVER = dict(zip(("sec", "nsec"), divmod(_INFINITE, 10**9), strict=True))
 _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyYAML has it
 
 
 @dataclass(frozen=True)
 class Qos:
-    """The quality of service that a publisher offers, in rosbag2's terms."""
+    """The quality of service that a publisher offers, as far as it is recorded."""
 
     reliability: str = "reliable"  # the other value is best_effort
     durability: str = "volatile"  # the other value is transient_local
-    liveliness: str = "automatic"  # the other value is manual_by_topic
-    deadline: int | None = None  # ns; None for infinite, as in the next two
-    lifespan: int | None = None
-    lease: int | None = None  # lease duration of the liveliness
 
 
 @dataclass(frozen=True)
@@ -55,6 +52,7 @@ class BagWriter:
     Attributes:
         folder: the recording.
         open: whether messages are written; False once closed, or after a failure.
+        topics: the topics, by number.
         message_count: the number of messages of all topics.
     """
 
@@ -76,39 +74,27 @@ class BagWriter:
         self.message_count = 0
         self._start = self._end = 0  # times of the first and the last message, ns
         self._counts: dict[int, int] = {}  # number of messages by the topic's number
-        self._topics: dict[int, RecordedTopic] = {}
-        self._schemas: dict[str, int] = {}
+        self.topics: dict[int, RecordedTopic] = {}
         self._changed = False
+        if folder.exists():
+            raise OneBotError(f"{folder} exists already: name a new folder")
         with self._explained():
-            try:
-                folder.mkdir()
-            except FileExistsError:
-                raise OneBotError(f"{folder} exists already: name a new folder") from None
+            folder.mkdir()
             self._file = _McapFile(folder / f"{folder.name}_0.mcap", compress, chunk_size)
             self.open = True
             self._write_metadata()
 
-    @property
-    def topic_count(self) -> int:
-        return len(self._topics)
-
     def add_topic(self, topic: RecordedTopic) -> int:
         """Add a topic, whose type must be installed; return its number for ``write``."""
-        schema = self._schema(topic.type)
+        definition = full_definition(topic.type).encode()
+        schema = self._file.writer.register_schema(topic.type, "ros2msg", definition)
         offered = _yaml([_qos(qos) for qos in topic.offered])
         metadata = {"offered_qos_profiles": offered, "topic_type_hash": topic.hash}
         number = self._file.writer.register_channel(topic.name, "cdr", schema, metadata)
-        self._topics[number] = topic
+        self.topics[number] = topic
         self._counts[number] = 0
         self._changed = True
         return number
-
-    def _schema(self, type_name: str) -> int:
-        if type_name not in self._schemas:
-            definition = full_definition(type_name).encode()
-            number = self._file.writer.register_schema(type_name, "ros2msg", definition)
-            self._schemas[type_name] = number
-        return self._schemas[type_name]
 
     def write(self, topic: int, time_ns: int, data: bytes) -> None:
         """Add a message, which the next checkpoint writes.
@@ -135,8 +121,6 @@ class BagWriter:
         if not self.open:
             return
         with self._explained():
-            if self._file.vanished:
-                raise OneBotError(f"{self._file.path} was deleted or moved while recording")
             if self._changed:
                 self._file.checkpoint()
                 self._write_metadata()
@@ -144,7 +128,7 @@ class BagWriter:
 
     def _write_metadata(self) -> None:
         # The file is replaced as a whole, so that it is never incomplete.
-        write_whole(self.folder / METADATA, _yaml(self._metadata()).encode())
+        write_whole(self.folder / _METADATA, _yaml(self._metadata()).encode())
 
     def _metadata(self) -> dict[str, Any]:
         """Return the metadata in rosbag2's version 9, as Jazzy writes it."""
@@ -155,7 +139,7 @@ class BagWriter:
             "starting_time": {"nanoseconds_since_epoch": start},
             "message_count": self.message_count,
         }
-        topics = [_topic(topic, self._counts[number]) for number, topic in self._topics.items()]
+        topics = [_topic(topic, self._counts[number]) for number, topic in self.topics.items()]
         information = {
             "version": 9,
             "storage_identifier": "mcap",
@@ -189,9 +173,6 @@ class BagWriter:
         except OSError as error:
             self._stop()
             raise OneBotError(f"cannot record to {self.folder}: {error.strerror}") from error
-        except OneBotError:
-            self._stop()
-            raise
 
 
 class _Output(io.BytesIO):
@@ -263,14 +244,6 @@ class _McapFile:
         if os.fstat(self._file).st_size > place:
             os.ftruncate(self._file, place)
 
-    @property
-    def vanished(self) -> bool:
-        """Whether the file was deleted or moved, so that further data would be lost."""
-        try:
-            return not os.path.samestat(os.stat(self.path), os.fstat(self._file))
-        except OSError:
-            return True
-
     def close(self) -> None:
         os.close(self._file)
 
@@ -292,17 +265,12 @@ def _qos(qos: Qos) -> dict[str, Any]:
         "depth": 0,
         "reliability": qos.reliability,
         "durability": qos.durability,
-        "deadline": _duration(qos.deadline),
-        "lifespan": _duration(qos.lifespan),
-        "liveliness": qos.liveliness,
-        "liveliness_lease_duration": _duration(qos.lease),
+        "deadline": _FOREVER,
+        "lifespan": _FOREVER,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _FOREVER,
         "avoid_ros_namespace_conventions": False,
     }
-
-
-def _duration(nanoseconds: int | None) -> dict[str, int]:
-    sec, nsec = divmod(_INFINITE if nanoseconds is None else nanoseconds, 10**9)
-    return {"sec": sec, "nsec": nsec}
 
 
 class _Dumper(_FastDumper):  # type: ignore[misc, valid-type]

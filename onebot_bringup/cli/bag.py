@@ -80,7 +80,6 @@ def _information(bag: "Bag") -> str:
         "Files": _column([file.name for file in bag.files]),
         "Bag size": _size(size),
         "Storage id": bag.storage,
-        "ROS Distro": bag.distro or "unknown",
         "Duration": f"{_seconds(bag.end_ns - bag.start_ns)}s",
         "Start": _date(bag.start_ns) if bag.count else "-",
         "End": _date(bag.end_ns) if bag.count else "-",

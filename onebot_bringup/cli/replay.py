@@ -79,7 +79,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
     is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder, too
     if is_rrd:
         _check_rrd(source, values)
-    else:  # before the server, which replaces the file to save
+    else:
         bag = _shown_bag(source, values, interrupts)
     with _server(values) as server:
         if is_rrd:
@@ -87,6 +87,7 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             _Log().info(f"showing {source}")
         else:
             replayed = bag.log(server.stream)
+            server.replace_file()
             robot = f' of "{replayed.robot}"' if replayed.robot else ""
             _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
         with suppress(KeyboardInterrupt):  # the normal end of a view

@@ -10,7 +10,6 @@ import socket
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
-from aiohttp.typedefs import Handler
 
 from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
 
@@ -21,8 +20,9 @@ _LOGGER = logging.getLogger(__name__)
 
 
 def _is_of_the_server(record: logging.LogRecord) -> bool:
-    """Whether an error is the server's own, and not that of a client that does not speak HTTP."""
-    return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError)
+    """Whether an error is the server's own, not of a client that leaves or speaks no HTTP."""
+    of_clients = (HttpProcessingError, ConnectionError)
+    return record.exc_info is None or not isinstance(record.exc_info[1], of_clients)
 
 
 _LOGGER.addFilter(_is_of_the_server)
@@ -36,20 +36,10 @@ async def body_of(request: web.Request) -> bytes:
         raise web.HTTPRequestTimeout from None
 
 
-@web.middleware
-async def _without_traceback(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Keep aiohttp from logging a traceback if a client leaves before it gets its response."""
-    try:
-        return await handler(request)
-    except ConnectionError:
-        raise web.HTTPBadRequest from None
-
-
 class ServerThread(LoopThread):
     """Serves an application on a socket, in a thread, until it is stopped."""
 
     def __init__(self, app: web.Application, listener: socket.socket, name: str) -> None:
-        app.middlewares.insert(0, _without_traceback)
         self._app, self._listener = app, listener
         super().__init__(name)
 

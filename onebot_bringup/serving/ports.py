@@ -11,7 +11,6 @@ import webbrowser
 from typing import Any
 
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.values import MAX_PORT
 
 LOOPBACK = "127.0.0.1"
 # Errors of an address that this computer does not have, or of its family.
@@ -37,21 +36,16 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(str(address[0]).partition("%")[0]).is_loopback
 
 
-def listen(host: str, port: int, name: str = "port") -> socket.socket:
+def listen(host: str, port: int) -> socket.socket:
     """Listen on ``port`` of ``host``, or on a free port if it is in use or 0.
 
     Args:
         host: a name or an IP address of this computer.
         port: the preferred port.
-        name: the name of the port's parameter, for errors.
 
     Raises:
         OneBotError: this computer does not have the address, or no port is available.
     """
-    if not 0 <= port <= MAX_PORT:
-        raise OneBotError(
-            f"{name}:={port} is no port: write a number from 1 to 65535, or 0 for any"
-        )
     family, address = _resolve(host, port)
     dualstack = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
     for chosen in (port, 0):
@@ -59,9 +53,6 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
             listener = socket.create_server(
                 (address[0], chosen, *address[2:]), family=family, dualstack_ipv6=dualstack
             )
-        except PermissionError:
-            text = f"{name}:={port} is not allowed to you: use one from 1024 on"
-            raise OneBotError(text) from None
         except OSError as error:
             if error.errno in _NOT_HERE:
                 raise _not_here(host) from None
@@ -71,22 +62,17 @@ def listen(host: str, port: int, name: str = "port") -> socket.socket:
     raise OneBotError(f"there is no free port on {host}")
 
 
-def free_port(port: int, name: str = "port") -> int:
-    """Return ``port`` if it is free on loopback, or else (or for 0) any free port."""
-    with listen(LOOPBACK, port, name) as probe:
+def free_port() -> int:
+    """Return a port that is free on loopback."""
+    with listen(LOOPBACK, 0) as probe:
         return int(probe.getsockname()[1])
 
 
 def hidden_address() -> tuple[str, int]:
-    """Return a loopback address that cannot be guessed, and a free port on it.
-
-    All of 127.0.0.0/8 is loopback on Linux; elsewhere only the port is random.
-    """
+    """Return an address of 127.0.0.0/8 that cannot be guessed, and a free port on it."""
     address = str(ipaddress.ip_address("127.0.0.0") + secrets.randbelow((1 << 24) - 2) + 1)
-    for host in (address, LOOPBACK):
-        with contextlib.suppress(OneBotError), listen(host, 0) as probe:
-            return host, int(probe.getsockname()[1])
-    raise OneBotError(f"there is no free port on {LOOPBACK}")
+    with listen(address, 0) as probe:
+        return address, int(probe.getsockname()[1])
 
 
 def answers(port: int) -> bool:

@@ -105,8 +105,9 @@ class BlueprintSender:
         It is not sent otherwise, since that would undo what the user has rearranged.
         """
         sent = self._sent
-        if sent and sent.complete and _same_frames(layout, sent):
-            layout = replace(layout, complete=True)  # once complete, it stays so
+        if sent and (layout.fixed_frame, layout.robots) == (sent.fixed_frame, sent.robots):
+            # Once complete, it stays so.
+            layout = replace(layout, complete=layout.complete or sent.complete)
         if layout == sent:
             return
         self._sent = layout
@@ -127,7 +128,7 @@ class BlueprintSender:
         if bounds is not None:
             eye, target = fitting_eye(bounds)
             size = diagonal(bounds)
-        camera, follow = layout.camera, self._followed(layout.camera.follow)
+        camera, follow = layout.camera, self.followed(layout.camera.follow)
         if len(self._robots) > 1 and camera.follow and follow is None:
             camera = CameraSettings()  # the view's camera was set up for a single robot
         camera = replace(camera, eye=camera.eye or eye, target=camera.target or target)
@@ -153,7 +154,7 @@ class BlueprintSender:
             }
         return bounds
 
-    def _followed(self, wanted: str) -> str | None:
+    def followed(self, wanted: str) -> str | None:
         """Return the entity that moves with a link; among several robots, links go by frame."""
         for candidate in self._robots:
             robot = candidate.description
@@ -169,10 +170,6 @@ def _without(part: LayoutPart, entities: Container[str]) -> LayoutPart:
         views=tuple(view for view in part.views if view.entity not in entities),
         shown=tuple(entity for entity in part.shown if entity not in entities),
     )
-
-
-def _same_frames(layout: Layout, other: Layout) -> bool:
-    return (layout.fixed_frame, layout.robots) == (other.fixed_frame, other.robots)
 
 
 def make_blueprint(

@@ -6,8 +6,9 @@ import re
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+import weakref
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
@@ -30,26 +31,23 @@ from onebot_bringup.serving.ports import (
 )
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
+from onebot_description.whole_file import refuse_unwritable
 
-# Rerun's own program, run as a child process that never outlives us, however we end.
+# Rerun's own program, run as a child process that never outlives us, however we end. (The ``rerun``
+# script is a Python shim: killing it would leave the program running.)
+_PROGRAM = Path(rerun_cli.__file__).parent / "rerun"
 
+_PATIENCE = 1.5  # seconds until a program that does not end is killed
 # Rerun's crash message with a few lines before it; a trace and a request for a bug report follow.
 _CRASH = re.compile(r"(?:(?!.*XDG_RUNTIME_DIR).*\n+){0,8}.*(?:panicked at|caught a signal).*")
 
 
-def program() -> Path:
-    """Return the path of the Rerun program itself.
-
-    The ``rerun`` script is a Python shim: killing it would leave the program running.
-    """
-    path = Path(rerun_cli.__file__).parent / "rerun"
-    if not path.is_file():
-        raise OneBotError(f"there is no Rerun viewer at {path}; reinstall the rerun-sdk package")
-    return path
-
-
 class Child:
-    """A running Rerun program."""
+    """A running Rerun program.
+
+    Attributes:
+        process: its process.
+    """
 
     def __init__(self, arguments: Sequence[str], environment: dict[str, str] | None = None) -> None:
         """Start the program; it listens on 127.0.0.1 only, and dies with this process.
@@ -62,8 +60,8 @@ class Child:
         self._scratch = temporary_folder("rerun")  # the program leaves files there
         variables["TMPDIR"] = self._scratch.name
         variables.update(environment or {})
-        self._process = subprocess.Popen(
-            [str(program()), "--bind", LOOPBACK, *arguments],
+        self.process = subprocess.Popen(
+            [str(_PROGRAM), "--bind", LOOPBACK, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=subprocess.STDOUT,
@@ -73,14 +71,9 @@ class Child:
         )
 
     @property
-    def pid(self) -> int:
-        """The process id."""
-        return self._process.pid
-
-    @property
     def running(self) -> bool:
         """False once the program has ended."""
-        return self._process.poll() is None
+        return self.process.poll() is None
 
     def last_words(self) -> str:
         """Return the last line of its output or its crash message, or else its exit code."""
@@ -88,22 +81,22 @@ class Child:
         crash = _CRASH.search(output)
         if crash is not None:
             return " ".join(crash.group().split())
-        return output.rpartition("\n")[2].strip() or f"exit code {self._process.poll()}"
+        return output.rpartition("\n")[2].strip() or f"exit code {self.process.poll()}"
 
     def output(self) -> str:
         """Return everything the program has written."""
         self._output.seek(0)
         return self._output.read().decode(errors="replace")
 
-    def stop(self, patience: float = 1.5) -> None:
-        """Ask the program to end, and kill it after ``patience`` seconds."""
+    def stop(self) -> None:
+        """Ask the program to end, and kill it if it does not."""
         if self.running:
-            self._process.terminate()
+            self.process.terminate()
             try:
-                self._process.wait(patience)
+                self.process.wait(_PATIENCE)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+                self.process.kill()
+                self.process.wait()
         self._output.close()
         self._scratch.cleanup()
 
@@ -111,7 +104,7 @@ class Child:
 # What the user looks at: the page in a browser, or the native window.
 
 
-class WebPage:
+class WebPage(Child):
     """Rerun's page on loopback: Rerun's server, and a proxy that keeps it private.
 
     Attributes:
@@ -131,10 +124,9 @@ class WebPage:
         from onebot_bringup.serving.http_server import ServerThread  # imports aiohttp
         from onebot_bringup.serving.rerun_proxy import page_app
 
-        listener = listen(LOOPBACK, port, "web_port")
-        self._backend = free_port(0)
-        arguments = ["--serve-web", "--web-viewer-port", str(self._backend), recording_uri]
-        self._child = Child(arguments)
+        listener = listen(LOOPBACK, port)
+        self._backend = free_port()
+        super().__init__(["--serve-web", "--web-viewer-port", str(self._backend), recording_uri])
         # persist=0: show this robot's view, not one that the browser remembers of another robot.
         options = "hide_welcome_screen&theme=dark&persist=0&notebook=1"
         self.port = int(listener.getsockname()[1])
@@ -145,26 +137,17 @@ class WebPage:
     @property
     def ready(self) -> bool:
         """True once the page can be opened."""
-        return self._child.running and answers(self._backend)
-
-    @property
-    def running(self) -> bool:
-        """False if the server's process has ended."""
-        return self._child.running
-
-    def last_words(self) -> str:
-        """Return why the server's process has ended."""
-        return self._child.last_words()
+        return self.running and answers(self._backend)
 
     def stop(self) -> None:
         """Stop hosting."""
         self._server.stop()
-        self._child.stop()
+        super().stop()
 
 
 def native_window(recording_uri: str) -> Child:
     """Open Rerun's native window."""
-    port = str(free_port(0))
+    port = str(free_port())
     return Child(["--port", port, "--hide-welcome-screen", "--connect", recording_uri])
 
 
@@ -181,9 +164,11 @@ class RecordingFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open the file, replacing an existing one."""
+        """Open a file beside ``path``, whose place it takes by ``replace``, or else goes."""
         self._path = path
-        self._file = _open_recording_file(path)
+        self._new = path.resolve().with_name(f".{path.name}-{os.getpid()}")
+        self._file = _opened(path, self._new)
+        self._discard = weakref.finalize(self, self._new.unlink, missing_ok=True)
         self._error: OSError | None = None
         source, self._target = os.pipe()
         with suppress(OSError):  # a user with many pipes gets small ones
@@ -191,14 +176,19 @@ class RecordingFile:
         self._thread = threading.Thread(target=self._copy, args=(source,), daemon=True)
         self._thread.start()
 
-    @contextmanager
-    def sink(self) -> Iterator[rr.FileSink]:
-        """Yield the sink that Rerun writes to; a recording must open it within the context."""
-        try:
-            # A footer would keep a record of every chunk in memory, too much for a run of days.
-            yield rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
-        finally:
-            os.close(self._target)  # the pipe ends with the recording
+    def sink(self) -> rr.FileSink:
+        """Return the sink that Rerun writes to; after opening it, call ``is_opened``."""
+        # A footer would keep a record of every chunk in memory, too much for a run of days.
+        return rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
+
+    def is_opened(self) -> None:
+        """Have the pipe end with the recording, which has opened it."""
+        os.close(self._target)
+
+    def replace(self) -> None:
+        """Take the name of an existing file, which until now is as it was."""
+        self._new.replace(self._path.resolve())
+        self._discard.detach()
 
     def _copy(self, source: int) -> None:
         buffer = memoryview(bytearray(_PIPE_SIZE))
@@ -229,13 +219,12 @@ class RecordingFile:
         self.check()
 
 
-def _open_recording_file(path: Path) -> FileIO:
+def _opened(path: Path, new: Path) -> FileIO:
     if path.suffix != ".rrd":
         raise OneBotError(f"save:={path}: a recording's name must end in .rrd")
-    if not path.parent.is_dir():
-        raise OneBotError(f"save:={path}: there is no folder {path.parent}")
     try:
-        return path.open("wb", buffering=0)
+        refuse_unwritable(path)
+        return new.open("wb", buffering=0)
     except OSError as error:
         raise OneBotError(f"save:={path}: {error.strerror}") from error
 
@@ -265,33 +254,36 @@ class Recording:
 
 
 def open_recording(
-    port: int | None = None, save: Path | None = None, memory_limit: str = "256MB"
+    port: int | None = None,
+    save: Path | None = None,
+    memory_limit: str = "256MB",
+    *,
+    replace: bool = True,
 ) -> Recording:
     """Open a recording that is served on 127.0.0.1:``port``, written to ``save``, or both.
 
     Args:
         port: the preferred port, replaced by a free one if it is in use; 0 for any, None to serve
             nothing.
-        save: a ``.rrd`` file, replaced if it exists.
+        save: a ``.rrd`` file.
         memory_limit: how much the server keeps for viewers that join later, such as "256MB";
             beyond it the oldest data is dropped, except static data.
+        replace: make the file, or replace an existing one, at once; False: by ``file.replace``.
     """
-    if port is None and save is None:
-        raise OneBotError("nothing to log to: serve the recording or save it")
-    listener = None if port is None else listen(LOOPBACK, port, "grpc_port")
+    listener = None if port is None else listen(LOOPBACK, port)
     server = hidden_address()
     file = None if save is None else RecordingFile(save)
     stream = rr.RecordingStream("onebot")
-    with ExitStack() as opening:
-        sinks: list[rr.GrpcServerSink | rr.FileSink] = []
-        if listener is not None:
-            sinks.append(rr.GrpcServerSink(*server, server_memory_limit=memory_limit))
-        if file is not None:
-            sinks.append(opening.enter_context(file.sink()))
-        try:
-            stream.set_sinks(*sinks)
-        except RuntimeError as error:
-            raise OneBotError(f"the recording cannot be served: {error}") from None
+    sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+    if listener is not None:
+        sinks.append(rr.GrpcServerSink(*server, server_memory_limit=memory_limit))
+    if file is not None:
+        sinks.append(file.sink())
+    stream.set_sinks(*sinks)
+    if file is not None:
+        file.is_opened()
+        if replace:
+            file.replace()
     if listener is None:
         return Recording(stream, file)
     own_port = int(listener.getsockname()[1])
@@ -310,6 +302,7 @@ class DisplayServer:
 
     Attributes:
         stream: the stream to log to.
+        page_address: the page's full address once it can be opened; "" before that, or without one.
     """
 
     def __init__(self, parameters: ViewerParameters, log: Log) -> None:
@@ -325,21 +318,14 @@ class DisplayServer:
                 "viewer:=native needs a display (neither DISPLAY nor WAYLAND_DISPLAY is set); "
                 "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
             )
-        if viewer == "web":
-            # This raises the page's error before the file is replaced.
-            free_port(parameters.web_port, "web_port")
         self._parameters, self._log = parameters, log
-        self._viewer: WebPage | Child | None = None  # None once it ended, too
-        self._page_address = ""
-        if save is not None and save.is_file() and save.stat().st_size:
-            log.info(f"replacing the recording {save}")
+        self._viewer: Child | None = None  # None once it ended, too
+        self.page_address = ""
         served = None if viewer == "none" else parameters.grpc_port
-        self._recording = open_recording(served, save, parameters.memory_limit)
+        self._recording = open_recording(served, save, parameters.memory_limit, replace=False)
         self.stream: rr.RecordingStream = self._recording.stream
         self._file = self._recording.file  # None once it failed
         self._say_port("grpc_port", served, self._recording.port)
-        if save is not None:
-            log.info(f"recording to {save}")
         if viewer == "web":
             port = parameters.web_port
             self._viewer = WebPage(port, self._recording.uri, self._recording.server)
@@ -348,14 +334,15 @@ class DisplayServer:
             self._viewer = native_window(self._recording.uri)
             log.info("opening the viewer's window")
 
+    def replace_file(self) -> None:
+        """Replace the file to save, if there is one; before that, any mistake leaves it."""
+        if self._file is not None:
+            self._file.replace()
+            self._log.info(f"recording to {self._parameters.recording}")
+
     def _say_port(self, name: str, wanted: int | None, got: int | None) -> None:
         if wanted and got != wanted:
-            self._log.warning(f"{name} {wanted} is in use; using {got} instead")
-
-    @property
-    def page_address(self) -> str:
-        """The page's full address once it can be opened; "" before that or without a page."""
-        return self._page_address
+            self._log.warning(f"{name} {wanted} is not free; using {got} instead")
 
     def watch(self) -> None:
         """Announce the page once it is up; report a page that died or a window that was closed.
@@ -372,12 +359,14 @@ class DisplayServer:
         if not viewer.running:
             reason = viewer.last_words()
             viewer.stop()
-            self._viewer, self._page_address = None, ""
+            self._viewer, self.page_address = None, ""
             is_page = isinstance(viewer, WebPage)
             end = "the page's server died" if is_page else "the viewer's window was closed"
             self._log.warning(f"{end} ({reason})")
-        elif isinstance(viewer, WebPage) and not self._page_address and viewer.ready:
-            self._announce(viewer)
+        elif isinstance(viewer, WebPage) and not self.page_address and viewer.ready:
+            self.page_address = viewer.address
+            if not self._parameters.embedded:
+                self._announce(viewer.url)
 
     def _watch_file(self) -> None:
         try:
@@ -389,13 +378,10 @@ class DisplayServer:
             self._file = None
             self._log.warning(f"no longer recording: {error}")
 
-    def _announce(self, page: WebPage) -> None:
-        self._page_address = page.address
-        if self._parameters.embedded:
-            return
-        self._log.info(f"open {page.url}")
+    def _announce(self, url: str) -> None:
+        self._log.info(f"open {url}")
         if self._parameters.open_browser:
-            open_in_browser(page.url)
+            open_in_browser(url)
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""

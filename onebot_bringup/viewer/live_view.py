@@ -12,8 +12,6 @@ from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import (
-    ConfigError,
-    Problem,
     declare,
     follow_changes,
     is_parameter,
@@ -35,12 +33,7 @@ class LiveView:
         source: the view and where it comes from.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        own: Any,
-        apply: Callable[[], None],
-    ) -> None:
+    def __init__(self, node: Node, own: Any, apply: Callable[[], None]) -> None:
         """Declare the settings as parameters, with the view's values where none are given.
 
         Args:
@@ -55,7 +48,6 @@ class LiveView:
         self._apply = apply
         self.source = ViewSource(own.view, self._log.warning)
         self._mirroring = False
-        self._refused: set[Path] = set()  # files with a mistake
         self._declare()
         self._mirror()
         refuse_undeclared(node, ViewConfig)
@@ -66,16 +58,9 @@ class LiveView:
 
     def _declare(self) -> None:
         usual = values_of(self.source.view)
-        problems: list[Problem] = []
         for name, value in declare(self._node, ViewConfig, usual).items():
-            if value == usual[name] or (name == _FIXED_FRAME and value == ""):
-                continue
-            try:
+            if value != usual[name] and (name != _FIXED_FRAME or value != ""):
                 self.source.change(name, value)
-            except ConfigError as error:
-                problems += error.problems
-        if problems:
-            raise ConfigError(problems)
 
     def _mirror(self) -> None:
         stale = [
@@ -120,21 +105,12 @@ class LiveView:
 
     def poll(self) -> None:
         """Apply edits of the view's file; call this periodically."""
-        saved, removed = self.source.poll()
-        for file in removed:
-            self._log.warning(f"{file} was removed: keeping the view shown so far")
-        for file in saved:
+        for file in self.source.poll().saved:
             try:
-                changed = self.source.reload()
+                if self.source.reload():
+                    self._changed(f"{file} was edited: the view is up to date")
             except OneBotError as error:
-                self._refused.add(file)
                 self._log.warning(f"keeping the view shown so far: {error}")
-                continue
-            if changed:
-                self._changed(f"{file} was edited: the view is up to date")
-            elif file in self._refused:
-                self._log.info(f"{file} is right again: it is in use")
-            self._refused.discard(file)
 
     def set_robot(self, robot: str) -> None:
         """Use the view in the robot's description package, unless the user has given another."""

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from PIL import Image
@@ -22,7 +21,7 @@ from rerun.experimental import ViewerClient, ViewerState
 
 from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
-from onebot_bringup.viewer.display_server import Child
+from onebot_bringup.viewer.display_server import Child, open_recording
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import in_background
 from onebot_description.geometry.poses import Triple
@@ -42,10 +41,9 @@ PATIENCE = 60.0  # seconds
 _REPORT_AFTER = 2.0  # seconds
 _PAUSE = 0.05  # seconds
 Progress = Callable[[str], None]
-# A view may briefly report an error while its data comes in, but a lasting error is part of the
-# picture. An error is lasting only after both of these, which suits slow and fast machines.
-_LASTING = 5.0  # seconds
-_POLLS = 20
+# A view may briefly report an error while its data comes in; after this time (seconds), the error
+# is part of the picture.
+_LASTING = 5.0
 # A file that cannot be loaded leaves a trace only in the log; this is the time to wait for it.
 _LOST = 1.0  # seconds
 # The window's frame, above the viewer itself, is empty when the top panel is hidden (pixels).
@@ -62,11 +60,6 @@ class Framing:
     dashboard: bool = True  # the whole layout with its plots; False: only the robot
     eye: Triple | None = None  # position of the eye, m in the fixed frame; None: as in the layout
     target: Triple | None = None  # the point in the middle of the picture, likewise
-
-    @property
-    def as_it_is(self) -> bool:
-        """Whether the layout is shown unchanged; otherwise a view of the robot is needed."""
-        return self == Framing()
 
 
 def render(
@@ -91,20 +84,20 @@ def render(
         progress: called with what is being waited for, if that takes over two seconds.
 
     Raises:
-        OneBotError: there is no such recording, nothing to draw with, or nothing in 3D.
+        OneBotError: there is nothing to draw, nothing to draw with, or nothing in 3D.
     """
-    if not source.is_file():
-        raise OneBotError(f"there is no recording {source}")
     framing = framing or Framing()
     around = (0, _TITLE_BAR) if framing.dashboard else _AROUND
     window = width + around[0], height + around[1]
     # The path is absolute, since a name that begins with a dash would be read as an option.
     with headless_viewer(str(source.absolute()), *window, progress) as client:
-        freeze(client)
+        client.set_time(play_state="following")  # the end, also of what plays from the beginning
         view = _frame(client, framing)
         shot = Image.open(io.BytesIO(still(client, progress, view)))
     # The title bar's height is in logical points; without a display, a point is one pixel.
-    left, top = (0, _TITLE_BAR) if view is None else _margins(shot, width, height)
+    left, top = 0, _TITLE_BAR
+    if view is not None:  # the centre stays the centre
+        left, top = (shot.width - width) // 2, (shot.height - height) // 2
     data = io.BytesIO()
     shot.crop((left, top, left + width, top + height)).save(data, "PNG")
     try:
@@ -115,23 +108,13 @@ def render(
 
 def _frame(client: ViewerClient, framing: Framing) -> str | None:
     """Arrange the viewer; return the id of the view to draw, or None for all of them."""
-    if framing.as_it_is:
-        return None
+    if framing == Framing():
+        return None  # the layout is shown unchanged, so no view of the robot is needed
     state = client.get_state()
     view = robot_view_id({view.view_id: (view.view_class, view.name) for view in state.views})
     layout = client.get_blueprint().blueprint
     client.set_blueprint(framed(layout, view, framing), store_id=state.active_recording)
     return None if framing.dashboard else view
-
-
-def _margins(shot: Image.Image, width: int, height: int) -> tuple[int, int]:
-    """Return the pixels to crop at the left and at the top, so that the centre stays the centre."""
-    spare = shot.width - width, shot.height - height
-    if min(spare) < 0:
-        raise OneBotError(
-            f"the viewer drew {shot.width} x {shot.height} pixels instead of {width} x {height}"
-        )
-    return spare[0] // 2, spare[1] // 2
 
 
 def still(client: ViewerClient, progress: Progress = print, view: str | None = None) -> bytes:
@@ -249,7 +232,7 @@ def headless_viewer(
     """
     if not hasattr(ViewerClient, "get_state"):
         raise OneBotError(TOO_OLD)
-    port = free_port(0)
+    port = free_port()
     size = f"{width}x{height}"
     child = Child(
         ["--headless", "--port", str(port), "--window-size", size, "--hide-welcome-screen", source],
@@ -273,35 +256,15 @@ def renderer_problem() -> str:
     """Draw an empty picture; return why this computer cannot, or "" if it can."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "nothing.rrd")
-        stream = rr.RecordingStream("onebot_renderer")
-        stream.set_sinks(rr.FileSink(path))
-        stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
-        stream.log("text", rr.TextDocument("nothing"), static=True)
-        stream.disconnect()
+        recording = open_recording(save=path)
+        recording.stream.send_blueprint(rrb.Blueprint(rrb.TextDocumentView(origin="/text")))
+        recording.stream.log("text", rr.TextDocument("nothing"), static=True)
+        recording.close()
         try:
             with headless_viewer(str(path), 320, 240):
                 return ""
         except OneBotError as error:
             return str(error)
-
-
-def freeze(client: ViewerClient) -> None:
-    """Pause the viewer at the current end of the data, so that new data changes nothing."""
-    state = client.get_state()
-    for recording in state.recordings:
-        if recording.store_id != state.active_recording:
-            continue
-        for line in recording.timelines:
-            if line.name == recording.current_timeline and line.end is not None:
-                end = {line.time_type: _MOMENT.get(line.time_type, int)(line.end)}
-                client.set_time(line.name, play_state="paused", **end)
-
-
-# The exact time at a number of nanoseconds, by the type of the timeline; a sequence has numbers.
-_MOMENT: Mapping[str, Callable[[int], Any]] = {
-    "timestamp": lambda end: np.datetime64(end, "ns"),
-    "duration": lambda end: np.timedelta64(end, "ns"),
-}
 
 
 def _ask(
@@ -359,18 +322,17 @@ class _PatientClient:
 def _load(client: ViewerClient, source: str, progress: Progress) -> None:
     """Wait until the viewer's views are loaded and shown, without errors or with lasting ones."""
     start = since = time.monotonic()
-    state, errors, polls = client.get_state(), list[str](), 0
+    state, errors = client.get_state(), list[str]()
 
     def is_shown() -> bool:
-        nonlocal state, errors, since, polls
+        nonlocal state, errors, since
         state, now = client.get_state(), time.monotonic()
         if not (state.recordings or state.loading) and now - start > _LOST:
             _raise_logged(client, source)
-        if _reports(state) != errors or not _is_loaded(state):
-            errors, since, polls = _reports(state), now, 0
-        polls += 1
-        is_complete = _is_loaded(state) and not errors
-        return is_complete or (polls > _POLLS and now - since > _LASTING)
+        is_loaded = bool(state.views) and not state.loading
+        if _reports(state) != errors or not is_loaded:
+            errors, since = _reports(state), now
+        return is_loaded and (not errors or now - since > _LASTING)
 
     if not _wait(is_shown, progress, lambda: _unfinished(state)) and not state.views:
         raise OneBotError(f"nothing was shown within {PATIENCE:.0f} s: {_unfinished(state)}")
@@ -383,10 +345,6 @@ def _raise_logged(client: ViewerClient, source: str) -> None:
         if entry.level == "ERROR":
             reason = entry.message.splitlines()[0].rpartition(": ")[2]
             raise OneBotError(f"{source} cannot be shown: {reason}")
-
-
-def _is_loaded(state: ViewerState) -> bool:
-    return bool(state.views) and not state.loading
 
 
 def _reports(state: ViewerState) -> list[str]:

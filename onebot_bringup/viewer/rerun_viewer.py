@@ -43,7 +43,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, listing, printable
+from onebot_description.errors import printable
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.parameters.reader import declare, read
 from onebot_description.ros.run_node import ends_node, run_node
@@ -51,7 +51,6 @@ from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
 
-_LISTED = 3  # robots named in a message
 TICK_PERIOD = 0.05  # seconds; one call into Rerun logs all messages that came meanwhile
 POLL_PERIOD = 0.25  # seconds
 
@@ -70,7 +69,6 @@ class RerunViewer(Node):
             return
         self._live_view = LiveView(self, parameters, self._apply_view)
         robots = parameters.robots_to_show(self.resolve_topic_name)
-        # After the checks of the parameters and the view, since it replaces the file.
         self._server = DisplayServer(parameters, self.get_logger())
         self._view = RobotView(
             self._server.stream,
@@ -80,6 +78,7 @@ class RerunViewer(Node):
             report=self._report,
             live=True,
         )
+        self._server.replace_file()
         self._robots: dict[str, Description] = {}
         self._page_publisher = self.create_publisher(String, "~/page", LATCHED)
         self._published_page = ""
@@ -96,15 +95,11 @@ class RerunViewer(Node):
         for warning in self._feed.tick():
             self.get_logger().warning(warning)
         robots = self._view.robots
-        new: dict[int, list[str]] = {}  # namespaces by id of the description, which may be shared
-        for space, robot in robots.items():
-            if robot is not self._robots.get(space):
-                new.setdefault(id(robot), []).append(space)
-        self._robots = robots
-        for spaces in new.values():
-            robot = robots[spaces[0]]
-            where = f" in {listing(spaces, _LISTED)}" if spaces != ["/"] else ""
-            name, links = printable(robot.robot_name), len(robot.link_names)
+        previous, self._robots = self._robots, robots
+        new = [space for space, robot in robots.items() if robot is not previous.get(space)]
+        for space in new:
+            name, links = printable(robots[space].robot_name), len(robots[space].link_names)
+            where = f" in {space}" if space != "/" else ""
             self.get_logger().info(f'showing "{name}" ({links} links){where}')
         if new:
             self._live_view.set_robot(next(iter(robots.values())).robot_name)
@@ -139,12 +134,7 @@ class RerunViewer(Node):
 
     def _report(self, topic: str, error: Exception) -> None:
         """Report a bad message, which must not end the viewer."""
-        if isinstance(error, OneBotError):
-            kept = bool(self._robots)
-            goes_on = "keeping the robot shown so far" if kept else "still waiting for a robot"
-            self._warn(topic, f"{goes_on}: {error}")
-        else:
-            self._warn(topic, f"ignored a message of {topic}: {error}")
+        self._warn(topic, f"ignored a message of {topic}: {error}")
 
     def destroy_node(self) -> None:
         """Write out the recording, end the viewers and the node.

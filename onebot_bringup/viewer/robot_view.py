@@ -39,6 +39,9 @@ from onebot_description.ros.wire.interface_text import full_definition
 _PATIENCE = 1.0
 _MOST_WARNINGS = 100  # per description
 _LONGEST_WARNING = 1000  # characters
+_HINT = (
+    "waiting for the robot's description on robot_description; it comes from robot_state_publisher"
+)
 
 ReportBad = Callable[[str, Exception], object]
 
@@ -88,7 +91,7 @@ class RobotView:
         )
         self._live = live
         self._changed = clock()  # when the robot or the view changed
-        self._warnings = WarningFilter(clock)
+        self._passed_warnings: set[str] = set()  # passed to the user, for this description and view
         self._published: Mapping[str, str] = {}
         self._laid_out_ns = 0
         self._laid_out_of: tuple[object, ...] = ()
@@ -269,7 +272,7 @@ class RobotView:
         self._store_message_frames()
 
     def _late(self) -> list[str]:
-        """Return a sentence per thing that is overdue or cannot be shown."""
+        """Return a new sentence per thing that is overdue or cannot be shown."""
         stage = self.stage
         late = [*self.inbox.stamps.warnings.values()]
         for display in self._active:
@@ -281,10 +284,15 @@ class RobotView:
                 )
         if stage.clock() - self._changed >= WARN_AFTER:
             late += stage.late()
-        hints = []
-        if self.robot is None and self._live and not stage.frame_without_robot:
-            hints = self._warnings.waiting()
-        return self._warnings.once(dict.fromkeys(late)) + hints
+            if self.robot is None and self._live and not stage.frame_without_robot:
+                late.append(_HINT)
+        passed = self._passed_warnings
+        # They may quote long names that other nodes publish.
+        short = dict.fromkeys(sentence[:_LONGEST_WARNING] for sentence in late)
+        new = [sentence for sentence in short if sentence not in passed]
+        new = new[: _MOST_WARNINGS - len(passed)]
+        passed.update(new)
+        return new
 
     # --- the robot and the view -----------------------------------------------------------------
 
@@ -314,7 +322,7 @@ class RobotView:
         )
         self._laid_out_ns = 0
         problems = [*self._select(), *self.inbox.subscribe(self._subscriptions())]
-        self._warnings.forget()
+        self._passed_warnings.clear()
         self._changed = self.stage.clock()
         return problems + self._wrong_names()
 
@@ -348,17 +356,14 @@ class RobotView:
         self._changed = stage.clock()
         if alike is not None:
             return []
-        self._warnings.forget()
+        self._passed_warnings.clear()
         return warnings + self._wrong_names()
 
     def _wrong_names(self) -> list[str]:
         """Return a sentence if no robot has the link that the camera should follow."""
-        follow, stage = self._view.camera.follow, self.stage
+        follow = self._view.camera.follow
         links = {link for robot in self.robots.values() for link in robot.link_names}
-        names = set(links)
-        for robot in () if stage.alone else stage.robots:  # several robots' links go by frame
-            names.update(map(robot.frame_of, links))
-        if not links or not follow or follow in names:
+        if not links or not follow or follow in links or self._blueprint.followed(follow):
             return []
         hint = did_you_mean(follow, links, "links")
         return [f'camera.follow: the robot has no link "{follow}"{hint}']
@@ -383,42 +388,6 @@ class RobotView:
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
         self._blueprint.update(layout)
-
-
-class WarningFilter:
-    """Passes each warning once per description; reminds the user while there is none."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self._clock = clock
-        self._started = clock()
-        self._passed: set[str] = set()
-        self._next_hint = 2.0
-
-    def forget(self) -> None:
-        """Let every warning pass again, if it still applies."""
-        self._passed.clear()
-
-    def once(self, sentences: Iterable[str]) -> list[str]:
-        """Return the new ones of ``sentences``, truncated if long; none after very many.
-
-        They may quote long names that other nodes publish.
-        """
-        short = (sentence[:_LONGEST_WARNING] for sentence in sentences)
-        new = [sentence for sentence in short if sentence not in self._passed]
-        new = new[: _MOST_WARNINGS - len(self._passed)]
-        self._passed.update(new)
-        return new
-
-    def waiting(self) -> list[str]:
-        """Return, from time to time, a sentence that the description is still awaited."""
-        waited = self._clock() - self._started
-        if waited < self._next_hint:
-            return []
-        self._next_hint = max(10.0, 2 * self._next_hint)
-        return [
-            f"waiting for the robot's description on robot_description ({waited:.0f} s); "
-            "it comes from robot_state_publisher"
-        ]
 
 
 def _raise(_: str, error: Exception) -> None:

@@ -66,23 +66,15 @@ class RvizConfig:
 
     def _add(self, display: Properties) -> None:
         kind = str(display.get("Class", "")).rpartition("/")[2]
-        enabled = bool(display.get("Enabled", True))
-        special = _SPECIAL.get(kind)
-        if special is not None:
-            self.values |= special(display) if enabled else {}
+        if special := _SPECIAL.get(kind):
+            self.values |= special(display)
             return
         key, topic = _KEY_BY_CLASS.get(_snake(kind)), _topic(display)
         if key is None or not topic:
             self.ignored.append(f'{kind or "a display"} "{display.get("Name", "")}"')
             return
         prefix = f"{key}.topics.{topic}"
-        visible = self.values.get(f"{prefix}.visible")  # another display may have set it
-        if visible and not enabled:
-            return
-        if visible is False:
-            kept = self.values.items()
-            self.values = {k: value for k, value in kept if not k.startswith(f"{prefix}.")}
-        self.values[f"{prefix}.visible"] = enabled
+        self.values[f"{prefix}.visible"] = True
         self.values |= _qos(_mapping(display.get("Topic")), prefix)
         fields = _fields(key)
         if "hidden_namespaces" in fields:
@@ -144,12 +136,12 @@ def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
 
 
 def _displays(found: Any) -> Iterator[Properties]:
-    """Yield the displays, including those in groups."""
+    """Yield the enabled displays, including those in groups."""
     for display in found if isinstance(found, list) else ():
-        if not isinstance(display, Mapping):
+        if not isinstance(display, Mapping) or not display.get("Enabled", True):
             continue
         if str(display.get("Class", "")).endswith("/Group"):
-            yield from _displays(display.get("Displays")) if display.get("Enabled", True) else ()
+            yield from _displays(display.get("Displays"))
         else:
             yield display
 

@@ -6,7 +6,6 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
-from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.topic_qos import (
     compatible_qos,
     is_reliable,
@@ -15,19 +14,9 @@ from onebot_description.ros.topic_qos import (
 )
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
-    TypeConflictError,
     choose_type,
     offers,
 )
-from onebot_description.ros.wire.cdr import HEADER
-
-# Types stamped with the time when they are sent, and the byte offset of the stamp in each.
-_STAMPED = {
-    "sensor_msgs/msg/JointState": HEADER,
-    "nav_msgs/msg/Odometry": HEADER,
-    "geometry_msgs/msg/TwistStamped": HEADER,
-    "tf2_msgs/msg/TFMessage": HEADER + 4,  # the number of transforms comes first
-}
 
 
 class ViewFeed:
@@ -41,7 +30,6 @@ class ViewFeed:
         self._node = node
         self._view = view
         self._subscriptions: dict[str, TopicSubscription] = {}
-        self._reported: set[str] = set()
         self.received: set[str] = set()
 
     def tick(self) -> list[str]:
@@ -60,16 +48,11 @@ class ViewFeed:
             self._subscriptions.pop(name).close()
         for name, topic in topics.items():
             if name not in self._subscriptions:
-                self._subscriptions[name] = self._make(name, topic)
+                self._subscriptions[name] = self._make(name)
             try:
                 self._update(name, topic)
-            except TypeConflictError as error:
-                problems.append(f"the view's {error}")
             except OneBotError as error:
-                # A missing type will not be installed meanwhile: for optional topics, warn once.
-                if not topic.optional or str(error) not in self._reported:
-                    problems.append(str(error))
-                self._reported.add(str(error))
+                problems.append(str(error))
         return problems
 
     def _published(self) -> dict[str, str]:
@@ -81,16 +64,10 @@ class ViewFeed:
             if len(types) == 1 and (name in offered or node.count_publishers(name))
         }
 
-    def _make(self, name: str, topic: WantedTopic) -> TopicSubscription:
-        check = StampCheck.from_topic(self._node, name)
-        stamped = {} if topic.latched else _STAMPED
-
+    def _make(self, name: str) -> TopicSubscription:
         def received(kind: str, data: bytes) -> None:
-            now_ns = int(self._node.get_clock().now().nanoseconds)
-            if kind in stamped:
-                check.take_bytes(data, now_ns, stamped[kind])
             self.received.add(name)
-            self._view.take(name, kind, data, now_ns)
+            self._view.take(name, kind, data, int(self._node.get_clock().now().nanoseconds))
 
         return TopicSubscription(self._node, name, received, message_class)
 
@@ -105,8 +82,6 @@ class ViewFeed:
         if kind is None:
             return
         qos = compatible_qos(offered.get(kind, ()), topic.depth)
-        if subscription.qos is not None and not any(offered.values()):
-            qos = subscription.qos
         latched = topic.latched or is_transient_local(qos)
         reliable = topic.reliable or latched or (topic.as_published and is_reliable(qos))
         subscription.update(kind, make_qos(topic.depth, reliable=reliable, latched=latched))

@@ -61,18 +61,17 @@ class ViewSource:
 
         Returns:
             Whether that is another view file than before.
+
+        Raises:
+            OneBotError: the file is invalid; the view stays until the file is mended.
         """
         old_file = self.file
         if self._of_robot:
             self.file = view_for(name, in_world=in_world)
         if self.file == old_file:
             return False
-        try:
-            self.reload()
-        except OneBotError:
-            self.file = old_file
-            raise
         self._watch.watch(self._files)
+        self.reload()
         return True
 
     def poll(self) -> Changes:

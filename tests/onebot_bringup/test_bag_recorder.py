@@ -3,9 +3,7 @@
 import re
 import signal
 import time
-from contextlib import closing
 
-import rclpy
 from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -16,8 +14,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_bringup.bags.bag_recorder import Selection, TopicRecorder
-from onebot_bringup.bags.writer import BagWriter
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.bag_support import read_all, read_growing
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
@@ -158,30 +154,6 @@ def test_suits_every_publisher(tmp_path, ros_domain, peer):
         assert [one.topic for one in reader.connections].count(words) == 1
 
 
-def test_a_type_that_the_executor_still_holds(tmp_path, ros_domain, peer):
-    """Polls that follow each other at once, as after a delay, change the type all the same."""
-    with (
-        Peer(ros_domain, "driver") as driver,
-        Peer(ros_domain, "other") as other,
-        closing(BagWriter(tmp_path / "run")) as bag,
-    ):
-        node = rclpy.create_node("recorder", context=other.context)
-        recorder = TopicRecorder(node, bag, Selection({COMMANDS}))
-
-        def subscribed(kind):
-            recorder.poll()
-            return [s for s in node.subscriptions if s.msg_type is kind]
-
-        peer.hear(Twist, COMMANDS)
-        [held] = wait_for(lambda: subscribed(Twist), "the subscriber's type")
-        with held.handle:
-            driver.node.create_publisher(TwistStamped, COMMANDS, 10)
-            wait_for(lambda: not subscribed(Twist), "the end of that subscription")
-            assert not subscribed(TwistStamped)
-        wait_for(lambda: subscribed(TwistStamped), "the publisher's type")
-        node.destroy_node()
-
-
 def test_wanted_topics_in_simulated_time(tmp_path, peer):
     """Only topics:=[...], relative to the namespace; stamped by /clock, latched before it, too."""
     folder = tmp_path / "run"
@@ -206,16 +178,3 @@ def test_wanted_topics_in_simulated_time(tmp_path, peer):
     found, connections = read_all(folder)
     assert {stamp for _, stamp, _ in found} == {42 * 10**9}
     assert set(connections) == {"/left/words", "/left/robot_description"}
-
-
-def test_folder_that_vanishes(tmp_path, ros_domain):
-    """The recorder ends with one error when its recording is deleted."""
-    folder = tmp_path / "run"
-    with NodeProcess(MODULE, *ros_args(folder=str(folder)), check=False) as node:
-        wait_for(lambda: "recording to" in node.output, "the recording")
-        for path in folder.iterdir():
-            path.unlink()
-        folder.rmdir()
-        assert node.wait() == 1
-        assert "was deleted or moved while recording" in node.output
-        assert "Traceback" not in node.output and "Error occurred" not in node.output

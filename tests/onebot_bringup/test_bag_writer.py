@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import sys
 
 import pytest
@@ -57,6 +58,16 @@ def test_refuses_a_folder_that_exists(tmp_path):
         BagWriter(tmp_path)
     with pytest.raises(OneBotError, match="No such file"):
         BagWriter(tmp_path / "none/bag")
+
+
+def test_a_folder_that_vanishes(tmp_path):
+    """With the next checkpoint, the recording ends with one error."""
+    bag = BagWriter(tmp_path / "bag")
+    bag.write(bag.add_topic(topic()), 1, cdr("word"))
+    shutil.rmtree(tmp_path / "bag")
+    with pytest.raises(OneBotError, match="cannot record to .*bag: No such file"):
+        bag.checkpoint()
+    assert not bag.open
 
 
 def test_killed_while_writing(tmp_path):

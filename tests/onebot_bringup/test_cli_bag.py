@@ -38,7 +38,6 @@ def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "Files:             run_0.mcap\n"
         f"Bag size:          {size / 1024:.1f} KiB\n"
         "Storage id:        mcap\n"
-        "ROS Distro:        jazzy\n"
         "Duration:          0.004000000s\n"
         "Start:             Jan  1 1970 00:00:01.000000000 (1.000000000)\n"
         "End:               Jan  1 1970 00:00:01.004000000 (1.004000000)\n"

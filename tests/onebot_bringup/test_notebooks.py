@@ -2,14 +2,10 @@
 
 import json
 import math
-import os
-import re
-import signal
 import warnings
 from pathlib import Path
 
 import nbformat
-import psutil
 import pytest
 import rerun as rr
 import rerun.chunk as rc
@@ -21,7 +17,7 @@ from onebot_description.description import load_description, parse_description
 from onebot_description.errors import OneBotError
 from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE
 
 NOTEBOOKS = sorted((CHECKOUT / "onebot_bringup/notebooks").glob("*.ipynb"))
 ARM = """<robot name="arm">
@@ -188,36 +184,6 @@ def test_mapping_drives_out_of_the_maze_with_its_map(peer, tmp_path):
     assert results["share"] > 0.97 and results["seen"] > 3000
     assert results["code"] == 0
     assert _pictures(notebook) == 1
-
-
-@pytest.mark.slow
-def test_the_robot_ends_with_a_kernel_that_is_killed(ros_domain, tmp_path):
-    """The kernel has no time to stop anything."""
-    notebook = nbformat.read(CHECKOUT / "onebot_bringup/notebooks/ros.ipynb", as_version=4)
-    notebook.cells = notebook.cells[:2]  # starts the robot
-    assert "Popen" in _source(notebook)
-    cell = "import os; print(f'processes {os.getpid()} {robot.pid}', flush=True)"
-    notebook.cells.append(nbformat.v4.new_code_cell(cell))
-    client = NotebookClient(notebook, timeout=PATIENCE, startup_timeout=PATIENCE)
-    with client.setup_kernel():
-        for index, each in enumerate(notebook.cells):
-            client.execute_cell(each, index)
-        printed = [out.text for out in notebook.cells[-1].outputs if out.name == "stdout"]
-        # The robot's output may be among it.
-        kernel, robot = map(int, re.search(r"processes (\d+) (\d+)", "".join(printed)).groups())
-        bringup = psutil.Process(robot)
-        wait_for(lambda: len(bringup.children()) >= 2, "its nodes")
-        processes = [bringup, *bringup.children()]
-        os.kill(kernel, signal.SIGKILL)
-        for process in processes:
-            wait_for(lambda p=process: _has_ended(p), str(process))
-
-
-def _has_ended(process: psutil.Process) -> bool:
-    try:
-        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True
 
 
 # --- the robot shown ----------------------------------------------------------------------------

@@ -13,7 +13,6 @@ from onebot_bringup.cli.main import main
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer
-from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import write_words
 from tests.onebot_bringup.cli_support import running
 from tests.onebot_bringup.drive_support import chunks, column
@@ -132,8 +131,6 @@ def test_several_robots(tmp_path, capsys):
     shown, said = to_rrd(folder, tmp_path / "b.rrd", namespace="b")
     assert (shown.robot, shown.messages, said) == ("other", 5, [])
     assert chunks(tmp_path / "b.rrd", "/robot/visual/tip/0")
-    with pytest.raises(OneBotError, match="frame_prefix:=c/ is one robot's, and several are recor"):
-        to_rrd(folder, tmp_path / "c.rrd", frame_prefix="c/")
     words = ["viewer:=none", f"save:={tmp_path}/c.rrd", "namespace:=/c"]
     assert main(["replay", str(folder), *words]) == 1
     assert "namespace:=/c" in capsys.readouterr().err
@@ -141,7 +138,12 @@ def test_several_robots(tmp_path, capsys):
 
 @pytest.mark.parametrize("good", [True, False])
 def test_undecodable_messages(tmp_path, capsys, good):
-    """Each topic's are told once, with their number; nothing else to show is an error."""
+    """Each topic's are reported once, with their number.
+
+    Nothing else to show is an error, and leaves the file that would be replaced.
+    """
+    file = tmp_path / "a.rrd"
+    file.write_text("the last recording")
     folder = tmp_path / "bag"
     topics = {
         "/robot_description": "std_msgs/msg/String",
@@ -158,12 +160,12 @@ def test_undecodable_messages(tmp_path, capsys, good):
             robot.write("/robot_description", String(data=ARM), 1.0)
     view = tmp_path / "view.yaml"
     view.write_text(f"{VIEW}\ntrails: {{way: {{topic: /odom}}}}\nspeeds: {{lines: {SPEED}}}\n")
-    words = ["viewer:=none", f"save:={tmp_path}/a.rrd", f"view:={view}"]
+    words = ["viewer:=none", f"save:={file}", f"view:={view}"]
     assert main(["replay", str(folder), *words]) == (0 if good else 1)
+    assert (file.read_bytes() == b"the last recording") != good
     said = capsys.readouterr()
     for name in topics:
-        assert said.err.count(f"a message of {name} is left out") == 1
-        assert f"20 messages of {name} were left out" in said.err
+        assert f"20 messages of {name} were left out; the first: " in said.err
     if good:
         assert 'of "arm": 1 messages' in said.out
     else:
@@ -185,8 +187,6 @@ def test_a_folder_of_any_name(tmp_path, capsys):
     [
         (["a", "b"], 2, "takes one recording, not 2"),
         (["none"], 1, "there is no recording none"),
-        (["empty.rrd"], 1, "empty.rrd is empty"),
-        (["cut.rrd"], 1, "cut.rrd was cut short before anything was in it"),
         (["other.rrd"], 1, "other.rrd is no recording of Rerun"),
         (["other.txt"], 1, "its name must end in"),
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
@@ -198,22 +198,10 @@ def test_a_folder_of_any_name(tmp_path, capsys):
 def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):
     monkeypatch.chdir(tmp_path)
     write_words(tmp_path / "bag")
-    (tmp_path / "empty.rrd").write_bytes(b"")
-    (tmp_path / "cut.rrd").write_bytes(b"RRF2" + bytes(36))
     for name in ("other.rrd", "other.txt"):
         (tmp_path / name).write_text("what is this?")
     assert main(["replay", *words]) == code
     assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("mistake", ["namespace:=typo", "view:=bad.yaml"])
-def test_a_refused_command_leaves_the_file_that_it_would_replace(tmp_path, monkeypatch, mistake):
-    monkeypatch.chdir(tmp_path)
-    record_arm(tmp_path / "bag")
-    (tmp_path / "bad.yaml").write_text("gird: {visible: true}")
-    (tmp_path / "a.rrd").write_text("the last recording")
-    assert main(["replay", "bag", "viewer:=none", "save:=a.rrd", mistake]) == 1
-    assert (tmp_path / "a.rrd").read_text() == "the last recording"
 
 
 def test_a_rrd_file_is_served_until_interrupted(tmp_path):

@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import (
-    Point32,
-    PolygonStamped,
-    Pose,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    Quaternion,
-)
-from nav_msgs.msg import Odometry, Path
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rcl_interfaces.msg import Log
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
@@ -122,21 +115,13 @@ def test_a_world_is_replayed_in_the_view_of_a_world(tmp_path):
 
 def navigating_robot():
     """Messages of a robot with Nav2: the topic, its display and the frame."""
-    pose = Pose(orientation=Quaternion(w=1.0))
-    with_covariance, odometry = PoseWithCovarianceStamped(), Odometry(child_frame_id="base_link")
-    with_covariance.pose.pose, odometry.pose.pose = pose, pose
-    footprint = PolygonStamped()
-    footprint.polygon.points = [Point32(x=1.0), Point32(y=1.0), Point32()]
     waypoint = marker(frame="map")
     waypoint.header.stamp = Time()
     return [
         ("/scan", "laser_scan", "lidar", scan()),
         ("/camera/image_raw", "image", "camera", image("mono8", np.zeros((2, 4), np.uint8))),
         ("/map", "map", "map", grid([[0, 100], [-1, 50]])),
-        ("/odometry/filtered", "odometry", "odom", odometry),
         ("/plan", "path", "map", path(0, 2)),
-        ("/amcl_pose", "pose_with_covariance", "map", with_covariance),
-        ("/footprint", "polygon", "base_link", footprint),
         ("/waypoints", "marker", "map", MarkerArray(markers=[waypoint])),
         ("/rosout", "log", "", Log(level=20, name="amcl", msg="localized")),
     ]

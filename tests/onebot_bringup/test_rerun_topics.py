@@ -1,16 +1,11 @@
 """The viewer follows what is published on real DDS."""
 
-from collections import Counter
-
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from nav_msgs.msg import Odometry
-from nav_msgs.msg import Path as PathMessage
 
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import curve, while_written
 from tests.ros_support import Peer, node_here, spin_until
 
@@ -38,22 +33,4 @@ def test_a_topic_is_followed_that_changes_its_type(ros_domain, tmp_path):
                     return speed in while_written(curve, file, "/speeds/linear/commanded")
 
                 spin_until(node, drawn, f"{speed} m/s")
-    recording.close()
-
-
-def test_a_type_that_is_not_installed_is_said_once(peer, monkeypatch, tmp_path):
-    """Of a topic that nobody has asked for; another is named each time."""
-
-    def message_class(name):
-        raise OneBotError(f"no message type {name}")
-
-    monkeypatch.setattr("onebot_bringup.viewer.topics.message_class", message_class)
-    recording = open_recording(save=tmp_path / "x.rrd")
-    view = RobotView(recording.stream, parse_view("trails: {a: {topic: /way}}"))
-    peer.node.create_publisher(PathMessage, "/plan", 10)
-    peer.node.create_publisher(Odometry, "/way", 10)
-    feed = ViewFeed(peer.node, view)
-    problems = Counter(problem for _ in range(3) for problem in feed.update())
-    assert problems["no message type nav_msgs/msg/Path"] == 1
-    assert problems["no message type nav_msgs/msg/Odometry"] == 3
     recording.close()

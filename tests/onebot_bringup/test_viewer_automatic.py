@@ -15,7 +15,6 @@ from onebot_bringup.viewer.core.inbox import LoadLimit
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays import DRAWING_BY_TYPE, MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import parse_view
-from onebot_description.errors import OneBotError
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, Shown, describe
 from tests.onebot_description.sensor_blocks import rays
@@ -189,17 +188,3 @@ def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
     for number in range(10):
         shown.send("/marks", Marker(text="x" * 2000, id=number))
     assert any("marker: more comes" in sentence for sentence in shown.tick())
-
-
-def test_a_type_without_a_definition_is_said(tmp_path):
-    """The others are shown."""
-
-    def definitions(name):
-        raise OneBotError(f"no definition of {name}")
-
-    shown = Shown(tmp_path, definitions=definitions)
-    assert shown.view.offer({"/plan": PATH, "/x": "a/msg/B"}) == [
-        "/plan cannot be shown: no definition of nav_msgs/msg/Path"
-    ]
-    assert shown.view.offered == ()
-    shown.end()

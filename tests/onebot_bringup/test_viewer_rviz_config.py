@@ -67,11 +67,10 @@ def test_what_rviz_shows_is_shown(tmp_path):
     assert (view.axes.visible, view.axes.names, view.axes.frames) == (True, False, ("base_link",))
     assert view.collision
     looks = view.path.topics
-    assert set(looks) == {"plan", "/other"}
+    assert set(looks) == {"plan"}
     assert (looks["plan"].color, looks["plan"].visible) == ((255, 0, 10), True)
     assert looks["plan"].line_width == 0.029999999329447746
     assert (looks["plan"].reliability, looks["plan"].depth) == ("best_effort", 7)
-    assert not looks["/other"].visible
     [notice] = notices
     assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
 
@@ -101,20 +100,15 @@ def test_groups_of_properties(tmp_path):
 SENSORS = """
     - Autocompute Intensity Bounds: false
       Autocompute Value Bounds: {Max Value: 7, Min Value: -3, Value: false}
-      Axis: X
       Channel Name: ring
       Class: rviz_default_plugins/PointCloud2
-      Color: 255; 255; 0
       Color Transformer: AxisColor
       Decay Time: 2
-      Invert Rainbow: true
-      Max Intensity: 200
       Min Color: 0; 0; 10
-      Min Intensity: 5
       Size (Pixels): 3
       Size (m): 0.02
       Style: Flat Squares
-      Topic: {Depth: 5, Reliability Policy: Best Effort, Value: /points}
+      Topic: {Value: /points}
       Use rainbow: false
     - Class: rviz_default_plugins/LaserScan
       Color Transformer: ""
@@ -122,15 +116,9 @@ SENSORS = """
       Size (m): 0.01
       Style: Points
       Topic: {Value: /scan}
-    - Class: rviz_default_plugins/Image
-      Max Value: 9
-      Min Value: 2
-      Normalize Range: false
-      Topic: {Value: /depth/image_raw}
     - Class: rviz_default_plugins/Camera
       Topic: {Value: /camera/image_raw}
       Visibility: {Grid: true, Image: true, Value: true}
-    - {Class: rviz_default_plugins/Range, Alpha: 0.2, Color: 1; 2; 3, Topic: {Value: /sonar}}
     - Class: rviz_common/Group"""
 
 
@@ -139,20 +127,14 @@ def test_displays_of_sensors_have_the_same_settings(tmp_path):
     view, [notice] = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", SENSORS, 1))
     assert notice.endswith('not shown: ParticleCloud "Amcl Particle Swarm"')
     [cloud] = view.point_cloud2.topics.values()
-    assert (cloud.color_transformer, cloud.axis, cloud.channel_name) == ("AxisColor", "X", "ring")
+    assert (cloud.color_transformer, cloud.channel_name) == ("AxisColor", "ring")
     assert not cloud.autocompute_value_bounds and not cloud.autocompute_intensity_bounds
     assert (cloud.min_value, cloud.max_value) == (-3.0, 7.0)
-    assert (cloud.min_intensity, cloud.max_intensity) == (5.0, 200.0)
-    assert (cloud.use_rainbow, cloud.invert_rainbow) == (False, True)
-    assert (cloud.min_color, cloud.color) == ((0, 0, 10), (255, 255, 0))
-    assert (cloud.size, cloud.decay_time, cloud.depth) == (0.02, 2.0, 5)
+    assert (cloud.use_rainbow, cloud.min_color) == (False, (0, 0, 10))
+    assert (cloud.size, cloud.decay_time) == (0.02, 2.0)
     [scan] = view.laser_scan.topics.values()
     assert (scan.color_transformer, scan.size) == ("auto", 0.0)
-    assert set(view.image.topics) == {"/depth/image_raw", "/camera/image_raw"}
-    depth = view.image.topics["/depth/image_raw"]
-    assert (depth.normalize_range, depth.min_value, depth.max_value) == (False, 2.0, 9.0)
-    [sonar] = view.range.topics.values()
-    assert (sonar.alpha, sonar.color) == (0.2, (1, 2, 3))
+    assert set(view.image.topics) == {"/camera/image_raw"}
 
 
 def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
@@ -165,22 +147,6 @@ def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
     view, _ = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", display, 1))
     assert view.marker.topics["/marks"].visible
     assert view.marker.topics["/marks"].hidden_namespaces == ("noise", "visible", "1")
-
-
-@pytest.mark.parametrize("enabled_first", [True, False])
-def test_of_two_displays_of_a_topic_the_enabled_one_counts(tmp_path, enabled_first):
-    """A topic is shown once; the other display's settings are left out whole."""
-    displays = [
-        """
-    - {Class: rviz_default_plugins/PointCloud2, Size (m): 0.3, Topic: {Value: /points}}""",
-        """
-    - {Class: rviz_default_plugins/PointCloud2, Enabled: false, Size (m): 0.7, Color: 1; 2; 3,
-       Topic: {Value: /points}}""",
-    ]
-    both = "".join(displays if enabled_first else displays[::-1])
-    view, _ = _loaded(tmp_path, FILE.replace("  Displays:", f"  Displays:{both}", 1))
-    [look] = view.point_cloud2.topics.values()
-    assert (look.visible, look.size, look.color) == (True, 0.3, None)
 
 
 def test_an_orbit_looks_from_where_rviz_does(tmp_path):

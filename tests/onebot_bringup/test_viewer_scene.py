@@ -98,11 +98,11 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     now = [0.0]
     live = Shown(tmp_path, robot=False, clock=lambda: now[0], live=True).view
     assert live.tick(START_NS) == []
-    now[0] = 2.5
+    now[0] = 3.5
     [message] = live.tick(START_NS)
     assert "waiting for the robot's description on robot_description" in message
     describe(live, ARM)
     assert live.tick(START_NS) == []
-    now[0] = 6.0
+    now[0] = 7.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
