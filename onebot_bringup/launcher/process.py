@@ -178,13 +178,5 @@ def describe_exit(code: int) -> str:
         return "it finished (exit code 0)"
     if code > 0:
         return f"exit code {code}"
-    hints = {
-        signal.SIGSEGV: ", a crash in compiled code",
-        signal.SIGABRT: ", a crash in compiled code",
-        signal.SIGKILL: ", perhaps the system ran out of memory",
-    }
-    try:
-        number = signal.Signals(-code)
-    except ValueError:
-        return f"ended by signal {-code}"
-    return f"ended by {number.name}{hints.get(number, '')}"
+    hint = ", perhaps the system ran out of memory" if code == -signal.SIGKILL else ""
+    return f"ended by signal {-code}, {signal.strsignal(-code)}{hint}"

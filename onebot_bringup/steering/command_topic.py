@@ -16,7 +16,6 @@ from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import RCLError
 
@@ -56,13 +55,9 @@ def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all command topics, the ones with subscribers first."""
-
-    def rank(name: str) -> tuple[bool, str]:
-        return all(end.observes for end in command_subscribers(node, name)), name
-
+    """Return all command topics."""
     topics = node.get_topic_names_and_types()
-    return tuple(sorted((name for name, kinds in topics if _TYPES.keys() & {*kinds}), key=rank))
+    return tuple(sorted(name for name, kinds in topics if _TYPES.keys() & {*kinds}))
 
 
 @dataclass(frozen=True)
@@ -97,19 +92,6 @@ def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
         for topic, name in zip(topics, names, strict=True)
     ]
     return tuple(sorted(robots, key=lambda robot: natural_order(robot.name)))
-
-
-def foreign_type(node: Node, topic: str) -> str:
-    """Return a topic's type if it exists only with other types than commands; else "".
-
-    The publisher of ``node`` itself does not count.
-    """
-    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    own_name = node.get_fully_qualified_name()
-    kinds = {
-        end.topic_type for end in ends if node_name(end) != own_name or end.topic_type not in _TYPES
-    }
-    return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
 
 
 class RobotLock:
@@ -154,7 +136,6 @@ class CommandTopic:
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
         self._node, self._locked = node, locked
-        self._warn = Throttled(node.get_logger().warning)
         self._lock = threading.Lock()
         self._publisher: Any = None
         self._driven = False  # whether a page has driven, not only moved joints
@@ -197,16 +178,6 @@ class CommandTopic:
         """Adapt to the type of ``controllers``, or else of all subscribers; call this often."""
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
-        foreign = foreign_type(self._node, self.topic)
-        if foreign:  # do not add a second type to the topic
-            self._destroy_publisher()
-            if self._driven:
-                self._warn(
-                    f"{self.topic} {foreign}",
-                    f"{self.topic} has the type {foreign}, not Twist or TwistStamped: nothing is "
-                    "published",
-                )
-            return
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
         kinds = {robot.kind for robot in robots}
         if kinds and self.kind not in kinds:

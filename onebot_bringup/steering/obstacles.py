@@ -25,7 +25,6 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import transformed
-from onebot_description.model.robot_model import RobotModel
 
 _SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"})
 _STRING = "std_msgs/msg/String"
@@ -81,15 +80,9 @@ class Footprint(NamedTuple):
     @classmethod
     def from_description(cls, robot: Description) -> "Footprint | None":
         """Return the footprint of a robot; None if it has no shapes."""
-        from onebot_control.sensing.solids import solid_of
+        from onebot_control.sensing.solids import robot_solid
 
-        poses = RobotModel(robot).link_matrices({})
-        shapes = [
-            (shape, poses[link.name])
-            for link in robot.links
-            for shape in link.collisions or link.visuals
-        ]
-        solid = solid_of(shapes)
+        solid = robot_solid(robot)
         if not len(solid.corners):
             return None
         low, high = solid.box

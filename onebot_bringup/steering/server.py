@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aiohttp import WebSocketError, WSMsgType, web
+from aiohttp import WSMsgType, web
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from onebot_bringup.serving.origin import foreign_refusal
@@ -59,7 +59,6 @@ class SteeringServer:
     def __post_init__(self) -> None:
         """Make the application."""
         self._pages: list[_Page] = []
-        self._rejected = 0  # number of messages
         self._warn = Throttled(self.logger.warning)
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
@@ -119,35 +118,26 @@ class SteeringServer:
         self._pages.append(page)
         self.arbiter.join(page.name)
         sender = asyncio.ensure_future(self._send_states(page))
-        closed = False
         try:
-            closed = await self._receive(page)
+            async for message in socket:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                    page.received += 1
+                    await self._on_message(page, message.data)
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
-            self._report_end(closed, self.arbiter.leave(page.name))
+            drove = self.arbiter.leave(page.name)
+            self.logger.info(f"a page was closed, or its connection was lost{_STOPPED * drove}")
             self._pages.remove(page)
             sender.cancel()
         return socket
-
-    async def _receive(self, page: _Page) -> bool:
-        """Handle a page's messages to the end; return False if its connection was lost."""
-        while True:
-            message = await page.socket.receive()
-            if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
-                page.received += 1
-                await self._on_message(page, message.data)
-            elif isinstance(message.data, WebSocketError):
-                self._reject(page, "too large, or no WebSocket frame")
-                return True
-            else:
-                return message.type in (WSMsgType.CLOSE, WSMsgType.CLOSING)
 
     async def _on_message(self, page: _Page, data: str | bytes) -> None:
         try:
             message = parse(data)
         except ProtocolError as error:
-            self._reject(page, str(error))
+            drove = self.arbiter.reject(page.name)
+            self._warn(str(error), f"rejected a message of a page: {error}{_STOPPED * drove}")
             await _send_error(page, f"Refused: {error}.", error.about)
             return
         if not isinstance(message, ChooseTopic):
@@ -157,19 +147,6 @@ class SteeringServer:
             await asyncio.to_thread(self.choose_topic, message.topic)
         except OneBotError as error:
             await _send_error(page, f"{error}.", "topic")
-
-    def _reject(self, page: _Page, problem: str) -> None:
-        drove = self.arbiter.reject(page.name)
-        self._rejected += 1
-        end = f"{problem}{_STOPPED * drove}"
-        self._warn(end, f"rejected a message of a page ({self._rejected} so far): {end}")
-
-    def _report_end(self, closed: bool, drove: bool) -> None:
-        if closed:
-            self.logger.info(f"a page was closed{_STOPPED * drove}")
-        else:
-            text = f"lost the connection to a page{_STOPPED * drove}"
-            self._warn(text, text)
 
     async def _send_states(self, page: _Page) -> None:
         """Send the state to one page, ten times a second and whenever something changes."""

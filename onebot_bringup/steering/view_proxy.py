@@ -128,25 +128,13 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
     """
     try:
         displays = json.loads(data)
-        topics: list[Row] = [
-            {
-                "topic": str(topic["topic"]),
-                "type": str(topic["type"]),
-                "visible": bool(topic["visible"]),
-            }
-            for topic in displays["shown"]
-        ]
         legend: list[Row] = [
-            {
-                "kind": str(entry["kind"]),
-                "name": str(entry["name"]),
-                "color": "#{:02x}{:02x}{:02x}".format(*entry["color"]),
-            }
+            {**entry, "color": "#{:02x}{:02x}{:02x}".format(*entry["color"])}
             for entry in displays["legend"]
         ]
-    except (ValueError, LookupError, TypeError, RecursionError):
+        return displays["shown"], legend
+    except (ValueError, LookupError, TypeError):
         return [], []
-    return topics, legend
 
 
 class ViewProxy:

@@ -81,51 +81,36 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
         robot.reach(0.2)
 
 
-def test_the_log_says_how_a_page_was_lost_and_ctrl_c_stops_the_robot(peer):
-    """Refused, closed, broken off, not responding; and whether it drove.
+def test_the_log_says_that_a_page_left_and_ctrl_c_stops_the_robot(peer):
+    """Refused, closed, broken off, too large a message, not responding; and whether it drove.
 
-    Each is logged at most every five seconds, whatever the others do. Zeros go out before the node
-    ends, and pages are told that it goes.
+    Refusals of a kind are logged at most every five seconds. Zeros go out before the node ends, and
+    pages are told that it goes.
     """
     stopped = "; it drove, so the robot is stopped"
-    with steered(4) as (node, refused, closed, broken, driving), raw_page(node.address):
+    left = f"a page was closed, or its connection was lost{stopped}"
+    with steered(5) as (node, refused, closed, broken, huge, driving), raw_page(node.address):
         robot = Commands(peer, refused)
-        for page, end, words in (
-            (refused, lambda: refused.say("{}"), "rejected a message of a page (1 so far): the ty"),
-            (closed, closed.close, f"a page was closed{stopped}"),
-            (broken, broken.cut, f"lost the connection to a page{stopped}"),
+        for page, end, words, times in (
+            (refused, lambda: [refused.say("{}") for _ in range(30)], "page: the type must be", 1),
+            (closed, closed.close, left, 1),
+            (broken, broken.cut, left, 2),
+            (huge, lambda: huge.say("x" * 200_000), left, 3),
         ):
             count = len(robot.moving)
             page.hold(0.3)
             wait_for(lambda count=count: len(robot.moving) > count, "commands")
-            end()
-            wait_for(lambda words=words: words in node.output, words)
             page.silence()
-        for _ in range(30):
-            driving.say("{}")
-        driving.say("no JSON")
-        wait_for(lambda: "a message must be JSON\n" in node.output, "the other kind")
-        wait_for(lambda: "lost the connection to a page\n" in node.output, "the lost heartbeat")
-        assert node.output.count("topic, limits\n") < 15
-        driving.let_go()
+            end()
+            wait_for(lambda words=words, n=times: node.output.count(words) >= n, words)
+            robot.come_to_rest()
+        assert node.output.count("page: the type must be") < 15
+        wait_for(lambda: "connection was lost\n" in node.output, "the lost heartbeat")
         driving.hold(0.25)
         robot.reach(0.25)
         assert node.interrupt() == 0
         robot.come_to_rest()
         wait_for(lambda: driving.closed, "the end of the connection")
-
-
-def test_a_huge_message_ends_the_connection(shared):
-    """Nobody fills the memory; the robot is stopped, and other pages go on."""
-    with visited(*shared, 2) as (peer, page, other):
-        robot = Commands(peer, page)
-        page.hold(0.3)
-        robot.reach(0.3)
-        page.silence()
-        page.say("x" * 200_000)
-        wait_for(lambda: page.closed, "the end of the connection")
-        robot.come_to_rest()
-        wait_for(lambda: other.state["pages"] == 1, "the other page to see so")
 
 
 def _status(address: str, path: str, **headers: str) -> tuple[int, str]:
