@@ -303,13 +303,7 @@ def table(arguments: Sequence[Argument]) -> str:
     listed.extend(arguments)
     rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
-    return "\n".join(_row(left, right, width) for left, right in rows)
-
-
-def _row(left: str, right: str, width: int) -> str:
-    if len(left) > width:
-        return f"  {left}\n  {'':{width}}  {right}"
-    return f"  {left:{width}}  {right}".rstrip()
+    return "\n".join(f"  {left:{width}}  {right}".rstrip() for left, right in rows)
 
 
 # Arguments of several commands ------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import re
 import threading
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -68,12 +68,12 @@ class CommandedRobot:
     name: str  # the robot's namespace; the topic if that names no robot, or several
 
 
-def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
-    """Return the robots that take commands on these topics, or on all that ``node`` knows."""
+def commanded_robots(node: Node) -> tuple[CommandedRobot, ...]:
+    """Return the robots that take commands on the topics that ``node`` knows."""
     return named_robots(
         [
             topic
-            for topic in (command_topics(node) if topics is None else topics)
+            for topic in command_topics(node)
             if any(not end.observes for end in command_subscribers(node, topic))
         ]
     )

@@ -23,7 +23,6 @@ from onebot_description.ros.throttled import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
-_MIN_PERIOD = 0.02  # s between two states, even if more has changed
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
 _MAX_MESSAGE = 1 << 16  # bytes; a longer message closes the connection
 _STOPPED = "; it drove, so the robot is stopped"
@@ -41,7 +40,6 @@ class _Page:
     host: str  # the name by which the browser addresses this server
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     received: int = 0  # number of messages
-    changed: asyncio.Event = field(default_factory=asyncio.Event)
 
 
 @dataclass(eq=False)
@@ -73,11 +71,6 @@ class SteeringServer:
         self.app.router.add_get("/static/{path:.+}", self._file)
         self.view.add_to(self.app)
         self.tools.add_to(self.app)
-
-    def notify(self) -> None:
-        """Send the state to all pages now; call this in the server's thread."""
-        for page in self._pages:
-            page.changed.set()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
@@ -149,18 +142,13 @@ class SteeringServer:
             await _send_error(page, f"{error}.", "topic")
 
     async def _send_states(self, page: _Page) -> None:
-        """Send the state to one page, ten times a second and whenever something changes."""
+        """Send the state to one page, ten times a second."""
         send = page.socket.send_str
         try:
             await send(message_text("welcome", id=page.name, stamp=_stamp()))
             while not page.socket.closed:
-                page.changed.clear()
                 await send(message_text("state", **self._state(page)))
-                await asyncio.sleep(_MIN_PERIOD)
-                try:
-                    await asyncio.wait_for(page.changed.wait(), STATE_PERIOD - _MIN_PERIOD)
-                except asyncio.TimeoutError:
-                    pass
+                await asyncio.sleep(STATE_PERIOD)
         except ConnectionError:
             pass  # the page was closed, so the reader ends, too
 

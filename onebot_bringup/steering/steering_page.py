@@ -176,8 +176,7 @@ class SteeringPage(Node):
             choose_topic=lambda topic: self._thread.call(partial(self._choose, topic)),
             logger=self.get_logger(),
         )
-        self._server = thread = ServerThread(server.app, listener, "steering")
-        self._arbiter.changed = lambda: thread.call(server.notify)
+        self._server = ServerThread(server.app, listener, "steering")
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         self._url = f"http://{reachable_as(listener)}{query}"
 
@@ -229,8 +228,6 @@ class SteeringPage(Node):
 
     def _choose(self, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
-        if topic == self._commands.topic:
-            return
         self._arbiter.halt()
         self._controllers.forget()
         self._commands.choose(topic)
@@ -238,13 +235,12 @@ class SteeringPage(Node):
 
     def _poll_graph(self) -> None:
         commands = self._commands
-        previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
         commands.update(robots)
         self._controllers.update(end.node for end in commands.subscribers)
         self._odometry.update(commands.topic, robots)
         self._topics = command_topics(self)
-        self._robots = commanded_robots(self, self._topics)
+        self._robots = commanded_robots(self)
         name = namespace_of(commands.topic)
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
@@ -254,8 +250,6 @@ class SteeringPage(Node):
         self._obstacles.update(namespace, watched)
         self._joints.update(namespace, self._obstacles.robot, watched)
         self._viewer.update()
-        if previous != (commands.kind, commands.topic, len(commands.listeners)):
-            self._arbiter.changed()
 
     def _command(self, command: Command) -> None:
         self._commands.publish(command.velocity)
@@ -266,11 +260,9 @@ class SteeringPage(Node):
         self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
-        """Show the lock; a page that drove has to release and drive again to unlock the robot."""
+        """Have a page that drove release and drive again to unlock the robot."""
         if locked:
             self._arbiter.halt()
-        else:
-            self._arbiter.changed()
 
     def _on_controllers(self) -> None:
         controllers = self._controllers.known
@@ -286,7 +278,6 @@ class SteeringPage(Node):
             )
 
     def _on_view(self) -> None:
-        self._arbiter.changed()
         if self._viewer.view is not None:
             self._announce()
 

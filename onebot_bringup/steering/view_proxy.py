@@ -74,7 +74,7 @@ class Viewer:
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Follow its ~/page and ~/displays; ``changed`` is called if ``view`` may have changed."""
+        """Follow its ~/page and ~/displays; ``changed`` is called after each message of ~/page."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
@@ -90,7 +90,6 @@ class Viewer:
         """Notice if the viewer is gone; call this several times per second."""
         if self.view is not None and not self._node.count_publishers(self._topic):
             self.view = None
-            self._changed()
 
     def publish_cameras(self, topics: Sequence[str]) -> None:
         """Publish which cameras' pictures the page shows, so that the view leaves them out."""
