@@ -198,8 +198,6 @@ def split(argv: Sequence[str]) -> Arguments:
     for word in words:
         name, separator, value = word.partition(":=")
         if separator and not name.startswith("-"):
-            if not name:
-                raise UsageError(f'"{word}" has no name; write name:=value')
             assignments[name] = os.path.expanduser(value)  # shells leave the ~ of ``name:=~/x``
         elif word.startswith("-") and word != "-":
             options.add(_OPTIONS.get(word) or _refuse_option(word))

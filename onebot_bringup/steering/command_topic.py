@@ -12,7 +12,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
@@ -131,14 +130,13 @@ class CommandTopic:
     """Publishes commands, from any thread, with the type that the robot subscribes to.
 
     A node can publish only one type on a topic, and a second type on a topic confuses other tools.
-    So the publisher is created when the robot's type is known, or when a page drives.
+    So the publisher is created when there is a subscriber, whose type is then known.
     """
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
         self._node, self._locked = node, locked
         self._lock = threading.Lock()
         self._publisher: Any = None
-        self._driven = False  # whether a page has driven, not only moved joints
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
@@ -152,7 +150,6 @@ class CommandTopic:
 
     def publish(self, velocity: Velocity) -> None:
         with self._lock:
-            self._driven |= velocity != Velocity()  # a robot without wheels needs no publisher
             if self._publisher is not None:
                 self._publisher.publish(self._message(velocity))
 
@@ -166,9 +163,9 @@ class CommandTopic:
             self._robot_lock.set(locked)
 
     def choose(self, topic: str) -> None:
-        """Switch to another topic; the robot of the old one is stopped."""
+        """Switch to another topic; the robot of the old one has been stopped."""
         self._destroy_publisher()
-        self.topic, self.subscribers, self._driven = topic, [], False
+        self.topic, self.subscribers = topic, []
         with self._lock:
             self._robot_lock.close()
             self._robot_lock = RobotLock(self._node, topic, self._locked)
@@ -179,11 +176,11 @@ class CommandTopic:
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
-        kinds = {robot.kind for robot in robots}
+        kinds = {end.kind for end in robots or self.subscribers}
         if kinds and self.kind not in kinds:
             self._destroy_publisher()
             self.kind = min(kinds)
-        if self._publisher is None and (kinds or self._driven):
+        if self._publisher is None and kinds:
             self._create_publisher()
 
     def flush(self) -> None:
@@ -210,10 +207,7 @@ class CommandTopic:
         publisher = self._publisher
         if publisher is None:
             return
-        if self._driven:
-            for _ in range(ZEROS):
-                self.publish(Velocity())
-            self.flush()
+        self.flush()
         with self._lock:
             self._publisher = None
         self._node.destroy_publisher(publisher)

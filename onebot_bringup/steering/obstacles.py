@@ -75,7 +75,6 @@ class Footprint(NamedTuple):
 
     low: Floats  # (3,): lower corner of the box, m
     high: Floats
-    links: tuple[str, ...]  # the first is the root
 
     @classmethod
     def from_description(cls, robot: Description) -> "Footprint | None":
@@ -86,12 +85,7 @@ class Footprint(NamedTuple):
         if not len(solid.corners):
             return None
         low, high = solid.box
-        return cls(low, high, (robot.roots[0], *robot.link_names))
-
-    def root_frame(self, base: str) -> str:
-        """Return the frame of the root link, with the same prefix as ``base``, a link's frame."""
-        link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
-        return base.removesuffix(link) + self.links[0]
+        return cls(low, high)
 
     def obstacles(self, readings: Readings, sensor: Floats) -> Floats:
         """Return the obstacles, x and y (N, 2) in m, that a sensor at a pose (4, 4) sees.
@@ -169,10 +163,10 @@ class Obstacles:
         velocity = self._velocity()
         if footprint is None or odometry is None or abs(velocity.linear) < _STANDING:
             return None
-        root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
+        base = odometry.child_frame_id.removeprefix("/")  # usually the root link
         least = math.inf
         for message in self._topics.recent(_SENSORS, _OLD):
-            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), root)
+            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), base)
             if pose is not None:
                 is_range = isinstance(message, Range)
                 readings = (Readings.from_range if is_range else Readings.from_scan)(message)

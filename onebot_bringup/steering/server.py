@@ -1,7 +1,6 @@
 """The steering page's server: the page, its WebSocket and the robot's view on one port."""
 
 import asyncio
-import mimetypes
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -61,14 +60,9 @@ class SteeringServer:
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
-        self._files = {
-            str(file.relative_to(STATIC)): file.read_bytes()
-            for file in STATIC.rglob("*")
-            if file.is_file()
-        }
-        self.app.router.add_get("/", self._file)
+        self.app.router.add_get("/", self._get_index)
         self.app.router.add_get("/ws", self._serve_page)
-        self.app.router.add_get("/static/{path:.+}", self._file)
+        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # colcon makes some
         self.view.add_to(self.app)
         self.tools.add_to(self.app)
 
@@ -95,14 +89,8 @@ class SteeringServer:
             cookie = f"{access.cookie_name}={access.cookie}; Path=/; HttpOnly; SameSite=Strict"
             answer.headers.add("Set-Cookie", cookie)
 
-    async def _file(self, request: web.Request) -> web.Response:
-        # A FileResponse would log a traceback if its connection is closed meanwhile.
-        name = request.match_info.get("path", "index.html")
-        if name not in self._files:
-            raise web.HTTPNotFound(text="There is no such page.\n")
-        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
-        charset = "utf-8" if kind.startswith("text/") else None
-        return web.Response(body=self._files[name], content_type=kind, charset=charset)
+    async def _get_index(self, _: web.Request) -> web.FileResponse:
+        return web.FileResponse(STATIC / "index.html")
 
     async def _serve_page(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_MAX_MESSAGE)

@@ -97,10 +97,8 @@ def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     assert set(Readings.from_range(message).ranges) == {2.0}
 
 
-def test_frames_have_the_prefix_of_the_robot(footprint):
-    """The root's is found by the frame of any link; a description may be no robot."""
-    assert footprint.root_frame("base") == "base"
-    assert footprint.root_frame("robot1/lidar") == "robot1/base"
+def test_what_has_no_shapes_has_no_footprint():
+    """A description may be no robot."""
     assert described("<robot") is None
     assert Footprint.from_description(described('<robot name="x"><link name="a"/></robot>')) is None
 
