@@ -12,6 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
+from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
@@ -178,6 +179,8 @@ class CommandTopic:
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
         kinds = {end.kind for end in robots or self.subscribers}
         if kinds and self.kind not in kinds:
+            for _ in range(ZEROS):  # a robot of the old type may be moving
+                self.publish(Velocity())
             self._destroy_publisher()
             self.kind = min(kinds)
         if self._publisher is None and kinds:

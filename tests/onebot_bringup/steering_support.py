@@ -197,20 +197,6 @@ class Way:
         self._loop.call_soon_threadsafe(self._loop.stop)
 
 
-def raw_page(address: str) -> socket.socket:
-    """A WebSocket that never says or answers anything, as of a computer that hangs."""
-    port = urlsplit(address).port
-    found = socket.create_connection(("127.0.0.1", port), PATIENCE)
-    request = (
-        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
-        "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        "Sec-WebSocket-Version: 13\r\n\r\n"
-    )
-    found.sendall(request.encode())
-    assert found.recv(12) == b"HTTP/1.1 101"
-    return found
-
-
 class Steering(NodeProcess):
     """The node, on any free port."""
 

@@ -16,7 +16,6 @@ from tests.onebot_bringup.steering_support import (
     Steering,
     Way,
     cookie_of,
-    raw_page,
     requested,
     steered,
     steering,
@@ -35,20 +34,12 @@ def test_commands_go_out_while_held_and_stop_when_let_go(shared):
         wait_for(lambda: len(robot.speeds) > 10, "ten commands")
         assert page.state["driver"] == page.id and page.state["you"]
         assert page.state["command"] == {"linear": 0.25, "angular": -0.5, "joints": {}}
-        assert {(m.linear.x, m.angular.z) for m in robot.moving} == {(0.25, -0.5)}
         page.hold(100.0, 100.0)
         robot.reach(1.0)
         assert robot.heard[-1].angular.z == 1.0, "on the same arc"
         page.let_go()
         robot.come_to_rest()
-        count = len(robot.moving)
         wait_for(lambda: page.state["driver"] is None, "control to be free")
-        assert robot.speeds[-3:] == [0.0] * 3
-        page.hold(0.1)
-        robot.reach(0.1)
-        assert robot.moving[count].linear.x == 0.1
-        page.close()
-        robot.come_to_rest()
 
 
 def test_a_slow_way_to_the_server_stops_the_robot(shared):
@@ -82,14 +73,14 @@ def test_a_slow_way_to_the_server_stops_the_robot(shared):
 
 
 def test_the_log_says_that_a_page_left_and_ctrl_c_stops_the_robot(peer):
-    """Refused, closed, broken off, too large a message, not responding; and whether it drove.
+    """Refused, closed, broken off, too large a message; and whether it drove.
 
     Refusals of a kind are logged at most every five seconds. Zeros go out before the node ends, and
     pages are told that it goes.
     """
     stopped = "; it drove, so the robot is stopped"
     left = f"a page was closed, or its connection was lost{stopped}"
-    with steered(5) as (node, refused, closed, broken, huge, driving), raw_page(node.address):
+    with steered(5) as (node, refused, closed, broken, huge, driving):
         robot = Commands(peer, refused)
         for page, end, words, times in (
             (refused, lambda: [refused.say("{}") for _ in range(30)], "page: the type must be", 1),
@@ -105,7 +96,6 @@ def test_the_log_says_that_a_page_left_and_ctrl_c_stops_the_robot(peer):
             wait_for(lambda words=words, n=times: node.output.count(words) >= n, words)
             robot.come_to_rest()
         assert node.output.count("page: the type must be") < 15
-        wait_for(lambda: "connection was lost\n" in node.output, "the lost heartbeat")
         driving.hold(0.25)
         robot.reach(0.25)
         assert node.interrupt() == 0

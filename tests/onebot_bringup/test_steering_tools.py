@@ -112,17 +112,12 @@ def test_the_picture_of_a_map() -> None:
     "fields",
     [
         {"type": 1, "bool_value": True},
-        {"type": 2, "integer_value": -3},
         {"type": 3, "double_value": 1e-05},
         {"type": 3, "double_value": math.inf},
-        {"type": 4, "string_value": ""},
         {"type": 4, "string_value": "true"},
-        {"type": 4, "string_value": "'quoted'"},
         {"type": 4, "string_value": "two\nlines: 1"},
         {"type": 5, "byte_array_value": [b"\x00", b"\xff"]},
-        {"type": 6, "bool_array_value": [True, False]},
         {"type": 7, "integer_array_value": []},
-        {"type": 8, "double_array_value": [0.5, 2.0]},
         {"type": 9, "string_array_value": ["a b", "1"]},
     ],
 )

@@ -111,12 +111,6 @@ def test_another_topic_is_steered_after_the_old_robot_was_stopped(shared):
         page.hold(0.1)
         wait_for(lambda: second, "commands on the new topic")
         assert {message.twist.linear.x for message in second} == {0.1}
-        count = len(first.heard)
-        page.send("topic", topic="/nobody/here")
-        _waited(page, "topic", "/nobody/here")
-        assert page.state["listeners"] == 0
-        wait_for(lambda: second[-1].twist.linear.x == 0.0, "the second robot to be stopped")
-        assert len(first.heard) == count
 
 
 def test_topics_can_be_named_at_the_start(peer):
@@ -215,15 +209,12 @@ def _mute(domain: int, name: str) -> Iterator[None]:
     rclpy.shutdown(context=context)
 
 
-@pytest.mark.parametrize("seen, patience", [(True, 600.0), (False, 0.5)])
-def test_a_robot_that_dies_before_it_answers_is_asked_again(
-    peer, ros_domain, monkeypatch, seen, patience
-):
-    """The limits of the next one of its name are received, whether or not the poll saw it end.
+def test_a_robot_that_dies_before_it_answers_is_asked_again(peer, ros_domain, monkeypatch):
+    """The limits of the next one of its name are received.
 
     Others that never answer, that have no limits, or are no ROS nodes, change nothing.
     """
-    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", patience)
+    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", 0.5)
     changes: list[None] = []
     controllers = Controllers(peer.node, lambda: changes.append(None))
     with _mute(ros_domain, "robot"):
@@ -233,8 +224,6 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
             return any(inquiry.due for inquiry in controllers._inquiries.values())
 
         wait_for(asked, "the first robot to be asked")
-    if seen:
-        controllers.update([])
     assert controllers.known == () and changes == []
     with Peer(ros_domain, "robot") as robot, _mute(ros_domain, "sleeper"):
         _declare(robot, 0.5, 0.25)
@@ -294,7 +283,6 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(shared):
         assert shown["topic"] == "/velocity_controller/odom"
         assert (shown["x"], shown["y"], shown["yaw"]) == pytest.approx((1.5, 0.0, 2.0), abs=1e-6)
         assert (shown["linear"], shown["angular"]) == (0.3, -0.2)
-        wait_for(lambda: page.state["odometry"]["age"] > 0.5, "it to grow old")
         for undecodable in (_odometry(math.nan, 0.0), BAD):
             _hide(page, own, undecodable)
             assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
