@@ -20,13 +20,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from onebot_bringup.launch.arguments import require_file
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
 
-MOST_ROBOTS = 200
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _ROOM = 1.8  # distance between robots in rows, in diameters of a robot
 
@@ -77,12 +76,9 @@ def placed_robots(text: str, description: Description) -> list[PlacedRobot]:
         description: used for robots without a model of their own.
 
     Raises:
-        UsageError: ``text`` is neither.
-        OneBotError: the file, or a robot's model or parameters, is invalid.
+        OneBotError: ``text`` is neither, or the file, or a robot's model or parameters, is invalid.
     """
-    if re.fullmatch(r"[-+]?[0-9]+", text):
-        if not 0 < int(text) <= MOST_ROBOTS:
-            raise UsageError(f"robots:={text} is not possible; write 1 to {MOST_ROBOTS}")
+    if text.isdecimal() and int(text) > 0:
         return in_rows(int(text), description)
     return read_robots(Path(text), description)
 
@@ -95,7 +91,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     """
     from onebot_description.ros.parameters.files import read_map, read_text
 
-    require_file("robots", file, f"; write 1 to {MOST_ROBOTS}, or a YAML file")
+    require_file("robots", file, "; write how many, or a YAML file")
     written = read_map(read_text(file), str(file))
     entries = read(RobotsFile, written.values, written.places).robots
     models: dict[str, Description] = {"": description}
