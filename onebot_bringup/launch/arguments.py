@@ -34,6 +34,7 @@ _FORMER = {
     **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
     **dict.fromkeys(("rviz", "use_rviz", "launch_rviz", "headless"), _VIEWER),
     **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
+    "tf_prefix": "write frame_prefix:=PREFIX/",
 }
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
