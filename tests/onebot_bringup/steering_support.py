@@ -28,8 +28,6 @@ class PageClient:
 
     def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
-        self.errors: list[str] = []
-        self.refused: list[str | None] = []  # the type of each message that was
         self.id = ""
         self.closed = False
         self._loop = asyncio.new_event_loop()
@@ -58,9 +56,6 @@ class PageClient:
                 self.id = fields["id"]
             elif fields["type"] == "state":
                 self.states.append(fields)
-            else:
-                self.refused.append(fields["about"])
-                self.errors.append(fields["message"])
         self.closed = True
 
     @property

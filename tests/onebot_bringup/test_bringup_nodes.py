@@ -118,18 +118,14 @@ def process_of(launch: Launch, name: str) -> NodeProcess:
     return launch.node(row)
 
 
-def parameters(node: NodeProcess) -> dict[str, Any]:
-    """The parameters of its own that a node gets, from the last of its files."""
-    at = len(node.command) - 1 - node.command[::-1].index("--params-file")
-    [(full_name, content)] = yaml.safe_load(Path(node.command[at + 1]).read_text()).items()
-    [row] = [row for row in NODES if row.name == node.name]
-    assert full_name.split("/")[-1] == row.node
+def parameters_of(launch: Launch, name: str, robot: str = "") -> dict[str, Any]:
+    """The parameters of its own that a node gets; of one of several robots, that robot's."""
+    [row] = [row for row in NODES if row.name == name]
+    file = launch.folder / robot / f"{row.node}.yaml"
+    assert str(file) in launch.node(row).command
+    [content] = yaml.safe_load(file.read_text()).values()
     found: dict[str, Any] = content["ros__parameters"]
     return found
-
-
-def parameters_of(launch: Launch, name: str) -> dict[str, Any]:
-    return parameters(process_of(launch, name))
 
 
 class Recorded(dict[str, str]):
@@ -223,7 +219,7 @@ def test_what_each_node_is(make: Make) -> None:
         own = words[words.index("--ros-args") :]
         assert own[1:3] == ["--log-level", "warn"]
         assert "__ns:=/left/arm" in own and own[own.index("__ns:=/left/arm") - 1] == "-r"
-        assert parameters(node)["use_sim_time"] is True
+        assert parameters_of(launch, node.name)["use_sim_time"] is True
         file = own[len(own) - own[::-1].index("--params-file")]
         assert Path(file).read_text().startswith(f'"/left/arm/{node.name}":')
 
@@ -257,14 +253,15 @@ def test_what_the_nodes_get_by_default(make: Make, arm: Path, described: Descrip
     assert with_file == {"config_file": file, "use_sim_time": False}
     swing = parameters_of(make(rate="20"), "joint_state_publisher")
     assert swing == {"rate": 20.0, "swing": 8.0, "use_sim_time": False}
-    node = process_of(make(params_file="control.yaml"), "velocity_controller")
-    assert parameters(node) == {
+    launch = make(params_file="control.yaml")
+    assert parameters_of(launch, "velocity_controller") == {
         "robot_description": described.urdf,
         "tf_frame_prefix_enable": False,
         "tf_frame_prefix": "",
         "use_sim_time": False,
     }
-    files = [word for word in node.command[_MODULE + 1 :] if word.endswith(".yaml")]
+    command = process_of(launch, "velocity_controller").command
+    files = [word for word in command[_MODULE + 1 :] if word.endswith(".yaml")]
     assert files[0] == str(arm.parent / "control.yaml") and len(files) == 2
 
 
@@ -303,20 +300,6 @@ def test_the_topics_of_nav2(make: Make, described: Description) -> None:
     assert "onebot teleop a, or a Twist on /a/cmd_vel" in summary and "such as a/odom" in summary
 
 
-def of_each(node: NodeProcess) -> dict[str, dict[str, Any]]:
-    """The parameters of each robot's node in one process, by namespace."""
-    words, found = list(node.command), {}
-    for at in [at for at, word in enumerate(words) if word == "--robot"]:
-        own = words[at + 1 :]
-        file = [own[k + 1] for k, word in enumerate(own) if word == "--params-file"]
-        space = own[own.index("-r") + 1].removeprefix("__ns:=")
-        last = max(k for k, name in enumerate(file) if space.rpartition("/")[2] in name.split("/"))
-        [(name, content)] = yaml.safe_load(Path(file[last]).read_text()).items()
-        assert name == f"{space}/{node.name}"
-        found[space] = content["ros__parameters"]
-    return found
-
-
 def test_several_robots_are_two_processes(make: Make, arm: Path, described: Description) -> None:
     """One simulates all, one publishes their states; each robot has parameters of its own."""
     other = load_description(arm, {"height": "3.0"})
@@ -328,9 +311,8 @@ def test_several_robots_are_two_processes(make: Make, arm: Path, described: Desc
     given = {"robots": "fleet.yaml", "namespace": "yard", "rate": "50", "use_sim_time": "true"}
     nodes = replace(make(ros_args=("-p", "z:=1"), **given), robots=robots)
     assert names(nodes) == ["velocity_controller", "robot_state_publisher", "rerun_viewer"]
-    controller = process_of(nodes, "velocity_controller")
-    drives = of_each(controller)
-    assert drives["/yard/b"] == {
+    assert parameters_of(nodes, "velocity_controller", "a")["y"] == 1.0
+    assert parameters_of(nodes, "velocity_controller", "b") == {
         "x": 2.0,
         "y": 3.0,
         "yaw": 0.5,
@@ -341,22 +323,20 @@ def test_several_robots_are_two_processes(make: Make, arm: Path, described: Desc
         "world_frame_id": "world",
         "use_sim_time": True,
     }
-    assert set(drives) == {"/yard/a", "/yard/b"} and drives["/yard/a"]["y"] == 1.0
-    words = list(controller.command)
+    words = list(process_of(nodes, "velocity_controller").command)
+    assert {"__ns:=/yard/a", "__ns:=/yard/b"} < set(words)
     own, common = words[: words.index("--ros-args")], words[words.index("--ros-args") :]
     assert own.count(str(arm.parent / "b.yaml")) == 1 and own.count("z:=1") == 2
     assert str(arm.parent / "control.yaml") in common and common[1:3] == ["--log-level", "info"]
-    states = of_each(process_of(nodes, "robot_state_publisher"))
-    assert [each["frame_prefix"] for each in states.values()] == ["yard/a/", "yard/b/"]
-    assert states["/yard/b"]["robot_description"] == other.urdf
+    state = parameters_of(nodes, "robot_state_publisher", "b")
+    assert state["frame_prefix"] == "yard/b/" and state["robot_description"] == other.urdf
     assert parameters_of(nodes, "rerun_viewer")["robots"] == ["a", "b"]
-    page = process_of(replace(nodes, values={**nodes.values, "steer": "true"}), "steering_page")
-    assert parameters(page)["topic"] == "a/velocity_controller/cmd_vel"
+    assert parameters_of(nodes, "steering_page")["topic"] == "a/velocity_controller/cmd_vel"
     # All odometry frames have a parent, even where that of a single robot has none.
     for written, frame in (('""', "world"), ("map", "map")):
         write_control(arm, f"world_frame_id: {written}")
-        drives = of_each(process_of(nodes, "velocity_controller"))
-        assert drives["/yard/a"]["world_frame_id"] == frame
+        drive = parameters_of(nodes, "velocity_controller", "a")
+        assert drive["world_frame_id"] == frame
 
 
 SPACE = {"namespace": "left"}

@@ -25,13 +25,11 @@ MRM = "mrm_description.launch.mrm_bringup"
 WORDS = {
     "onebot to": {"topic"},
     "onebot topic e": {"echo"},
-    "onebot topic echo --flow": {"--flow-style"},
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller", "joint_trajectory_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
-    "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
     "onebot discovery:=subnet topic e": {"echo"},
     "onebot check ": {"package_path:=", "arm.urdf"},
