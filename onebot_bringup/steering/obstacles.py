@@ -160,8 +160,12 @@ class Obstacles:
     def clearance(self) -> float | None:
         """How far the robot can go until it meets an obstacle, m; None if none is known."""
         footprint, odometry = self._footprint, self._odometry.sample
-        velocity = self._velocity()
-        if footprint is None or odometry is None or abs(velocity.linear) < _STANDING:
+        if footprint is None or odometry is None:
+            return None
+        velocity = self._command()
+        if abs(velocity.linear) < _STANDING:
+            velocity = Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
+        if abs(velocity.linear) < _STANDING:
             return None
         base = odometry.child_frame_id.removeprefix("/")  # usually the root link
         least = math.inf
@@ -173,12 +177,6 @@ class Obstacles:
                 points = footprint.obstacles(readings, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
-
-    def _velocity(self) -> Velocity:
-        command, odometry = self._command(), self._odometry.sample
-        if odometry is None or abs(command.linear) >= _STANDING:
-            return command
-        return Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
 
     def update(self, namespace: RobotNamespace, watched: bool) -> None:
         """Follow publishers that come and go; call this several times per second.

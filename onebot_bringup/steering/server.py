@@ -141,7 +141,7 @@ class SteeringServer:
             pass  # the page was closed, so the reader ends, too
 
     def _state(self, page: _Page) -> dict[str, Any]:
-        arbiter, view = self.arbiter.state, self.view.view
+        arbiter, view = self.arbiter.state, self.view.viewer.view
         limits = arbiter.limits
         return {
             "stamp": _stamp(),

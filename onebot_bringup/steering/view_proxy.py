@@ -140,11 +140,7 @@ class ViewProxy:
     """The routes of the robot's view."""
 
     def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
-
-    @property
-    def view(self) -> View | None:
-        return self._viewer.view
+        self.viewer = viewer
 
     def add_to(self, app: web.Application) -> None:
         unavailable = "The robot's view does not answer at the moment."
@@ -157,7 +153,8 @@ class ViewProxy:
     def has_key(self, request: web.Request) -> bool:
         """Whether the request's path has the view's key."""
         key = request.match_info.get("key", "").encode(errors="surrogatepass")
-        return self.view is not None and hmac.compare_digest(key, self.view.key.encode())
+        view = self.viewer.view
+        return view is not None and hmac.compare_digest(key, view.key.encode())
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         view = self._view_of(request)
@@ -186,6 +183,7 @@ class ViewProxy:
         answer.headers["Access-Control-Expose-Headers"] = "*"
 
     def _view_of(self, request: web.Request) -> View:
-        if self.view is None or not self.has_key(request):
+        view = self.viewer.view
+        if view is None or not self.has_key(request):
             raise web.HTTPNotFound(text="There is no such view of the robot.\n")
-        return self.view
+        return view

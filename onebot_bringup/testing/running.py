@@ -75,8 +75,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
 
     def __exit__(self, *_: object) -> None:
         self.stop()
-        if self._log.exists():
-            print(self.output)  # pytest shows it if the test has failed
+        print(self.output)  # pytest shows it if the test has failed
         self._folder.cleanup()
 
     def _await_robots(self) -> None:

@@ -207,6 +207,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[
         way.delay = 0.8
         wait_for(lambda: "too slow to drive" in said(), "word of it")
         wait_for(lambda: said() and heard[-1] == STILL, "the stop")
+        wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         states = [message for _, message in tab.frames() if message["type"] == "state"]
         assert len(tab.sent()) - states[-1]["received"] <= 8, "commands are queued"
         way.delay = 0.0
