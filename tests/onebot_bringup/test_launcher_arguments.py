@@ -34,8 +34,8 @@ def test_words_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
     The shell leaves the ~ of ``name:=~/x`` as it is.
     """
     monkeypatch.setenv("HOME", "/home/someone")
-    words = ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "home:=~/x", "f", "-h"]
-    parts = split([*words, "--ros-args", "-r", "x:=y", "--"])
+    words = ["a:=1", "a:=b:=c", "empty:=", "t:=-1 m = x", "home:=~/x", "f"]
+    parts = split([*words, "--ros-args", "-r", "x:=y", "--", "-h"])
     given = {"a": "b:=c", "empty": "", "t": "-1 m = x", "home": "/home/someone/x"}
     assert parts.given == given
     assert parts.positional == ("f",) and parts.ros_args == ("-r", "x:=y")
