@@ -28,16 +28,13 @@ from onebot_description.state_parameters import StateParameters
 # Arguments of other ROS launch files, with hints how to write them here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
 _SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
-_PREFIX = "write frame_prefix:=PREFIX/"
 _VIEW = "what the viewer shows is in view:=FILE"
-_MODEL = "write model:=FILE"
 _FORMER = {
     "gui": f"{_VIEWER} for the view; {_SLIDERS}",
     **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
     **dict.fromkeys(("rviz", "use_rviz", "launch_rviz", "headless"), _VIEWER),
     **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
-    **dict.fromkeys(("urdf", "urdf_file", "xacro_file", "urdf_model"), _MODEL),
-    "tf_prefix": _PREFIX,
+    "tf_prefix": "write frame_prefix:=PREFIX/",
 }
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
@@ -97,10 +94,8 @@ class Argument:
             return [part.strip() for part in text.split(",")]
         if self.type.base is bool:
             return text in _TRUE
-        # The nodes and ROS parse it again, and do not accept everything that Python does (1_000).
-        if text.isascii() and "_" not in text:
-            with suppress(ValueError):
-                return self.type.base(text)
+        with suppress(ValueError):
+            return self.type.base(text)
         return text
 
     def _not_possible(self, text: str, possible: str) -> str:
@@ -204,8 +199,6 @@ def split(argv: Sequence[str]) -> Arguments:
     for word in words:
         name, separator, value = word.partition(":=")
         if separator and not name.startswith("-"):
-            if not name:
-                raise UsageError(f'"{word}" has no name; write name:=value')
             assignments[name] = os.path.expanduser(value)  # shells leave the ~ of ``name:=~/x``
         elif word.startswith("-") and word != "-":
             options.add(_OPTIONS.get(word) or _refuse_option(word))
@@ -258,21 +251,16 @@ def with_positional(arguments: Arguments, name: str, what: str, program: str) ->
     return {**dict(zip([name], arguments.positional, strict=False)), **arguments.given}
 
 
-def require_file(name: str, path: Path, instead: str) -> None:
-    """Reject a YAML file that does not exist.
+def require_file(name: str, path: Path, instead: str = "") -> None:
+    """Raise a OneBotError if the file that an argument names does not exist.
 
     Args:
-        name: the argument that names it.
+        name: the argument.
         path: the file.
-        instead: what to write, if its folder has no such files.
-
-    Raises:
-        OneBotError: it does not exist; the message has the names of similar ones.
+        instead: what to write, for the message.
     """
     if not path.is_file():
-        files = [entry.name for entry in path.parent.glob("*.y*ml")]
-        hint = did_you_mean(path.name, files, "there") if files else instead
-        raise OneBotError(f"{name}:={path}: no such file{hint}")
+        raise OneBotError(f"{name}:={path}: no such file{instead}")
 
 
 def complete(declared: Iterable[Argument], given: Mapping[str, str]) -> dict[str, str]:
@@ -314,13 +302,7 @@ def table(arguments: Sequence[Argument]) -> str:
     listed.extend(arguments)
     rows = [(printable(f"{a.name}:={a.default}"), printable(a.help)) for a in arguments]
     width = min(max((len(left) for left, _ in rows), default=0), 34)
-    return "\n".join(_row(left, right, width) for left, right in rows)
-
-
-def _row(left: str, right: str, width: int) -> str:
-    if len(left) > width:
-        return f"  {left}\n  {'':{width}}  {right}"
-    return f"  {left:{width}}  {right}".rstrip()
+    return "\n".join(f"  {left:{width}}  {right}".rstrip() for left, right in rows)
 
 
 # Arguments of several commands ------------------------------------------------------------------
@@ -331,16 +313,10 @@ _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _AS_IN_FILE = "default: params_file's"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
-_OF_SIMULATION = ("params_file", "nav2_topics")  # besides parameters of the controllers
+_OF_SIMULATION = ("params_file", "nav2_topics", "robots")  # besides parameters of controllers
 _OF_JOINTS = ("joints", "joint_states")
 _STEERING_PAGE = "steering_page"
-# Arguments that cannot be combined with robots:=, and why.
-_PLACED = "robots:= places them; write x, y and yaw of each in robots:=FILE.yaml"
-_NOT_OF_SEVERAL = {
-    **dict.fromkeys(("x", "y", "yaw"), _PLACED),
-    "frame_prefix": "the frames of each robot begin with its namespace",
-    "reload": "edits of the model are not applied to several robots",
-}
+_OF_ONE_ROBOT = ("x", "y", "yaw", "frame_prefix", "reload")
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
@@ -495,10 +471,6 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
     prefix = values["frame_prefix"]
     if values.get("sim") == "true" and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
-    if bool(values.get("left_wheel")) != bool(values.get("right_wheel")):
-        raise UsageError("left_wheel:= and right_wheel:= belong together: name both, or neither")
-    if values.get("robots"):
-        _check_robots(values, given)
     _check_effect(declared, values, given)
     return values
 
@@ -506,7 +478,7 @@ def checked_values(declared: list[Argument], given: Mapping[str, str]) -> dict[s
 def _check_effect(
     declared: Iterable[Argument], values: Mapping[str, str], given: Mapping[str, str]
 ) -> None:
-    """Reject arguments of what is switched off."""
+    """Reject arguments of what is switched off, and those of a single robot for several."""
     for argument in declared:
         name, node = argument.name, argument.node
         if name not in given:
@@ -521,14 +493,5 @@ def _check_effect(
             raise UsageError(f"{written} {text}, or write sim:=false")
         elif values.get("steer") == "false" and node == _STEERING_PAGE:
             raise UsageError(f"{written} is the steering page's: add steer:=true")
-
-
-def _check_robots(values: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Reject arguments that cannot be combined with several robots."""
-    robots = f"robots:={values['robots']}"
-    if values["sim"] == "false":
-        raise UsageError(f"{robots} are simulated, which sim:=false is not; leave one out")
-    for name, reason in _NOT_OF_SEVERAL.items():
-        if name in given and not (name == "reload" and values["reload"] == "false"):
-            text = f"{name}:={given[name]} does not go together with {robots}"
-            raise UsageError(f"{text}: {reason}")
+        elif values.get("robots") and name in _OF_ONE_ROBOT and values[name] != "false":
+            raise UsageError(f"{written} is for one robot, not for robots:={values['robots']}")

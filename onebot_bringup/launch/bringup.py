@@ -35,7 +35,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
-from onebot_control.frame_names import WORLD_FRAME, prefixed
+from onebot_control.frame_names import prefixed
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.discovery import discovery_variables
 from onebot_description.ros.names import absolute
@@ -192,12 +192,16 @@ def _check_files(values: Mapping[str, str]) -> None:
     view_file(values["view"])
     for name in ("joints", "params_file"):
         if values.get(name):
-            require_file(name, Path(values[name]), "")
+            require_file(name, Path(values[name]))
     if values["save"] and Path(values["save"]).suffix != ".rrd":
         raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
     for name in ("save", "record"):
         if values[name]:
-            _check_output(name, values[name])
+            try:
+                refuse_unwritable(Path(values[name]).absolute(), folder=name == "record")
+            except OSError as error:
+                text = f"{name}:={values[name]} cannot be written: {error.strerror}"
+                raise OneBotError(text) from None
     if values.get("world"):
         from onebot_description.description.loading import load_world
 
@@ -206,19 +210,6 @@ def _check_files(values: Mapping[str, str]) -> None:
         from onebot_bringup.serving.ports import listen
 
         listen(values["host"], int(values["port"])).close()
-
-
-def _check_output(name: str, value: str) -> None:
-    """Reject a recording that cannot be written: a file, or with ``record:=`` a new folder."""
-    path, is_folder = Path(value).absolute(), name == "record"
-    if not path.parent.is_dir():
-        raise OneBotError(f"{name}:={value}: the folder {path.parent} does not exist")
-    if is_folder and path.exists():
-        raise OneBotError(f"record:={value} exists already: name a new folder")
-    try:
-        refuse_unwritable(path, folder=is_folder)
-    except OSError as error:
-        raise OneBotError(f"{name}:={value} cannot be written: {error.strerror}") from None
 
 
 def _check_sections(
@@ -263,7 +254,8 @@ def with_params_file(
     values = dict(values)
     if values.get("sim") == "true":
         factor = _apply_params_file(values, given, controller) if values["params_file"] else 1.0
-        _use_simulated_time(values, given, float(values[_FACTOR] or factor))
+        if float(values[_FACTOR] or factor) != 1.0:
+            values["use_sim_time"] = "true"  # the simulation then publishes /clock
     return values
 
 
@@ -283,7 +275,6 @@ def with_view(
     elif values.get("world"):
         values["view"] = command.world_view
         frame = world_frame(values, given_params_files(values), command.controller)
-        frame = "" if frame == WORLD_FRAME else frame  # the view already has that one
     elif command.control and values["sim"] == "false":
         frame = values["frame_prefix"] + root_link  # there is no odom
     values["fixed_frame"] = values["fixed_frame"] or frame
@@ -305,22 +296,7 @@ def _apply_params_file(values: dict[str, str], given: Mapping[str, str], control
         values["frame_prefix"] = prefixed("", enabled, prefix, space)
     if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
         values["use_sim_time"] = "true"
-    if place := written.places.get("robot_description"):
-        text = "robot_description is not used by a bringup; write model:=FILE"
-        print(f"warning: {place}: {text}", file=sys.stderr)
     return config.real_time_factor
-
-
-def _use_simulated_time(values: dict[str, str], given: Mapping[str, str], factor: float) -> None:
-    """Make all nodes use /clock if the simulation publishes it because of its time factor."""
-    if factor == 1.0:
-        return
-    if "use_sim_time" in given and values["use_sim_time"] == "false":
-        raise UsageError(
-            f"use_sim_time:=false does not go together with {_FACTOR} {factor:g}, which makes the "
-            "time that of /clock; leave one out"
-        )
-    values["use_sim_time"] = "true"
 
 
 def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:

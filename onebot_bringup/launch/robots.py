@@ -14,24 +14,20 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from onebot_bringup.launch.arguments import require_file
-from onebot_description.errors import OneBotError, UsageError
+from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
-    from onebot_description.elements.description import Geometry
 
-MOST_ROBOTS = 200
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_ROOM = 1.5  # distance between robots in rows, in diameters of a robot
-_SAME = 1e-3  # m; robots that are closer are in the same place
+_ROOM = 1.8  # distance between robots in rows, in diameters of a robot
 
 
 class PlacedRobot(NamedTuple):
@@ -63,19 +59,13 @@ class RobotsFile:
     robots: Mapping[str, RobotEntry] = parameter(REQUIRED, "a map of names, each with x and y")
 
     def check(self) -> Iterator[Problem]:
-        """Report names that are not valid namespaces, and robots in the same place."""
+        """Report names that are not valid namespaces."""
         if not self.robots:
             yield Problem("robots", "is empty; write a robot, such as scout: {x: 0.0, y: 0.0}")
         for name in self.robots:
             if not _NAME.fullmatch(name):
                 text = "is not possible as a namespace; write letters, digits and _"
                 yield Problem(f"robots.{name}", text)
-        for (name_a, a), (name_b, b) in combinations(self.robots.items(), 2):
-            if math.hypot(a.x - b.x, a.y - b.y) < _SAME:
-                text = (
-                    f"is in the same place as {name_a}, x {b.x:g} m, y {b.y:g} m; move one of them"
-                )
-                yield Problem(f"robots.{name_b}", text)
 
 
 def placed_robots(text: str, description: Description) -> list[PlacedRobot]:
@@ -86,12 +76,9 @@ def placed_robots(text: str, description: Description) -> list[PlacedRobot]:
         description: used for robots without a model of their own.
 
     Raises:
-        UsageError: ``text`` is neither.
-        OneBotError: the file, or a robot's model or parameters, is invalid.
+        OneBotError: ``text`` is neither, or the file, or a robot's model or parameters, is invalid.
     """
-    if re.fullmatch(r"[-+]?[0-9]+", text):
-        if not 0 < int(text) <= MOST_ROBOTS:
-            raise UsageError(f"robots:={text} is not possible; write 1 to {MOST_ROBOTS}")
+    if text.isdecimal() and int(text) > 0:
         return in_rows(int(text), description)
     return read_robots(Path(text), description)
 
@@ -104,7 +91,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     """
     from onebot_description.ros.parameters.files import read_map, read_text
 
-    require_file("robots", file, f"; write how many, 1 to {MOST_ROBOTS}, or a YAML file")
+    require_file("robots", file, "; write how many, or a YAML file")
     written = read_map(read_text(file), str(file))
     entries = read(RobotsFile, written.values, written.places).robots
     models: dict[str, Description] = {"": description}
@@ -153,32 +140,7 @@ def in_rows(count: int, description: Description) -> list[PlacedRobot]:
 
 def reach(description: Description) -> float:
     """Return the largest horizontal distance of a robot's parts from its root link's origin, m."""
-    from onebot_description.geometry import quaternions
-    from onebot_description.model import RobotModel
+    from onebot_control.sensing.solids import robot_solid  # slow to import
 
-    model = RobotModel.from_description(description)
-    poses = model.link_poses(np.zeros(len(model.joints)))
-    farthest = 0.0
-    for link, pose in zip(description.links, poses, strict=True):
-        for geometry in link.collisions or link.visuals:
-            middle = pose[:3] + quaternions.rotate(pose[3:], np.array(geometry.origin.xyz))
-            farthest = max(farthest, math.hypot(*middle[:2]) + _half(geometry))
-    return farthest
-
-
-def _half(geometry: Geometry) -> float:
-    """Return the largest distance of a shape's points from its origin, m."""
-    from onebot_description.elements.description import Box, Capsule, Cylinder, Sphere
-
-    shape = geometry.shape
-    if isinstance(shape, Box):
-        return math.hypot(*shape.size) / 2.0
-    if isinstance(shape, Cylinder):
-        return math.hypot(shape.radius, shape.length / 2.0)
-    if isinstance(shape, Capsule):
-        return shape.radius + shape.length / 2.0
-    if isinstance(shape, Sphere):
-        return shape.radius
-    from onebot_description.elements.meshes import mesh_corners  # slow to import
-
-    return float(np.linalg.norm(mesh_corners(shape), axis=1).max())
+    corners = robot_solid(description).corners
+    return float(np.hypot(corners[:, 0], corners[:, 1]).max(initial=0.0))

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import NamedTuple, TextIO
+from typing import NamedTuple
 
 from onebot_description.errors import printable
 
@@ -33,15 +33,8 @@ def _escaped(line: bytes) -> bytes:
 class OutputStream(NamedTuple):
     """Standard output or error."""
 
-    descriptor: int  # -1 if closed
+    descriptor: int
     colour: bool
-
-
-def _opened(stream: TextIO | None) -> OutputStream:
-    """Return the output stream of ``stream``, which is None if it is closed."""
-    if stream is None:
-        return OutputStream(-1, colour=False)
-    return OutputStream(stream.fileno(), wants_colour(stream.fileno()))
 
 
 class Console:
@@ -57,7 +50,10 @@ class Console:
             names: the names of the nodes, each of which gets a colour.
             reader_left: called when standard output has no reader any more.
         """
-        self.out, self.err = _opened(sys.stdout), _opened(sys.stderr)
+        self.out, self.err = (
+            OutputStream(stream.fileno(), wants_colour(stream.fileno()))
+            for stream in (sys.stdout, sys.stderr)
+        )
         self._program = program
         self._colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
         self._reader_left = reader_left
@@ -104,7 +100,7 @@ class Console:
             self._dropped += 1
 
     def _write_lines(self) -> None:
-        closed = {-1}
+        closed = set()
         while (item := self._queue.get()) is not None:
             descriptor, line = item
             if descriptor in closed:

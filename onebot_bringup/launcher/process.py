@@ -174,17 +174,7 @@ def _set_up_child(node: NodeProcess, die_with_parent: Callable[[], None]) -> Non
 
 def describe_exit(code: int) -> str:
     """Return an exit code in words; a negative one is the signal that ended the process."""
-    if code == 0:
-        return "it finished (exit code 0)"
-    if code > 0:
+    if code >= 0:
         return f"exit code {code}"
-    hints = {
-        signal.SIGSEGV: ", a crash in compiled code",
-        signal.SIGABRT: ", a crash in compiled code",
-        signal.SIGKILL: ", perhaps the system ran out of memory",
-    }
-    try:
-        number = signal.Signals(-code)
-    except ValueError:
-        return f"ended by signal {-code}"
-    return f"ended by {number.name}{hints.get(number, '')}"
+    hint = ", perhaps the system ran out of memory" if code == -signal.SIGKILL else ""
+    return f"ended by signal {-code}, {signal.strsignal(-code)}{hint}"

@@ -12,10 +12,9 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from onebot_bringup.serving.origin import refusal
-from onebot_bringup.serving.ports import is_loopback, listen
+from onebot_bringup.serving.ports import is_loopback
 
 _OTHER_NAMES = {"127.0.0.1": "localhost", "localhost": "127.0.0.1"}
 
@@ -85,29 +84,11 @@ def _bytes(text: str) -> bytes:
     return text.encode(errors="surrogatepass")
 
 
-class BindAddress(NamedTuple):
-    """The address to serve the page on, checked before its node is started."""
-
-    host: str  # the given host
-    port: int  # a free port
-    token: str  # required in the page's address; "" for none
-    warning: str = ""  # a sentence if the port differs from the given one
-
-
-def choose_bind_address(host: str, port: int, token: str) -> BindAddress:
-    """Return a free address to serve the page on.
+def token_for(address: str, token: str) -> str:
+    """Return the required token: the given one, or a new one if other computers can reach the page.
 
     Args:
-        host: the name or address to listen on.
-        port: the preferred port, replaced by a free one if it is in use; 0 for any.
-        token: the token; "" to generate one if other computers can reach the page.
-
-    Raises:
-        OneBotError: the page cannot be served there.
+        address: the IP address that the server listens on.
+        token: the given token; "" for none.
     """
-    with listen(host, port) as probe:
-        address, free = probe.getsockname()[:2]
-    if not token and not is_loopback(address):
-        token = secrets.token_urlsafe(16)
-    warning = f"port {port} is in use; using {free} instead" if port not in (0, free) else ""
-    return BindAddress(host, free, token, warning)
+    return token or ("" if is_loopback(address) else secrets.token_urlsafe(16))

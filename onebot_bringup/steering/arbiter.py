@@ -44,7 +44,6 @@ class Arbiter:
     A server and a node may call it from different threads.
 
     Attributes:
-        changed: called when pages need a new state.
         timeouts: how often a silent or late driver was stopped.
     """
 
@@ -69,7 +68,6 @@ class Arbiter:
         """
         self._publish, self._lock_robot, self._clock, self._woke = publish, lock, clock, woke
         self._lock = threading.Lock()
-        self.changed: Callable[[], None] = lambda: None
         self.timeouts = 0
         self._limits = limits
         self._pages: dict[str, _Page] = {}
@@ -85,7 +83,8 @@ class Arbiter:
     @property
     def state(self) -> ArbiterState:
         with self._lock:
-            return self._state()
+            late = frozenset(name for name, page in self._pages.items() if page.late)
+            return ArbiterState(self._driver, len(self._pages), late, self._limits, self._command())
 
     def join(self, page: str) -> None:
         with self._update():
@@ -150,7 +149,6 @@ class Arbiter:
             while driven and self._zeros:
                 self._publish_next()
             self._zeros = 0
-        self.changed()
 
     def _drive(self, page: str, message: Drive) -> None:
         """Handle a held control; the first timely message after a release takes control."""
@@ -195,20 +193,13 @@ class Arbiter:
 
     @contextmanager
     def _update(self) -> Iterator[None]:
-        """Publish the effect of a change at once, and notify pages of the new state."""
+        """Publish the effect of a change at once."""
         with self._lock:
-            previous_state, acts = self._state(), (self._driver, self._moving, self._stops)
+            acts = self._driver, self._moving, self._stops
             yield
             self._granted = self._granted.within(self._limits.range)
-            state = self._state()
             if acts != (self._driver, self._moving, self._stops):
                 self._publish_next()
-        if (previous_state.driver, previous_state.pages, previous_state.limits) != (
-            state.driver,
-            state.pages,
-            state.limits,
-        ):
-            self.changed()
 
     def _publish_next(self) -> None:
         if self._moving:
@@ -220,7 +211,3 @@ class Arbiter:
     def _command(self) -> Command:
         latest = self._latest
         return replace(latest, velocity=self._granted.clamp(latest.velocity))
-
-    def _state(self) -> ArbiterState:
-        late = frozenset(name for name, page in self._pages.items() if page.late)
-        return ArbiterState(self._driver, len(self._pages), late, self._limits, self._command())

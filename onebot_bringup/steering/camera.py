@@ -52,12 +52,10 @@ class _Camera:
     Attributes:
         shows: whether people can look at its pictures; None if that is not known yet.
         used: when a picture was last requested.
-        drawn: cache of a message and its JPEG.
     """
 
     shows: bool | None = None
     used: float = -math.inf
-    drawn: tuple[ImageMessage | None, bytes | None] = None, None
 
     @property
     def is_used(self) -> bool:
@@ -108,8 +106,4 @@ class CameraFeed:
             return None
         camera.used = time.monotonic()
         message, age = self._topics.newest(name)
-        if message is None or age > _OLD:
-            return None
-        if message is not camera.drawn[0]:
-            camera.drawn = message, jpeg(message)
-        return camera.drawn[1]
+        return None if message is None or age > _OLD else jpeg(message)

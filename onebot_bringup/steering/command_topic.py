@@ -2,7 +2,7 @@
 
 import re
 import threading
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,6 @@ from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import RCLError
 
@@ -56,13 +55,9 @@ def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
-    """Return all command topics, the ones with subscribers first."""
-
-    def rank(name: str) -> tuple[bool, str]:
-        return all(end.observes for end in command_subscribers(node, name)), name
-
+    """Return all command topics."""
     topics = node.get_topic_names_and_types()
-    return tuple(sorted((name for name, kinds in topics if _TYPES.keys() & {*kinds}), key=rank))
+    return tuple(sorted(name for name, kinds in topics if _TYPES.keys() & {*kinds}))
 
 
 @dataclass(frozen=True)
@@ -73,12 +68,12 @@ class CommandedRobot:
     name: str  # the robot's namespace; the topic if that names no robot, or several
 
 
-def commanded_robots(node: Node, topics: Iterable[str] | None = None) -> tuple[CommandedRobot, ...]:
-    """Return the robots that take commands on these topics, or on all that ``node`` knows."""
+def commanded_robots(node: Node) -> tuple[CommandedRobot, ...]:
+    """Return the robots that take commands on the topics that ``node`` knows."""
     return named_robots(
         [
             topic
-            for topic in (command_topics(node) if topics is None else topics)
+            for topic in command_topics(node)
             if any(not end.observes for end in command_subscribers(node, topic))
         ]
     )
@@ -97,19 +92,6 @@ def named_robots(topics: Sequence[str]) -> tuple[CommandedRobot, ...]:
         for topic, name in zip(topics, names, strict=True)
     ]
     return tuple(sorted(robots, key=lambda robot: natural_order(robot.name)))
-
-
-def foreign_type(node: Node, topic: str) -> str:
-    """Return a topic's type if it exists only with other types than commands; else "".
-
-    The publisher of ``node`` itself does not count.
-    """
-    ends = node.get_publishers_info_by_topic(topic) + node.get_subscriptions_info_by_topic(topic)
-    own_name = node.get_fully_qualified_name()
-    kinds = {
-        end.topic_type for end in ends if node_name(end) != own_name or end.topic_type not in _TYPES
-    }
-    return "" if kinds & _TYPES.keys() else ", ".join(sorted(kinds))
 
 
 class RobotLock:
@@ -149,15 +131,13 @@ class CommandTopic:
     """Publishes commands, from any thread, with the type that the robot subscribes to.
 
     A node can publish only one type on a topic, and a second type on a topic confuses other tools.
-    So the publisher is created when the robot's type is known, or when a page drives.
+    So the publisher is created when there is a subscriber, whose type is then known.
     """
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
         self._node, self._locked = node, locked
-        self._warn = Throttled(node.get_logger().warning)
         self._lock = threading.Lock()
         self._publisher: Any = None
-        self._driven = False  # whether a page has driven, not only moved joints
         self.topic = topic
         self.kind = "geometry_msgs/msg/Twist"
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
@@ -171,7 +151,6 @@ class CommandTopic:
 
     def publish(self, velocity: Velocity) -> None:
         with self._lock:
-            self._driven |= velocity != Velocity()  # a robot without wheels needs no publisher
             if self._publisher is not None:
                 self._publisher.publish(self._message(velocity))
 
@@ -185,9 +164,9 @@ class CommandTopic:
             self._robot_lock.set(locked)
 
     def choose(self, topic: str) -> None:
-        """Switch to another topic; the robot of the old one is stopped."""
+        """Switch to another topic; the robot of the old one has been stopped."""
         self._destroy_publisher()
-        self.topic, self.subscribers, self._driven = topic, [], False
+        self.topic, self.subscribers = topic, []
         with self._lock:
             self._robot_lock.close()
             self._robot_lock = RobotLock(self._node, topic, self._locked)
@@ -197,22 +176,14 @@ class CommandTopic:
         """Adapt to the type of ``controllers``, or else of all subscribers; call this often."""
         self.subscribers = command_subscribers(self._node, self.topic)
         self.others = self._other_publishers()
-        foreign = foreign_type(self._node, self.topic)
-        if foreign:  # do not add a second type to the topic
-            self._destroy_publisher()
-            if self._driven:
-                self._warn(
-                    f"{self.topic} {foreign}",
-                    f"{self.topic} has the type {foreign}, not Twist or TwistStamped: nothing is "
-                    "published",
-                )
-            return
         robots = [end for end in self.subscribers if end.node in controllers] or self.listeners
-        kinds = {robot.kind for robot in robots}
+        kinds = {end.kind for end in robots or self.subscribers}
         if kinds and self.kind not in kinds:
+            for _ in range(ZEROS):  # a robot of the old type may be moving
+                self.publish(Velocity())
             self._destroy_publisher()
             self.kind = min(kinds)
-        if self._publisher is None and (kinds or self._driven):
+        if self._publisher is None and kinds:
             self._create_publisher()
 
     def flush(self) -> None:
@@ -239,10 +210,7 @@ class CommandTopic:
         publisher = self._publisher
         if publisher is None:
             return
-        if self._driven:
-            for _ in range(ZEROS):
-                self.publish(Velocity())
-            self.flush()
+        self.flush()
         with self._lock:
             self._publisher = None
         self._node.destroy_publisher(publisher)

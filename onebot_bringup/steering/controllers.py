@@ -10,16 +10,15 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent, ParameterType
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import qos_profile_parameter_events
 
 from onebot_bringup.steering.command_limits import AXES, NAMES, Controller
 
-_PERIOD = 5.0  # s between requests to a node, answered or not; less if it announces a change
+_PERIOD = 2.0  # s between requests to a node, answered or not
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
 
 
@@ -31,9 +30,6 @@ class Controllers:
         self._node, self._changed = node, changed
         self._inquiries: dict[str, _Inquiry] = {}
         self.known: tuple[Controller, ...] = ()
-        node.create_subscription(
-            ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events
-        )
 
     @property
     def names(self) -> list[str]:
@@ -74,11 +70,6 @@ class Controllers:
         if repr(controllers) != repr(self.known):
             self.known = controllers
             self._changed()
-
-    def _on_event(self, event: ParameterEvent) -> None:
-        changes = (*event.new_parameters, *event.changed_parameters, *event.deleted_parameters)
-        if event.node in self._inquiries and any(change.name in NAMES for change in changes):
-            self._inquiries[event.node].due = 0.0
 
 
 class _Inquiry:

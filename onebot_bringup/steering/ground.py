@@ -47,13 +47,6 @@ class PublishedMap:
     message: OccupancyGrid
     version: str = field(default_factory=lambda: secrets.token_hex(4))  # differs between maps
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether it has as many cells as its size says."""
-        info = self.message.info
-        cells = info.width * info.height
-        return bool(0 < cells == len(self.message.data) and 0.0 < info.resolution < math.inf)
-
     def picture(self) -> bytes:
         """Return a PNG with a pixel per cell: free white, occupied black, unknown transparent."""
         info = self.message.info
@@ -90,8 +83,8 @@ class Ground:
             self.grid = None
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
-        grid = PublishedMap(message)
-        self.grid = grid if grid.is_whole else None
+        cells = message.info.width * message.info.height
+        self.grid = PublishedMap(message) if 0 < cells == len(message.data) else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).

@@ -25,7 +25,6 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import transformed
-from onebot_description.model.robot_model import RobotModel
 
 _SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"})
 _STRING = "std_msgs/msg/String"
@@ -76,29 +75,17 @@ class Footprint(NamedTuple):
 
     low: Floats  # (3,): lower corner of the box, m
     high: Floats
-    links: tuple[str, ...]  # the first is the root
 
     @classmethod
     def from_description(cls, robot: Description) -> "Footprint | None":
         """Return the footprint of a robot; None if it has no shapes."""
-        from onebot_control.sensing.solids import solid_of
+        from onebot_control.sensing.solids import robot_solid
 
-        poses = RobotModel(robot).link_matrices({})
-        shapes = [
-            (shape, poses[link.name])
-            for link in robot.links
-            for shape in link.collisions or link.visuals
-        ]
-        solid = solid_of(shapes)
+        solid = robot_solid(robot)
         if not len(solid.corners):
             return None
         low, high = solid.box
-        return cls(low, high, (robot.roots[0], *robot.link_names))
-
-    def root_frame(self, base: str) -> str:
-        """Return the frame of the root link, with the same prefix as ``base``, a link's frame."""
-        link = max((name for name in self.links if base.endswith(name)), key=len, default=base)
-        return base.removesuffix(link) + self.links[0]
+        return cls(low, high)
 
     def obstacles(self, readings: Readings, sensor: Floats) -> Floats:
         """Return the obstacles, x and y (N, 2) in m, that a sensor at a pose (4, 4) sees.
@@ -173,25 +160,23 @@ class Obstacles:
     def clearance(self) -> float | None:
         """How far the robot can go until it meets an obstacle, m; None if none is known."""
         footprint, odometry = self._footprint, self._odometry.sample
-        velocity = self._velocity()
-        if footprint is None or odometry is None or abs(velocity.linear) < _STANDING:
+        if footprint is None or odometry is None:
             return None
-        root = footprint.root_frame(odometry.child_frame_id.removeprefix("/"))
+        velocity = self._command()
+        if abs(velocity.linear) < _STANDING:
+            velocity = Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
+        if abs(velocity.linear) < _STANDING:
+            return None
+        base = odometry.child_frame_id.removeprefix("/")  # usually the root link
         least = math.inf
         for message in self._topics.recent(_SENSORS, _OLD):
-            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), root)
+            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), base)
             if pose is not None:
                 is_range = isinstance(message, Range)
                 readings = (Readings.from_range if is_range else Readings.from_scan)(message)
                 points = footprint.obstacles(readings, pose)
                 least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
         return least if least < math.inf else None
-
-    def _velocity(self) -> Velocity:
-        command, odometry = self._command(), self._odometry.sample
-        if odometry is None or abs(command.linear) >= _STANDING:
-            return command
-        return Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
 
     def update(self, namespace: RobotNamespace, watched: bool) -> None:
         """Follow publishers that come and go; call this several times per second.

@@ -117,9 +117,7 @@ Check = Callable[[str, Any], Any]
 
 def number(name: str, value: Any) -> float:
     """Check that a field is a finite number, and return it."""
-    if not isinstance(value, float):
-        raise ProtocolError(f"{name} must be a number")
-    if not math.isfinite(value):
+    if not isinstance(value, float) or not math.isfinite(value):
         raise ProtocolError(f"{name} must be a finite number")
     return value
 
@@ -174,7 +172,9 @@ def parse(data: str | bytes) -> Message:
     Raises:
         ProtocolError: it is invalid.
     """
-    fields = _json_object(data, MAX_LENGTH)
+    if len(data) > MAX_LENGTH:
+        raise ProtocolError(f"a message has at most {MAX_LENGTH} characters")
+    fields = _json_object(data)
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in MESSAGES:
         raise ProtocolError(f"the type must be one of {', '.join(MESSAGES)}")
@@ -186,21 +186,18 @@ def parse(data: str | bytes) -> Message:
         raise
 
 
-def read_request(
-    what: str, data: str, checks: Mapping[str, Check], most: int = MAX_LENGTH
-) -> dict[str, Any]:
+def read_request(what: str, data: str, checks: Mapping[str, Check]) -> dict[str, Any]:
     """Parse a JSON object and check its fields.
 
     Args:
         what: what it is called in errors.
         data: the JSON text.
         checks: the check of each field.
-        most: the maximum number of characters.
 
     Raises:
         ProtocolError: it is invalid.
     """
-    return _checked(what, _json_object(data, most), checks)
+    return _checked(what, _json_object(data), checks)
 
 
 def _checked(what: str, fields: Mapping[str, Any], checks: Mapping[str, Check]) -> dict[str, Any]:
@@ -209,14 +206,10 @@ def _checked(what: str, fields: Mapping[str, Any], checks: Mapping[str, Check]) 
     return {name: check(name, fields[name]) for name, check in checks.items()}
 
 
-def _json_object(data: str | bytes, most: int) -> dict[str, Any]:
-    if len(data) > most:
-        raise ProtocolError(f"a message has at most {most} characters")
+def _json_object(data: str | bytes) -> dict[str, Any]:
     try:
         fields = json.loads(data, parse_int=float)
-        json.dumps(fields, ensure_ascii=False).encode()
-    except UnicodeEncodeError:
-        raise ProtocolError("a message must be Unicode, without half characters") from None
+        json.dumps(fields, ensure_ascii=False).encode()  # no half characters
     except (ValueError, RecursionError):
         raise ProtocolError("a message must be JSON") from None
     if not isinstance(fields, dict):

@@ -1,14 +1,13 @@
 """The steering page's server: the page, its WebSocket and the robot's view on one port."""
 
 import asyncio
-import mimetypes
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aiohttp import WebSocketError, WSMsgType, web
+from aiohttp import WSMsgType, web
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from onebot_bringup.serving.origin import foreign_refusal
@@ -23,7 +22,6 @@ from onebot_description.ros.throttled import Throttled
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s
-_MIN_PERIOD = 0.02  # s between two states, even if more has changed
 _HEARTBEAT = 5.0  # s between two pings; a page that does not respond counts as closed
 _MAX_MESSAGE = 1 << 16  # bytes; a longer message closes the connection
 _STOPPED = "; it drove, so the robot is stopped"
@@ -41,7 +39,6 @@ class _Page:
     host: str  # the name by which the browser addresses this server
     name: str = field(default_factory=lambda: secrets.token_hex(4))
     received: int = 0  # number of messages
-    changed: asyncio.Event = field(default_factory=asyncio.Event)
 
 
 @dataclass(eq=False)
@@ -59,26 +56,15 @@ class SteeringServer:
     def __post_init__(self) -> None:
         """Make the application."""
         self._pages: list[_Page] = []
-        self._rejected = 0  # number of messages
         self._warn = Throttled(self.logger.warning)
         self.app = web.Application(middlewares=[self._guard], client_max_size=_MAX_MESSAGE)
         self.app.on_response_prepare.append(self._add_headers)
         self.app.on_shutdown.append(self._close_pages)
-        self._files = {
-            str(file.relative_to(STATIC)): file.read_bytes()
-            for file in STATIC.rglob("*")
-            if file.is_file()
-        }
-        self.app.router.add_get("/", self._file)
+        self.app.router.add_get("/", self._get_index)
         self.app.router.add_get("/ws", self._serve_page)
-        self.app.router.add_get("/static/{path:.+}", self._file)
+        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # colcon makes some
         self.view.add_to(self.app)
         self.tools.add_to(self.app)
-
-    def notify(self) -> None:
-        """Send the state to all pages now; call this in the server's thread."""
-        for page in self._pages:
-            page.changed.set()
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
@@ -103,14 +89,8 @@ class SteeringServer:
             cookie = f"{access.cookie_name}={access.cookie}; Path=/; HttpOnly; SameSite=Strict"
             answer.headers.add("Set-Cookie", cookie)
 
-    async def _file(self, request: web.Request) -> web.Response:
-        # A FileResponse would log a traceback if its connection is closed meanwhile.
-        name = request.match_info.get("path", "index.html")
-        if name not in self._files:
-            raise web.HTTPNotFound(text="There is no such page.\n")
-        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
-        charset = "utf-8" if kind.startswith("text/") else None
-        return web.Response(body=self._files[name], content_type=kind, charset=charset)
+    async def _get_index(self, _: web.Request) -> web.FileResponse:
+        return web.FileResponse(STATIC / "index.html")
 
     async def _serve_page(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(heartbeat=_HEARTBEAT, max_msg_size=_MAX_MESSAGE)
@@ -119,35 +99,26 @@ class SteeringServer:
         self._pages.append(page)
         self.arbiter.join(page.name)
         sender = asyncio.ensure_future(self._send_states(page))
-        closed = False
         try:
-            closed = await self._receive(page)
+            async for message in socket:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                    page.received += 1
+                    await self._on_message(page, message.data)
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
-            self._report_end(closed, self.arbiter.leave(page.name))
+            drove = self.arbiter.leave(page.name)
+            self.logger.info(f"a page was closed, or its connection was lost{_STOPPED * drove}")
             self._pages.remove(page)
             sender.cancel()
         return socket
-
-    async def _receive(self, page: _Page) -> bool:
-        """Handle a page's messages to the end; return False if its connection was lost."""
-        while True:
-            message = await page.socket.receive()
-            if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
-                page.received += 1
-                await self._on_message(page, message.data)
-            elif isinstance(message.data, WebSocketError):
-                self._reject(page, "too large, or no WebSocket frame")
-                return True
-            else:
-                return message.type in (WSMsgType.CLOSE, WSMsgType.CLOSING)
 
     async def _on_message(self, page: _Page, data: str | bytes) -> None:
         try:
             message = parse(data)
         except ProtocolError as error:
-            self._reject(page, str(error))
+            drove = self.arbiter.reject(page.name)
+            self._warn(str(error), f"rejected a message of a page: {error}{_STOPPED * drove}")
             await _send_error(page, f"Refused: {error}.", error.about)
             return
         if not isinstance(message, ChooseTopic):
@@ -158,37 +129,19 @@ class SteeringServer:
         except OneBotError as error:
             await _send_error(page, f"{error}.", "topic")
 
-    def _reject(self, page: _Page, problem: str) -> None:
-        drove = self.arbiter.reject(page.name)
-        self._rejected += 1
-        end = f"{problem}{_STOPPED * drove}"
-        self._warn(end, f"rejected a message of a page ({self._rejected} so far): {end}")
-
-    def _report_end(self, closed: bool, drove: bool) -> None:
-        if closed:
-            self.logger.info(f"a page was closed{_STOPPED * drove}")
-        else:
-            text = f"lost the connection to a page{_STOPPED * drove}"
-            self._warn(text, text)
-
     async def _send_states(self, page: _Page) -> None:
-        """Send the state to one page, ten times a second and whenever something changes."""
+        """Send the state to one page, ten times a second."""
         send = page.socket.send_str
         try:
             await send(message_text("welcome", id=page.name, stamp=_stamp()))
             while not page.socket.closed:
-                page.changed.clear()
                 await send(message_text("state", **self._state(page)))
-                await asyncio.sleep(_MIN_PERIOD)
-                try:
-                    await asyncio.wait_for(page.changed.wait(), STATE_PERIOD - _MIN_PERIOD)
-                except asyncio.TimeoutError:
-                    pass
+                await asyncio.sleep(STATE_PERIOD)
         except ConnectionError:
             pass  # the page was closed, so the reader ends, too
 
     def _state(self, page: _Page) -> dict[str, Any]:
-        arbiter, view = self.arbiter.state, self.view.view
+        arbiter, view = self.arbiter.state, self.view.viewer.view
         limits = arbiter.limits
         return {
             "stamp": _stamp(),

@@ -30,11 +30,10 @@ Subscribes:
         page shows its map.
     robot_description (std_msgs/String), each LaserScan and Range in the robot's namespace: while
         there is a page. Each Image there: while a page shows it, and once to read its encoding.
-    /parameter_events (rcl_interfaces/ParameterEvent): changes of the controller's limits.
 
 Calls:
-    list_parameters and get_parameters of the nodes that subscribe to commands: nodes with velocity
-        limits are the robot's controllers.
+    list_parameters and get_parameters of the nodes that subscribe to commands, every two seconds:
+        nodes with velocity limits are the robot's controllers.
     the parameter services of the viewer, and of the node whose parameters a page shows.
 """
 
@@ -54,7 +53,7 @@ from rclpy.node import Node
 
 from onebot_bringup.serving.http_server import ServerThread
 from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, reachable_as
-from onebot_bringup.steering.access import Access, choose_bind_address
+from onebot_bringup.steering.access import Access, token_for
 from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_limits import (
@@ -69,7 +68,6 @@ from onebot_bringup.steering.command_topic import (
     CommandTopic,
     command_topics,
     commanded_robots,
-    foreign_type,
     namespace_of,
 )
 from onebot_bringup.steering.controllers import Controllers
@@ -93,7 +91,6 @@ from onebot_description.ros.throttled import Throttled
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
-_SHORT_TOKEN = 8  # characters; a token shorter than this can be guessed
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
 
@@ -155,14 +152,17 @@ class SteeringPage(Node):
 
     def _serve(self) -> None:
         settings = self._settings
-        bind = choose_bind_address(settings.host, settings.port, settings.token)
-        if bind.warning:
-            self.get_logger().warning(bind.warning)
-        listener = listen(bind.host, bind.port)
+        listener = listen(settings.host, settings.port)
         address, port = listener.getsockname()[:2]
+        if settings.port not in (0, port):
+            self.get_logger().warning(f"port {settings.port} is in use; using {port} instead")
         if not is_loopback(address):
-            self._warn_of_access()
-        access = Access(bind.token, address, port)
+            self.get_logger().warning(
+                "other computers can reach the page: anyone with its address can drive the robot,"
+                " and the address is not encrypted on the network (use an SSH tunnel to keep it"
+                " private)"
+            )
+        access = Access(token_for(address, settings.token), address, port)
         publishers = ToolPublishers(self, self._commands)
         tools = ToolRequests(
             self._thread, self._commands, self._ground, self._cameras, publishers, self._nodes
@@ -176,8 +176,7 @@ class SteeringPage(Node):
             choose_topic=lambda topic: self._thread.call(partial(self._choose, topic)),
             logger=self.get_logger(),
         )
-        self._server = thread = ServerThread(server.app, listener, "steering")
-        self._arbiter.changed = lambda: thread.call(server.notify)
+        self._server = ServerThread(server.app, listener, "steering")
         query = f"/?token={quote(access.token, safe='')}" if access.token else ""
         self._url = f"http://{reachable_as(listener)}{query}"
 
@@ -191,23 +190,13 @@ class SteeringPage(Node):
         if self._settings.open_browser:
             open_in_browser(url)
 
-    def _warn_of_access(self) -> None:
-        if 0 < len(self._settings.token) < _SHORT_TOKEN:
-            self.get_logger().warning(
-                "the token is short: anyone who guesses it can drive the robot"
-            )
-        self.get_logger().warning(
-            "other computers can reach the page: anyone with its address can drive the robot, and"
-            " the address is not encrypted on the network (use an SSH tunnel to keep it private)"
-        )
-
     def _robot(self) -> Mapping[str, Any]:
         """Return the node's part of a page's state."""
         commands, robot = self._commands, self._obstacles.robot
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
-            "topics": self._topics,  # command topics to choose from, with subscribers first
+            "topics": self._topics,  # command topics to choose from
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
@@ -239,12 +228,6 @@ class SteeringPage(Node):
 
     def _choose(self, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
-        if topic == self._commands.topic:
-            return
-        if kind := foreign_type(self, topic):
-            raise OneBotError(
-                f"{topic} has the type {kind}, not Twist or TwistStamped: choose another"
-            )
         self._arbiter.halt()
         self._controllers.forget()
         self._commands.choose(topic)
@@ -252,13 +235,12 @@ class SteeringPage(Node):
 
     def _poll_graph(self) -> None:
         commands = self._commands
-        previous = commands.kind, commands.topic, len(commands.listeners)
         robots = self._controllers.names
         commands.update(robots)
         self._controllers.update(end.node for end in commands.subscribers)
         self._odometry.update(commands.topic, robots)
         self._topics = command_topics(self)
-        self._robots = commanded_robots(self, self._topics)
+        self._robots = commanded_robots(self)
         name = namespace_of(commands.topic)
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
@@ -268,8 +250,6 @@ class SteeringPage(Node):
         self._obstacles.update(namespace, watched)
         self._joints.update(namespace, self._obstacles.robot, watched)
         self._viewer.update()
-        if previous != (commands.kind, commands.topic, len(commands.listeners)):
-            self._arbiter.changed()
 
     def _command(self, command: Command) -> None:
         self._commands.publish(command.velocity)
@@ -280,11 +260,9 @@ class SteeringPage(Node):
         self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
-        """Show the lock; a page that drove has to release and drive again to unlock the robot."""
+        """Have a page that drove release and drive again to unlock the robot."""
         if locked:
             self._arbiter.halt()
-        else:
-            self._arbiter.changed()
 
     def _on_controllers(self) -> None:
         controllers = self._controllers.known
@@ -300,7 +278,6 @@ class SteeringPage(Node):
             )
 
     def _on_view(self) -> None:
-        self._arbiter.changed()
         if self._viewer.view is not None:
             self._announce()
 

@@ -40,7 +40,6 @@ T = TypeVar("T")
 
 _POLL = 0.01  # s
 _TIMEOUT = 5.0  # s to wait for the node's thread
-_LONGEST = 1 << 14  # maximum characters of a request to set parameters
 _LONGEST_VALUE = 1000  # characters; longer values, such as a description, cannot be edited here
 
 
@@ -215,9 +214,8 @@ def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
     Raises:
         ProtocolError: the request is invalid.
     """
-    fields = read_request(
-        "a request to set parameters", data, {"node": text, "values": _values}, _LONGEST
-    )
+    checks = {"node": text, "values": _values}
+    fields = read_request("a request to set parameters", data, checks)
     return fields["node"], fields["values"]
 
 

@@ -13,7 +13,6 @@ from onebot_bringup.steering.protocol import ProtocolError, number, read_request
 from onebot_control.drive.odometry import fill_diagonal
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import about_z
-from onebot_description.ros.topic_subscription import RCLError
 
 _DEPTH = 10
 
@@ -95,24 +94,18 @@ class ToolPublishers:
         for topic in self._publishers.keys() - topics.keys():
             self._node.destroy_publisher(self._publishers.pop(topic))
         for topic in topics.keys() - self._publishers.keys():
-            try:
-                self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
-            except RCLError:
-                pass  # this process uses another type; reported on a click
+            self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
 
     def publish(self, click: Click) -> tuple[str, int]:
         """Publish a click; return the topic's full name and the number of its subscribers.
 
         Raises:
-            OneBotError: the click is for another robot, or the topic has another type.
+            OneBotError: the click is for another robot.
         """
         if click.command_topic != self._commands.topic:
             raise OneBotError("another robot is steered now")
         self.prepare()
-        tool = TOOLS[click.tool]
-        topic = self._topic(tool)
-        if topic not in self._publishers:
-            raise OneBotError(f"{topic} has another type than {tool.kind.__name__}")
+        topic = self._topic(TOOLS[click.tool])
         publisher = self._publishers[topic]
         publisher.publish(message_of(click, self._node.get_clock().now().to_msg()))
         return topic, publisher.get_subscription_count()

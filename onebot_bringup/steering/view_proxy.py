@@ -74,7 +74,7 @@ class Viewer:
     """
 
     def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Follow its ~/page and ~/displays; ``changed`` is called if ``view`` may have changed."""
+        """Follow its ~/page and ~/displays; ``changed`` is called after each message of ~/page."""
         self._node, self._topic, self._changed = node, page_topic, changed
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
@@ -90,7 +90,6 @@ class Viewer:
         """Notice if the viewer is gone; call this several times per second."""
         if self.view is not None and not self._node.count_publishers(self._topic):
             self.view = None
-            self._changed()
 
     def publish_cameras(self, topics: Sequence[str]) -> None:
         """Publish which cameras' pictures the page shows, so that the view leaves them out."""
@@ -128,36 +127,20 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
     """
     try:
         displays = json.loads(data)
-        topics: list[Row] = [
-            {
-                "topic": str(topic["topic"]),
-                "type": str(topic["type"]),
-                "visible": bool(topic["visible"]),
-            }
-            for topic in displays["shown"]
-        ]
         legend: list[Row] = [
-            {
-                "kind": str(entry["kind"]),
-                "name": str(entry["name"]),
-                "color": "#{:02x}{:02x}{:02x}".format(*entry["color"]),
-            }
+            {**entry, "color": "#{:02x}{:02x}{:02x}".format(*entry["color"])}
             for entry in displays["legend"]
         ]
-    except (ValueError, LookupError, TypeError, RecursionError):
+        return displays["shown"], legend
+    except (ValueError, LookupError, TypeError):
         return [], []
-    return topics, legend
 
 
 class ViewProxy:
     """The routes of the robot's view."""
 
     def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
-
-    @property
-    def view(self) -> View | None:
-        return self._viewer.view
+        self.viewer = viewer
 
     def add_to(self, app: web.Application) -> None:
         unavailable = "The robot's view does not answer at the moment."
@@ -170,7 +153,8 @@ class ViewProxy:
     def has_key(self, request: web.Request) -> bool:
         """Whether the request's path has the view's key."""
         key = request.match_info.get("key", "").encode(errors="surrogatepass")
-        return self.view is not None and hmac.compare_digest(key, self.view.key.encode())
+        view = self.viewer.view
+        return view is not None and hmac.compare_digest(key, view.key.encode())
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         view = self._view_of(request)
@@ -199,6 +183,7 @@ class ViewProxy:
         answer.headers["Access-Control-Expose-Headers"] = "*"
 
     def _view_of(self, request: web.Request) -> View:
-        if self.view is None or not self.has_key(request):
+        view = self.viewer.view
+        if view is None or not self.has_key(request):
             raise web.HTTPNotFound(text="There is no such view of the robot.\n")
-        return self.view
+        return view

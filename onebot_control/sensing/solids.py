@@ -17,6 +17,7 @@ from onebot_description.elements.description import (
     Box,
     Capsule,
     Cylinder,
+    Description,
     Geometry,
     Mesh,
     Rgba,
@@ -25,6 +26,7 @@ from onebot_description.elements.description import (
 from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
+from onebot_description.model.robot_model import RobotModel
 
 Integers = NDArray[np.int32]
 
@@ -150,6 +152,16 @@ def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
         np.concatenate([np.empty(0, int), *round_of]).astype(np.int32),
         Rounds.of(rounds),
         tuple(textures),
+    )
+
+
+def robot_solid(robot: Description) -> Solid:
+    """Return the collision shapes, or else the visuals, of a robot whose joints are at 0."""
+    poses = RobotModel.from_description(robot).link_matrices({})
+    return solid_of(
+        (shape, poses[link.name])
+        for link in robot.links
+        for shape in link.collisions or link.visuals
     )
 
 

@@ -28,8 +28,6 @@ class PageClient:
 
     def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
-        self.errors: list[str] = []
-        self.refused: list[str | None] = []  # the type of each message that was
         self.id = ""
         self.closed = False
         self._loop = asyncio.new_event_loop()
@@ -58,9 +56,6 @@ class PageClient:
                 self.id = fields["id"]
             elif fields["type"] == "state":
                 self.states.append(fields)
-            else:
-                self.refused.append(fields["about"])
-                self.errors.append(fields["message"])
         self.closed = True
 
     @property
@@ -195,20 +190,6 @@ class Way:
         self._loop.call_soon_threadsafe(self._listening.close)  # else the page comes again
         self.cut()
         self._loop.call_soon_threadsafe(self._loop.stop)
-
-
-def raw_page(address: str) -> socket.socket:
-    """A WebSocket that never says or answers anything, as of a computer that hangs."""
-    port = urlsplit(address).port
-    found = socket.create_connection(("127.0.0.1", port), PATIENCE)
-    request = (
-        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
-        "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        "Sec-WebSocket-Version: 13\r\n\r\n"
-    )
-    found.sendall(request.encode())
-    assert found.recv(12) == b"HTTP/1.1 101"
-    return found
 
 
 class Steering(NodeProcess):

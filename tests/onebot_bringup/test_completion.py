@@ -25,16 +25,11 @@ MRM = "mrm_description.launch.mrm_bringup"
 WORDS = {
     "onebot to": {"topic"},
     "onebot topic e": {"echo"},
-    "onebot topic echo --flow": {"--flow-style"},
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
-    "onebot tf ": {"tree", "echo"},
     "onebot run onebot_c": {"onebot_control"},
     "onebot run onebot_control ": {"velocity_controller", "joint_trajectory_controller"},
     "onebot completion ": {"bash", "zsh", "fish"},
-    "onebot doctor --t": {"--timeout"},
-    "onebot nothing ": set(),
-    "onebot topic nothing ": set(),
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
     "onebot discovery:=subnet topic e": {"echo"},
     "onebot check ": {"package_path:=", "arm.urdf"},
@@ -43,7 +38,6 @@ WORDS = {
     "onebot_bringup world:=a": {"world:=arm.urdf"},
     "onebot_bringup sim": {"sim:=true", "sim:=false"},
     "/bin/mrm_bringup robo": set(),
-    "mrm_bringup names": {"namespace:="},
     f"onebot view {ROBOT} relo": {"reload:=true", "reload:=false"},
     "onebot replay run fra": {"frame_prefix:="},
 }

@@ -94,7 +94,7 @@ def test_a_program_that_does_not_exist_is_reported(start: Start) -> None:
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [(0, "finished"), (1, "exit code 1"), (-11, "SIGSEGV, a crash"), (-99, "signal 99")],
+    [(0, "exit code 0"), (1, "exit code 1"), (-11, "signal 11, Segm"), (-9, "Killed, perhaps the")],
 )
 def test_exit_codes_in_words(code: int, words: str) -> None:
     assert words in describe_exit(code)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -21,13 +20,12 @@ def limits(linear: float, angular: float) -> Limits:
 
 
 class Steered:
-    """An arbiter of some pages, what it published and locked, and how often it notified pages."""
+    """An arbiter of some pages, and what it published and locked."""
 
     def __init__(self, pages: str) -> None:
         self.now, self.woke = 100.0, -math.inf
         self.published: list[Velocity] = []
         self.joints: list[Mapping[str, float]] = []  # their velocities, of each command
-        self.changes = 0
         self.locks: list[bool] = []
         self.arbiter = Arbiter(
             limits(3.0, 4.0),
@@ -39,14 +37,10 @@ class Steered:
         self.arbiter.handle("", SetLimits(1.0, 2.0))
         for page in pages:
             self.arbiter.join(page)
-        self.arbiter.changed = self._changed
 
     def _publish(self, command: Command) -> None:
         self.published.append(command.velocity)
         self.joints.append(command.joints)
-
-    def _changed(self) -> None:
-        self.changes += 1
 
     def drive(self, page: str, velocity: Velocity = FORWARD, age: float = 0.0) -> None:
         """Have a page send a command whose stamp is ``age`` seconds old, for an arm, too."""
@@ -95,9 +89,9 @@ def test_nothing_is_published_before_anybody_drives(steered: Steered) -> None:
 def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: Steered) -> None:
     """More of the same waits for its turn; a robot that is held at zero gets zeros."""
     steered.drive("a")
-    assert steered.sent() == [FORWARD] and steered.changes == 1
+    assert steered.sent() == [FORWARD]
     steered.drive("a", Velocity(0.6, 0.0))
-    assert steered.sent() == [] and steered.changes == 1
+    assert steered.sent() == []
     steered.arbiter.tick()
     assert steered.sent() == [Velocity(0.6, 0.0)]
     steered.drive("a", ZERO)
@@ -222,16 +216,6 @@ def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) ->
     assert steered.sent() == [FORWARD] and not steered.arbiter.state.late
 
 
-def test_after_a_stall_nothing_old_is_published(steered: Steered) -> None:
-    """The next tick may come before the next check: its command is zero, too."""
-    steered.drive("a")
-    steered.sent()
-    steered.now += COMMAND_TIMEOUT + 0.001
-    for _ in range(ZEROS + 2):
-        steered.arbiter.tick()
-    assert steered.sent() == [ZERO] * ZEROS and steered.arbiter.timeouts == 1
-
-
 def test_a_command_holds_until_half_a_second_after_its_stamp(steered: Steered) -> None:
     """Whenever it comes: the hand that gave it may be gone as long as that."""
     steered.now = 0.0  # sums are exact
@@ -298,24 +282,14 @@ def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
         assert arbiter.state.pages == len(pages)
 
 
-def test_limits_are_the_robots_or_lower(steered: Steered) -> None:
-    """Whoever sets them; they bind what is held, too, and pages learn of what is new only."""
-    arbiter = steered.arbiter
-    arbiter.handle("a", SetLimits(5.0, 0.5))
-    assert arbiter.state.limits.in_force == Velocity(3.0, 0.5) and steered.changes == 1
-    arbiter.handle("b", SetLimits(5.0, 0.5))
-    assert steered.changes == 1
-    arbiter.handle("a", SetLimits(0.25, None))
-    assert arbiter.state.limits.in_force == Velocity(0.25, 4.0)
-    assert steered.changes == 2 and steered.sent() == []
-    steered.drive("a")
-    assert steered.sent() == [Velocity(0.25, 0.05)] == [steered.command]
+def test_what_an_operator_chose_holds_within_the_robots_limits(steered: Steered) -> None:
+    """Whoever sets it, also for what is held; it outlasts the robot.
 
-
-def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
-    """Also what is above the present robot's limit; and it binds a command that is held."""
+    Of a robot that is slower, and of one that is faster than before.
+    """
     arbiter = steered.arbiter
     arbiter.handle("a", SetLimits(0.5, 9.0))
+    assert arbiter.state.limits.in_force == Velocity(0.5, 4.0) and steered.sent() == []
     steered.drive("a", Velocity(0.5, 0.0))
     arbiter.set_limits(limits(0.125, 1.0))
     arbiter.tick()
@@ -323,54 +297,40 @@ def test_what_an_operator_chose_outlasts_the_robot(steered: Steered) -> None:
     assert arbiter.state.limits.in_force == Velocity(0.125, 1.0)
     arbiter.set_limits(limits(2.0, 6.0))
     assert arbiter.state.limits.in_force == Velocity(0.5, 6.0)
-    assert steered.command == Velocity(0.125, 0.0), "faster without another press"
-    steered.release("a")
-    steered.drive("a", Velocity(0.5, 0.0))
-    assert steered.command == Velocity(0.5, 0.0)
 
 
 def _choose(steered: Steered, linear: float | None, angular: float | None = None) -> None:
     steered.arbiter.handle("b", SetLimits(linear, angular))
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["forward", "backward"])
 @pytest.mark.parametrize("raised", [1.0, None], ids=["a number", "the field emptied"])
-def test_a_raised_limit_waits_for_the_next_press(steered: Steered, raised: float | None) -> None:
+def test_a_raised_limit_waits_for_the_next_press(
+    steered: Steered, raised: float | None, way: float
+) -> None:
     """Another page's; a lowered one holds at once, and for the rest of the press."""
     _choose(steered, 0.3, 0.5)
-    steered.drive("a", Velocity(0.3, 0.5))
+    steered.drive("a", Velocity(way * 0.3, 0.5))
     _choose(steered, raised)
-    steered.drive("a", Velocity(1.0, 0.5))  # as a page of an earlier version scales it
-    assert steered.command == Velocity(0.3, 0.5 * 0.3)
-    steered.drive("a", Velocity(0.0, 2.0))
-    assert steered.command == Velocity(0.0, 0.5)
+    steered.drive("a", Velocity(way, 0.5))
+    assert steered.command == Velocity(way * 0.3, 0.5 * 0.3)
     _choose(steered, 0.2, 0.1)
-    steered.drive("a", Velocity(1.0, 0.0))
-    assert steered.command == Velocity(0.2, 0.0)
     _choose(steered, raised)
-    assert steered.command == Velocity(0.2, 0.0)
     steered.wait(COMMAND_TIMEOUT + 0.001)  # a pause of the connection is no press
-    steered.drive("a", Velocity(1.0, 0.0))
-    assert steered.command == Velocity(0.2, 0.0)
+    steered.drive("a", Velocity(way, 0.0))
+    assert steered.command == Velocity(way * 0.2, 0.0)
     steered.release("a")
-    steered.drive("a", Velocity(9.0, 0.0))
-    assert steered.command == Velocity(raised or 3.0, 0.0)
-    steered.drive("b", Velocity(-9.0, 0.0))  # another driver presses, too
-    assert steered.command == Velocity(-(raised or 3.0), 0.0)
-
-
-def test_a_robot_that_may_go_back_faster_waits_for_the_next_press(steered: Steered) -> None:
-    one = limits(1.0, 1.0)
-    steered.arbiter.set_limits(replace(one, linear=replace(one.linear, reverse=0.25)))
-    steered.drive("a", Velocity(-1.0, 0.0))
-    steered.arbiter.set_limits(one)
-    assert steered.command == Velocity(-0.25, 0.0)
-    steered.release("a")
-    steered.drive("a", Velocity(-1.0, 0.0))
-    assert steered.command == Velocity(-1.0, 0.0)
+    steered.drive("a", Velocity(way * 9.0, 0.0))
+    assert steered.command == Velocity(way * (raised or 3.0), 0.0)
+    steered.drive("b", Velocity(way * 9.0, 0.0))  # another driver presses, too
+    assert steered.command == Velocity(way * (raised or 3.0), 0.0)
 
 
 def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:
-    """However short the stop was: neither the command in force nor those that waited."""
+    """However short the stop was: neither the command in force nor those that waited.
+
+    The next tick may come before the next check: its command is zero, too.
+    """
     steered.drive("a")
     steered.now += 0.1
     steered.woke = steered.now
@@ -388,17 +348,14 @@ def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) 
 
 
 def test_pages_come_and_go(steered: Steered) -> None:
-    """The others learn how many there are, the log who drove; a page that comes back is new."""
-    steered.arbiter.join("c")
-    assert steered.arbiter.state.pages == 3 and steered.changes == 1
-    assert not steered.arbiter.leave("c") and not steered.arbiter.leave("c")
-    assert steered.arbiter.state.pages == 2 and steered.changes == 2 and steered.sent() == []
+    """The log learns who drove; a page that comes back is new."""
+    assert not steered.arbiter.leave("b") and not steered.arbiter.leave("b")
+    assert steered.arbiter.state.pages == 1 and steered.sent() == []
     steered.drive("a")
-    assert not steered.arbiter.reject("b") and steered.arbiter.leave("a")
+    assert steered.arbiter.leave("a")
     steered.arbiter.join("a")
     steered.drive("a")
-    assert steered.driver == "a" and steered.arbiter.state.pages == 2
-    assert steered.arbiter.reject("a")
+    assert steered.driver == "a" and steered.arbiter.state.pages == 1
 
 
 def test_to_halt_sends_all_zeros_at_once(steered: Steered) -> None:

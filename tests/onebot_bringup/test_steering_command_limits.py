@@ -89,7 +89,6 @@ def test_a_controller_is_known_by_its_parameters():
     [
         {},
         {"linear.x.max_jerk": 1.0},
-        {"linear.x.max_velocity": -0.5},
         {"angular.z.max_velocity": math.inf},
     ],
 )
@@ -103,11 +102,8 @@ def test_anything_else_is_no_controller(values):
     [
         ({}, None, None),
         ({"max_deceleration": -0.5}, None, None),  # does nothing without max_acceleration
-        ({"max_acceleration": 2.0}, 2.0, None),
         ({"max_acceleration": 2.0, "max_deceleration": -0.5}, 0.5, None),
-        ({"max_acceleration": 2.0, "max_acceleration_reverse": -1.0}, 1.0, None),
         ({"max_acceleration": 2.0, "max_deceleration_reverse": 0.25}, 0.25, None),
-        ({"max_jerk": 4.0}, None, 4.0),
         ({"max_jerk": 4.0, "min_jerk": -3.0}, None, 3.0),
     ],
 )

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
-from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
+from onebot_bringup.steering.joint_motion import SteeredJoint, short_motion
 from onebot_description.elements.description import Joint
 from tests.onebot_bringup.joints_support import SPEED, STANDING, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
@@ -61,18 +61,6 @@ def test_no_motion_ends_beyond_a_limit(position, velocity, wanted, age):
     for place in motion[:3]:
         assert min(STEERED.lower, position) <= place <= max(STEERED.upper, position)
     assert abs(motion.velocity) <= STEERED.most and motion.velocity * wanted >= 0.0
-
-
-def test_a_joint_reaches_its_limit_and_stays_there():
-    """Slower and slower."""
-    position, velocity = 0.9, 0.0
-    for _ in range(100):
-        motion = short_motion(STEERED, position, velocity, 0.5, 0.0)
-        # As a controller follows it for half of the first step.
-        new = (velocity + motion.velocity) / 2.0
-        position, velocity = position + (velocity + new) / 2.0 * STEP / 2.0, new
-        assert position <= STEERED.upper + 1e-4
-    assert position == pytest.approx(STEERED.upper, abs=1e-3)
 
 
 # Robots ---------------------------------------------------------------------------------------

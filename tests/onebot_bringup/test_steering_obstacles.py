@@ -51,7 +51,6 @@ def footprint() -> Footprint:
         ((-1.0, 0.05), -0.3, 0.0, 0.8),
         ((1.0, 0.15), 0.3, 0.0, math.inf),  # it passes
         ((1.0, 1.0), 0.5, 0.5, math.pi / 2 - 0.2),  # a quarter of a circle of 1 m
-        ((1.0, -1.0), 0.5, -0.5, math.pi / 2 - 0.2),
         ((1.0, 0.05), 0.5, 0.5, math.inf),  # it turns away
         ((0.1, 0.0), 0.3, 0.0, math.inf),  # a part of itself
     ],
@@ -68,7 +67,6 @@ def test_how_far_the_robot_can_go(footprint, point, linear, angular, clearance):
     ("place", "distance", "counts"),
     [
         (at(0.21, z=0.02, pitch=math.pi / 2), 0.07, False),  # a cliff sensor, on the ground
-        (at(0.21, z=0.02, pitch=math.pi / 2), 0.5, False),  # and over an edge
         (at(0.2, z=0.1, pitch=0.3), 0.15 / math.sin(0.3) - 0.01, False),  # a tilted scanner
         (at(0.2, z=0.1, pitch=0.3), 0.2, True),  # it sees a box before that
         (at(0.2, z=-0.04), 1.0, True),  # a level scanner, one cm above the ground
@@ -97,10 +95,8 @@ def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     assert set(Readings.from_range(message).ranges) == {2.0}
 
 
-def test_frames_have_the_prefix_of_the_robot(footprint):
-    """The root's is found by the frame of any link; a description may be no robot."""
-    assert footprint.root_frame("base") == "base"
-    assert footprint.root_frame("robot1/lidar") == "robot1/base"
+def test_what_has_no_shapes_has_no_footprint():
+    """A description may be no robot."""
     assert described("<robot") is None
     assert Footprint.from_description(described('<robot name="x"><link name="a"/></robot>')) is None
 

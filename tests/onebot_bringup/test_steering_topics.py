@@ -111,59 +111,19 @@ def test_another_topic_is_steered_after_the_old_robot_was_stopped(shared):
         page.hold(0.1)
         wait_for(lambda: second, "commands on the new topic")
         assert {message.twist.linear.x for message in second} == {0.1}
-        count = len(first.heard)
-        page.send("topic", topic="/nobody/here")
-        _waited(page, "topic", "/nobody/here")
-        assert page.state["listeners"] == 0
-        wait_for(lambda: second[-1].twist.linear.x == 0.0, "the second robot to be stopped")
-        assert len(first.heard) == count
-
-
-def _holds_twist(peer: Peer, topic: str) -> bool:
-    ends = peer.node.get_publishers_info_by_topic(topic)
-    return any(end.topic_type.startswith("geometry_msgs/msg/Twist") for end in ends)
-
-
-def test_a_topic_of_another_type_is_refused(shared):
-    """With a sentence, to the page that wanted it only; what is steered goes on."""
-    with _afresh(shared, 2) as (peer, page, other):
-        texts = peer.hear(String, "/texts")
-        robot = Commands(peer, page)
-        page.hold(0.3)
-        robot.reach(0.3)
-        page.send("topic", topic="/texts")
-        wait_for(lambda: page.errors, "the refusal")
-        kind = "std_msgs/msg/String, not Twist or TwistStamped"
-        assert page.errors == [f"/texts has the type {kind}: choose another."]
-        assert page.state["topic"] == TOPIC and page.state["you"]
-        assert not _holds_twist(peer, "/texts")
-        assert other.errors == [] and texts == [] and page.refused == ["topic"]
-        page.let_go()
-        robot.come_to_rest()
 
 
 def test_topics_can_be_named_at_the_start(peer):
-    """odom_topic goes before what would be found; on a topic of another type nothing is sent."""
-    texts = peer.hear(String, "/texts")
+    """odom_topic goes before what would be found; topics of other types are not offered."""
+    peer.hear(String, "/texts")
+    peer.hear(Twist, "/z_robot")
+    peer.node.create_publisher(Twist, "/a_source", 10)
     peer.node.create_publisher(Odometry, "/odom", 10)
-    with steered(topic="/texts", odom_topic="/mine") as (node, page):
+    with steered(topic="/robot/cmd_vel", odom_topic="/mine") as (_, page):
         shown = _shown(page, peer.publisher(Odometry, "/mine"), _odometry(2.0, 0.0))
         assert (shown["topic"], shown["x"]) == ("/mine", 2.0)
-        wait_for(lambda: page.state["topic"] == "/texts", "the topic")
-        page.hold(0.3)
-        wait_for(lambda: "/texts has the type std_msgs/msg/String" in node.output, "a warning")
-        wait_for(lambda: not _holds_twist(peer, "/texts"), "a publisher made too early to go")
-        assert texts == []
-        page.let_go()
-
-
-def test_topics_with_a_listener_are_offered_first(shared):
-    """And none of another type."""
-    with _afresh(shared) as (peer, page):
-        peer.node.create_publisher(Twist, "/a_source", 10)
-        peer.hear(Twist, "/z_robot")
-        peer.hear(String, "/not_a_command")
-        _waited(page, "topics", ["/z_robot", "/a_source"])
+        _waited(page, "topic", "/robot/cmd_vel")
+        _waited(page, "topics", ["/a_source", "/z_robot"])
         _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
 
@@ -249,15 +209,12 @@ def _mute(domain: int, name: str) -> Iterator[None]:
     rclpy.shutdown(context=context)
 
 
-@pytest.mark.parametrize("seen, patience", [(True, 600.0), (False, 0.5)])
-def test_a_robot_that_dies_before_it_answers_is_asked_again(
-    peer, ros_domain, monkeypatch, seen, patience
-):
-    """The limits of the next one of its name are received, whether or not the poll saw it end.
+def test_a_robot_that_dies_before_it_answers_is_asked_again(peer, ros_domain, monkeypatch):
+    """The limits of the next one of its name are received.
 
     Others that never answer, that have no limits, or are no ROS nodes, change nothing.
     """
-    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", patience)
+    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", 0.5)
     changes: list[None] = []
     controllers = Controllers(peer.node, lambda: changes.append(None))
     with _mute(ros_domain, "robot"):
@@ -267,8 +224,6 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(
             return any(inquiry.due for inquiry in controllers._inquiries.values())
 
         wait_for(asked, "the first robot to be asked")
-    if seen:
-        controllers.update([])
     assert controllers.known == () and changes == []
     with Peer(ros_domain, "robot") as robot, _mute(ros_domain, "sleeper"):
         _declare(robot, 0.5, 0.25)
@@ -328,7 +283,6 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(shared):
         assert shown["topic"] == "/velocity_controller/odom"
         assert (shown["x"], shown["y"], shown["yaw"]) == pytest.approx((1.5, 0.0, 2.0), abs=1e-6)
         assert (shown["linear"], shown["angular"]) == (0.3, -0.2)
-        wait_for(lambda: page.state["odometry"]["age"] > 0.5, "it to grow old")
         for undecodable in (_odometry(math.nan, 0.0), BAD):
             _hide(page, own, undecodable)
             assert _shown(page, own, _odometry(1.0, 0.0))["x"] == 1.0
@@ -338,10 +292,7 @@ VIEW = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dar
 
 
 def test_the_view_comes_and_goes_with_the_viewer(shared):
-    """A new viewer gives the page another path, so that it loads the view anew.
-
-    Whoever is on the ROS graph must not make the server ask hosts in its network.
-    """
+    """Whoever is on the ROS graph must not make the server ask hosts in its network."""
     node = shared[1]
     with visited(*shared) as (peer, page):
         assert page.state["view"] is None
@@ -355,9 +306,6 @@ def test_the_view_comes_and_goes_with_the_viewer(shared):
         assert all("/proxy&theme=dark&" in one for one in shown)
         peer.run(peer.node.destroy_publisher, viewer)
         wait_for(lambda: page.state["view"] is None, "the view to go")
-        peer.publisher(String, "/rerun_viewer/page", LATCHED).publish(String(data=VIEW))
-        again = wait_for(lambda: page.state["view"], "the view again")
-        assert urlsplit(again[0]).path != urlsplit(shown[0]).path
         elsewhere = peer.publisher(String, "/rerun_viewer/page", LATCHED)
         elsewhere.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
         wait_for(lambda: "has no address of a page on this computer" in node.output, "a warning")
