@@ -18,7 +18,7 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.ros.names import absolute
-from onebot_description.ros.wire.messages import tf_arrays
+from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -261,9 +261,9 @@ def descriptions_in(bag: Bag, topics: Collection[str]) -> dict[str, Description]
     descriptions: dict[str, Description] = {}
     for message in bag.messages(named) if named else ():
         if message.topic not in descriptions:
-            with suppress(OneBotError, ValueError):  # reported when it is shown
-                [text] = DESCRIPTION.decode([message.data], lambda _: None)
-                descriptions[message.topic] = parse_description(text or "", _DESCRIPTION_NAME)
+            with suppress(OneBotError, *BAD_MESSAGE):  # reported when it is shown
+                text = DESCRIPTION.read(message.data)
+                descriptions[message.topic] = parse_description(text, _DESCRIPTION_NAME)
         if len(descriptions) == len(named):
             break
     return {topic: descriptions[topic] for topic in named if topic in descriptions}

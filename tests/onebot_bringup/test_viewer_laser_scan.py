@@ -170,16 +170,6 @@ def test_points_stay_for_the_decay_time(tmp_path):
     assert column(file, ENTITY, "Points3D:radii") == [[pytest.approx(0.05)]]
 
 
-def test_bad_scans_are_reported_and_cost_nothing_of_the_others(tmp_path):
-    """Also those whose numbers are absurd."""
-    absurd = scan((1.0, 2.0), at=1)
-    absurd.angle_increment, absurd.angle_min = INF, 3e38
-    sent = [scan((1.0,), intensities=[1.0, 2.0]), scan(()), absurd, scan((2.0,), at=2)]
-    file, said = show(tmp_path, "", *(("/scan", each) for each in sent))
-    assert said == ['laser scan "/scan": 1 ranges, but 2 intensities']
-    assert [len(found) for found in points(file)] == [0, 0, 1]
-
-
 def test_a_scan_without_a_frame_is_warned_of(tmp_path):
     """It cannot be drawn; one that follows others is in theirs."""
     file, said = show(tmp_path, "", ("/scan", scan(frame="")), ("/scan", scan(at=1000)))

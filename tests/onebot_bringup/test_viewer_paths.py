@@ -120,14 +120,6 @@ def test_an_empty_path_clears_the_line(tmp_path):
     assert chunks(file, "/path/other/plan") == []
 
 
-def test_places_that_are_not_finite_are_left_out(tmp_path):
-    """The line leads over them."""
-    live, end = _begun(tmp_path)
-    take(live, "/plan", path([LINE[0], (np.nan, 0.0, 0.0), (0.0, 1e300, 0.0), LINE[1]]))
-    [line] = _lines(end())
-    np.testing.assert_allclose(line[:, :2], np.array(LINE[:2])[:, :2])
-
-
 def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
     """A server with a memory limit drops the oldest data."""
     monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", -1.0)

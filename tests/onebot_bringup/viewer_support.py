@@ -178,12 +178,12 @@ def box() -> trimesh.Trimesh:
     return trimesh.creation.box(extents=(1.0, 0.6, 0.3))
 
 
-def write_collada(path: Path, meter: float, up_axis: str, tag: str = "triangles") -> Path:
+def write_collada(path: Path, meter: float, up_axis: str) -> Path:
     """Write ``box()`` as Collada in units of ``meter``; half of it orange, half blue."""
     mesh = box()
     numbers = " ".join(f"{value:.6f}" for value in (mesh.vertices / meter).ravel())
     half = len(mesh.faces) // 2
-    parts = [_primitive(mesh.faces[:half], "s0", tag), _primitive(mesh.faces[half:], "s1", tag)]
+    parts = [_triangles(mesh.faces[:half], "s0"), _triangles(mesh.faces[half:], "s1")]
     effects = "".join(
         f'<effect id="e{i}"><profile_COMMON><technique sid="t"><lambert><diffuse><color>'
         f"{' '.join(str(value / 255) for value in rgb)} 1</color></diffuse></lambert></technique>"
@@ -213,12 +213,11 @@ def write_collada(path: Path, meter: float, up_axis: str, tag: str = "triangles"
     return path
 
 
-def _primitive(faces, symbol: str, tag: str) -> str:
-    count = f"<vcount>{' '.join('3' * len(faces))}</vcount>" if tag == "polylist" else ""
+def _triangles(faces, symbol: str) -> str:
     indices = " ".join(str(index) for index in faces.ravel())
     return (
-        f'<{tag} count="{len(faces)}" material="{symbol}">'
-        f'<input semantic="VERTEX" source="#v" offset="0"/>{count}<p>{indices}</p></{tag}>'
+        f'<triangles count="{len(faces)}" material="{symbol}">'
+        f'<input semantic="VERTEX" source="#v" offset="0"/><p>{indices}</p></triangles>'
     )
 
 

@@ -164,7 +164,7 @@ class Display(ABC, Generic[S]):
             topic: the name that ``topics`` gives.
             kind: one of the topic's types.
             messages: the time of each, nanoseconds (its stamp, or without one its receive time),
-                and the result of ``kind.decode``.
+                and the result of ``kind.read``.
         """
 
     @abstractmethod

@@ -40,7 +40,6 @@ from onebot_description.ros.parameters.reader import OwnClass
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
 DEPTH, DEPTH_HIGH_BANDWIDTH = 100, 5  # messages queued in DDS, or for a transform
-_MOST_AWAITED_NS = 1_000_000_000  # longest lag of transforms for which messages wait
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
 
@@ -191,9 +190,8 @@ class Drawing(Generic[S]):
             return True
         if not stage.connected(frame):
             return False
-        ahead_ns = stamp_ns - stage.frames.known_until(frame) if self.at_stamp_time else 0
-        waits = 0 <= stage.now_ns - stamp_ns < stage.transform_timeout_ns
-        return not (waits and 0 < ahead_ns < _MOST_AWAITED_NS)
+        is_ahead = self.at_stamp_time and stamp_ns > stage.frames.known_until(frame)
+        return not (is_ahead and 0 <= stage.now_ns - stamp_ns < stage.transform_timeout_ns)
 
     def _log_rows(self, rows: Sequence[tuple[int, Archetypes]]) -> None:
         if not rows:
@@ -258,6 +256,12 @@ class DrawingsDisplay(Display[S]):
         self.items: dict[str, Drawing[Any]] = {}
         self._topics: dict[str, Sequence[WantedTopic]] = {}  # topics of each item
         self._waiting_since: dict[str, float] = {}
+        self.offered: Mapping[str, str] = {}
+
+    def offer(self, topics: Mapping[str, str]) -> bool:
+        """Use exactly these topics and types from the next ``apply`` on."""
+        previous, self.offered = self.offered, topics
+        return topics != previous
 
     @abstractmethod
     def wanted(self, settings: S) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
@@ -338,21 +342,15 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self.key = draws.key
         self.noun = draws.key.replace("_", " ")
         self.period_ns = draws.period_ns
-        self._offered: Mapping[str, str] = {}
-
-    def offer(self, topics: Mapping[str, str]) -> bool:
-        """Draw exactly these topics from the next ``apply`` on."""
-        previous, self._offered = self._offered, topics
-        return topics != previous
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
         of_topics = {self.full_name(name): topic for name, topic in settings.topics.items()}
-        chosen = {topic: of_topics.get(topic, settings) for topic in self._offered}
+        chosen = {topic: of_topics.get(topic, settings) for topic in self.offered}
         return {topic: (self._subscriptions(topic, item), item) for topic, item in chosen.items()}
 
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return the subscriptions of a topic, with its type's definition and its QoS."""
-        draws, name = self.draws, self._offered[topic]
+        draws, name = self.draws, self.offered[topic]
         kind = self.stage.message_type(
             name,
             stamped_when_sent=draws.stamped_when_sent,

@@ -16,7 +16,6 @@ from onebot_description.ros.wire.messages import BAD_MESSAGE, deserialize_messag
 from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
-Report = Callable[[Exception], object]
 
 _MOST_BYTES = 64_000_000  # bound of a queue whose messages build on each other
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
@@ -29,12 +28,12 @@ _TF = "tf2_msgs/msg/TFMessage"
 
 @dataclass(frozen=True)
 class MessageType(Generic[T]):
-    """A message type, and a decoder for batches of its messages."""
+    """A message type, and how its messages are decoded."""
 
     name: str  # full name, such as "nav_msgs/msg/Odometry"
-    # Decodes messages, in the order they came; calls its second argument with the error of a bad
-    # message, whose result is None. Displays that use the same object share its results.
-    decode: Callable[[Sequence[bytes], Report], Sequence[T | None]]
+    # Decodes a message, or raises one of BAD_MESSAGE. Displays that use the same object share its
+    # results.
+    read: Callable[[bytes], T]
     stamp_ns: Callable[[T], int]  # returns the header's stamp, nanoseconds; 0 for none
     # Stamps are close to the sending time; False for types such as maps and plans, which are often
     # latched: a late subscriber gets them long after their stamp.
@@ -69,7 +68,7 @@ def known_type(name: str) -> "MessageType[Any]":
 
 
 def _read_by(name: str, schema: Schema) -> "MessageType[Any]":
-    return MessageType(name, one_by_one(schema.read), _stamp_of(schema))
+    return MessageType(name, schema.read, _stamp_of(schema))
 
 
 def _stamp_of(schema: Schema) -> Callable[[Any], int]:
@@ -82,25 +81,9 @@ def _stamp_of(schema: Schema) -> Callable[[Any], int]:
     return lambda message: 0
 
 
-def one_by_one(read: Callable[[bytes], T]) -> Callable[[Sequence[bytes], Report], list[T | None]]:
-    """Return a batch ``decode`` from ``read``, which decodes one message or raises BAD_MESSAGE."""
-
-    def decode(messages: Sequence[bytes], report: Report) -> list[T | None]:
-        results: list[T | None] = []
-        for data in messages:
-            try:
-                results.append(read(data))
-            except BAD_MESSAGE as error:
-                report(error)
-                results.append(None)
-        return results
-
-    return decode
-
-
 DESCRIPTION: MessageType[str] = MessageType(
     "std_msgs/msg/String",
-    one_by_one(lambda data: str(deserialize_message(data, String).data)),
+    lambda data: str(deserialize_message(data, String).data),
     lambda _: 0,
 )
 
@@ -244,12 +227,17 @@ class Inbox:
     def _decoded(
         self, topic: str, kind: MessageType[Any], messages: Sequence[bytes], times: Sequence[int]
     ) -> list[tuple[int, Any]]:
-        results = kind.decode(messages, lambda error: self.report(topic, error))
-        return [
-            (self.stamps.display_time(kind.stamp_ns(message), time_ns, topic, kind), message)
-            for message, time_ns in zip(results, times, strict=True)
-            if message is not None
-        ]
+        decoded = []
+        for data, received_ns in zip(messages, times, strict=True):
+            try:
+                message = kind.read(data)
+            except BAD_MESSAGE as error:
+                self.report(topic, error)
+                continue
+            stamp_ns = kind.stamp_ns(message)
+            time_ns = self.stamps.display_time(stamp_ns, received_ns, topic, kind)
+            decoded.append((time_ns, message))
+        return decoded
 
 
 @dataclass

@@ -69,8 +69,6 @@ class ShownRobot:
         self.names, self.root = names, root
         self.frames, self._resolve = frames, resolve
         self.scene = Scene(recording, names.frame_prefix, root)
-        self._missing: list[str] = []
-        self._missing_of: tuple[object, ...] = ()  # robot, frame and tree that ``_missing`` is for
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # length of axes that suits the robot, m; 0: unknown
@@ -147,15 +145,9 @@ class ShownRobot:
 
     def missing(self, fixed_frame: str) -> list[str]:
         """Return the frames of links that no transform connects with ``fixed_frame``."""
-        robot, frames = self.description, self.frames
-        what = (frames.version, robot, fixed_frame)
-        if what != self._missing_of:
-            top, links = frames.top(fixed_frame), robot.link_names if robot is not None else ()
-            self._missing = [
-                frame for frame in map(self.frame_of, links) if frames.top(frame) != top
-            ]
-            self._missing_of = what
-        return self._missing
+        links = () if self.description is None else self.description.link_names
+        top = self.frames.top(fixed_frame)
+        return [frame for frame in map(self.frame_of, links) if self.frames.top(frame) != top]
 
     def is_complete(self, wanted: str) -> bool:
         """Whether the robot is known and each link has a transform to ``wanted`` ("": to any)."""

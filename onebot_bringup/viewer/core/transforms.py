@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.columns import (
     ready,
     send,
 )
-from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType, one_by_one
+from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
@@ -31,10 +31,8 @@ def _stamp_ns(message: TfArrays) -> int:
     return int(message.stamps_ns[-1]) if len(message.stamps_ns) else 0
 
 
-TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", one_by_one(tf_arrays), _stamp_ns)
-TF_STATIC: MessageType[TfArrays] = MessageType(
-    TF.name, TF.decode, _stamp_ns, stamped_when_sent=False
-)
+TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", tf_arrays, _stamp_ns)
+TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, TF.read, _stamp_ns, stamped_when_sent=False)
 
 _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
 _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))

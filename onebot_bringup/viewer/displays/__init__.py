@@ -21,17 +21,11 @@ def _found(base: type[T]) -> Iterator[type[T]]:
     """Yield the subclasses of ``base`` in this folder that have a key or types of their own.
 
     Those without either are bases of others.
-
-    Raises:
-        TypeError: one has only one of them.
     """
-    needed = [name for name in ("key", "message_types") if name in base.__annotations__]
     for file in iter_modules(__path__, f"{__name__}."):
         for item in vars(import_module(file.name)).values():
             is_own = isinstance(item, type) and item.__module__ == file.name
             if is_own and issubclass(item, base) and {"key", "message_types"} & vars(item).keys():
-                if missing := [name for name in needed if not hasattr(item, name)]:
-                    raise TypeError(f"{item} must have {missing[0]}, as the other displays do")
                 yield item
 
 

@@ -8,7 +8,7 @@ The message type is the one that is published on the topic.
 import math
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -23,9 +23,8 @@ from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, known_typ
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
 from onebot_bringup.viewer.core.settings import Color, color, one_of, setting, topic
 from onebot_bringup.viewer.displays.odometry import ODOMETRY
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError, shortened
 from onebot_description.ros.parameters.reader import REQUIRED
-from onebot_description.ros.wire.schema import Message, Table
 
 S = TypeVar("S")
 C = TypeVar("C", bound="SpeedsSettings | CurvesSettings")
@@ -95,7 +94,7 @@ class CurveDrawing(Drawing[S]):
         try:
             values = self.values(message)
         except ValueError as error:
-            self.problems[""] = str(error)
+            self.problems.setdefault("", str(error))
             return
         for curve, value in zip(self.curves, values, strict=True):
             curve.add(stamp_ns, [value])
@@ -119,8 +118,6 @@ class _CurvesDisplay(NamedDisplay[C]):
 
 SPEEDS = {"linear": "Speed (m/s)", "angular": "Turn rate (rad/s)"}  # plots, by entity
 _DECIMALS = 4  # digits after the point, in m/s and rad/s
-# A curve is interrupted where no message came for this long (seconds).
-GAP = 1.5
 _AUTO = "auto"
 _TYPES: Mapping[str, MessageType[Any]] = {
     "Twist": known_type("geometry_msgs/msg/Twist"),
@@ -150,7 +147,6 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
     """The curves of linear and angular speed of one topic."""
 
     _held = False  # a value holds until the next one, as a command does
-    _last_ns: int | None = None
 
     def entities(self) -> Sequence[str]:
         name = entity_path(self.name)
@@ -159,11 +155,6 @@ class SpeedDrawing(CurveDrawing[SpeedSettings]):
 
     def add(self, stamp_ns: int, message: Any) -> None:
         self._held = not hasattr(type(message), "pose")
-        last = self._last_ns
-        if last is not None and stamp_ns - last > GAP * 1e9:
-            for curve in self.curves:
-                curve.add(last + 1, [math.nan])
-        self._last_ns = stamp_ns
         super().add(stamp_ns, message)
 
     def values(self, message: Any) -> Sequence[float]:
@@ -211,7 +202,6 @@ class SpeedsDisplay(_CurvesDisplay[SpeedsSettings]):
 
 _STEP = re.compile(r"\.?([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
 _FIELD = re.compile(r"[A-Za-z]\w*(\[\d+\]|\.[A-Za-z]\w*)*", re.ASCII)
-_MOST_LISTED = 8  # fields
 
 
 @dataclass(frozen=True)
@@ -241,37 +231,18 @@ class FieldDrawing(CurveDrawing[CurveSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._path = self.settings.field
-        steps = (match.groups() for match in _STEP.finditer(self._path))
+        steps = (match.groups() for match in _STEP.finditer(self.settings.field))
         self._steps = [name or int(index) for name, index in steps]
 
     def values(self, message: Any) -> Sequence[float]:
         value = message
-        for step in self._steps:
-            value = self._part(value, step)
-        if isinstance(value, (bool, int, float, np.number, np.bool_)):
+        try:
+            for step in self._steps:
+                value = value[step]
             return [float(value)]
-        if isinstance(value, Message):
-            names = [name for name in dir(value) if name[0] != "_" and not hasattr(Message, name)]
-            fields = listing(names, _MOST_LISTED)
-            raise ValueError(f"{self._path} is no number but a message of {fields}")
-        what = "text" if isinstance(value, str) else f"an array: write {self._path}[0]"
-        raise ValueError(f"{self._path} is {what}")
-
-    def _part(self, value: Any, step: str | int) -> Any:
-        """Return a field of a message, or an element of an array."""
-        if isinstance(step, str):
-            if not isinstance(value, Message):
-                raise ValueError(f'{self._path}: "{step}" needs a message before it')
-            try:
-                return value[step]
-            except LookupError as error:
-                raise ValueError(str(error.args[0])) from error
-        if not isinstance(value, (np.ndarray, Table, list)):
-            raise ValueError(f"{self._path}: [{step}] needs an array before it")
-        if step >= len(value):
-            raise ValueError(f"{self._path}: there are {len(value)} elements, counted from 0")
-        return value[step]
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            field, where = self.settings.field, shortened(repr(value))
+            raise ValueError(f"{field} is no number of {where}: {error.args[0]}") from error
 
 
 class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
@@ -283,21 +254,14 @@ class CurvesDisplay(_CurvesDisplay[CurvesSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._published: Mapping[str, str] = {}
-        self._named: Iterable[str] = ()  # full names of all lines' topics
         self._unreadable: dict[str, str] = {}
-
-    def offer(self, topics: Mapping[str, str]) -> bool:
-        previous, self._published = self._published, topics
-        return any(previous.get(name) != topics.get(name) for name in self._named)
 
     def apply(self, settings: CurvesSettings) -> None:
         self._unreadable = {}
-        self._named = {self.full_name(line.topic) for line in settings.lines.values()}
         super().apply(settings)
 
     def subscriptions(self, line: CurveSettings) -> Sequence[WantedTopic]:
-        name = self._published.get(self.full_name(line.topic))
+        name = self.offered.get(self.full_name(line.topic))
         if name is None:
             return ()
         try:

@@ -19,7 +19,7 @@ from onebot_bringup.viewer.core.drawing import (
 )
 from onebot_bringup.viewer.core.settings import setting, signed
 from onebot_description.arrays import Bytes
-from onebot_description.errors import printable
+from onebot_description.errors import printable, shortened
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def _depth(dtype: str, datatype: str, meter: float) -> _Encoding:
     return _Encoding(dtype, 1, rr.DepthImage, grey, meter)
 
 
-_GREY, _YUY2 = _color("L", 1), _packed("YUY2", 2)
+_GREY = _color("L", 1)
 _UYVY = ("yuv422", "uyvy")  # luminance in the second byte; in Rerun's YUY2, the first
 _ENCODINGS: Mapping[str, _Encoding] = {
     "rgb8": _color("RGB", 3),
@@ -72,10 +72,9 @@ _ENCODINGS: Mapping[str, _Encoding] = {
         f"bayer_{order}8": _packed(f"Bayer{order.upper()}8", 1)
         for order in ("rggb", "bggr", "gbrg", "grbg")
     },
-    **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _YUY2),
+    **dict.fromkeys((*_UYVY, "yuv422_yuy2", "yuyv"), _packed("YUY2", 2)),
 }
 _COMPRESSED = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"}
-_LONGEST = 40  # most characters of a format in a warning
 
 
 def _pixels(message: Any, encoding: _Encoding) -> Bytes:
@@ -85,8 +84,6 @@ def _pixels(message: Any, encoding: _Encoding) -> Bytes:
     line = width * encoding.channels * size
     if not width * rows:
         raise ValueError("it has no pixels")
-    if encoding is _YUY2 and width % 2:
-        raise ValueError("its width is odd, and two pixels share a colour")
     if step < line or len(message.data) < (rows - 1) * step + line:
         raise ValueError(
             f"{rows} rows of {width} pixels of {line // width} bytes, {step} from row to row "
@@ -128,7 +125,7 @@ class ImageDrawing(Drawing[ImageSettings]):
             return self._compressed(message)
         encoding = _ENCODINGS.get(message.encoding)
         if encoding is None:
-            name = printable(message.encoding[:_LONGEST])
+            name = printable(shortened(message.encoding))
             raise ValueError(f'no encoding "{name}" is shown, but {", ".join(_ENCODINGS)}')
         pixels = _pixels(message, encoding)
         if message.encoding in _UYVY:
@@ -157,7 +154,7 @@ class ImageDrawing(Drawing[ImageSettings]):
         for magic, media_type in _COMPRESSED.items():
             if start.startswith(magic):
                 return [_BLOB.row(message.data), *_media(media_type)]
-        name = printable(message.format[:_LONGEST])
+        name = printable(shortened(message.format))
         raise ValueError(f'no "{name}" is shown, but jpeg and png')
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from onebot_bringup.viewer.core.display import Display, LayoutPart, Plot
-from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic, one_by_one
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
@@ -18,14 +18,12 @@ from onebot_description.ros.wire.messages import JointStateArrays, one_joint_sta
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
-# Each set of joint names has its own curves; more sets than this are a publisher's mistake.
-_MOST_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
 Limits = Mapping[str, tuple[float, float]]
 
 JOINT_STATE: MessageType[JointStateArrays] = MessageType(
-    "sensor_msgs/msg/JointState", one_by_one(one_joint_state), lambda state: state.stamp_ns
+    "sensor_msgs/msg/JointState", one_joint_state, lambda state: state.stamp_ns
 )
 
 
@@ -50,11 +48,9 @@ class JointPlotDisplay(Display[JointPlotSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._limits: Limits = {}  # limits that are drawn
-        self._sets: dict[tuple[str, ...], _JointSet] = {}
+        self._sets: dict[tuple[str, ...], _JointSet] = {}  # each set of names has its curves
         self._count = 0  # number of sets so far
-        self._colors: dict[tuple[str, ...], dict[str, Color]] = {}  # colours so far, by set
         self._has_velocities = False  # whether a velocity ever came
-        self._is_full = False  # whether there are too many sets to plot
 
     def topics(self) -> Sequence[WantedTopic]:
         return [WantedTopic("joint_states", (JOINT_STATE,))]
@@ -79,30 +75,19 @@ class JointPlotDisplay(Display[JointPlotSettings]):
         self, _topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, JointStateArrays]]
     ) -> None:
         for stamp_ns, state in messages:
-            joints = self._set_of(state.names)
-            if joints is not None:
-                self._has_velocities |= len(state.velocities) == len(state.names)
-                joints.add(stamp_ns, state)
-
-    def _set_of(self, names: tuple[str, ...]) -> "_JointSet | None":
-        """Return the curves of these joints."""
-        if names and names not in self._sets:
-            if len(self._sets) >= _MOST_SETS:
-                self._is_full = True
-                return None
-            colors = self._colors.setdefault(names, joint_colors(names, len(self._colors)))
-            self._sets[names] = _JointSet(self, self._count, colors, self._limits)
-            self._count += 1
-        return self._sets.get(names)
+            if not state.names:
+                continue
+            if state.names not in self._sets:
+                colors = joint_colors(state.names, len(self._sets))
+                self._sets[state.names] = _JointSet(self, self._count, colors, self._limits)
+                self._count += 1
+            self._has_velocities |= len(state.velocities) == len(state.names)
+            self._sets[state.names].add(stamp_ns, state)
 
     def flush(self) -> None:
         for joints in self._sets.values():
             joints.positions.flush()
             joints.velocities.flush()
-
-    def warnings(self) -> list[str]:
-        text = f"joint_states has more than {_MOST_SETS} lists of names: not all plotted"
-        return [text] if self._is_full else []
 
     def layout(self) -> Sequence[LayoutPart]:
         """Return the plots that have data."""

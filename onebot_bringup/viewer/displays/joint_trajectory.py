@@ -104,13 +104,9 @@ def _positions(message: Any) -> Floats:
     """Return the positions (N, K) of K joints at the points to draw, rad or m.
 
     Raises:
-        ValueError: names or positions are missing, duplicate, or not finite.
+        ValueError: positions are missing or not finite.
     """
     names, lists = message.joint_names, message.points.positions
-    if not names:
-        raise ValueError("it names no joints")
-    if len(set(names)) < len(names):
-        raise ValueError("it names a joint twice")
     wrong = np.flatnonzero(lists.counts != len(names))
     if len(wrong):
         at = int(wrong[0])

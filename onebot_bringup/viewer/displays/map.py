@@ -56,9 +56,9 @@ class MapDrawing(Drawing[MapSettings]):
     message_types = ("nav_msgs/msg/OccupancyGrid",)
     suffixed_topics: ClassVar = {UPDATES: UPDATE}
     stamped_when_sent, repeat_when_silent = False, True
+    newest_only = True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
-    _own = False  # whether the cells are our own copy, which updates may change
 
     def style(self) -> Sequence[rr.AsComponents]:
         scheme = self.settings.color_scheme
@@ -75,36 +75,16 @@ class MapDrawing(Drawing[MapSettings]):
         """
         try:
             if hasattr(message, "info"):
-                grid, self._own = _grid(message), False
+                grid = _grid(message)
             elif self._grid is None:
                 return
             else:
-                grid = self._updated(self._grid, message)
+                grid = _updated(self._grid, message)
         except ValueError as error:
             self.problems.setdefault("", str(error))
             return
-        if self._pending and self._pending[-1][1].cells is grid.cells:
-            self._pending.pop()  # shares its cells with this map, which replaces it
         self._grid = grid
         super().add(stamp_ns, grid)
-
-    def _updated(self, grid: CurrentMap, update: Any) -> CurrentMap:
-        """Return a map with an update applied."""
-        cells = grid.cells
-        rows = slice(update.y, update.y + update.height)
-        columns = slice(update.x, update.x + update.width)
-        inside = rows.stop <= cells.shape[0] and columns.stop <= cells.shape[1]
-        if min(update.x, update.y) < 0 or not inside:
-            raise ValueError(
-                f"an update of {update.width} x {update.height} cells at ({update.x}, {update.y}) "
-                f"is not within the map of {cells.shape[1]} x {cells.shape[0]}"
-            )
-        if len(update.data) != update.width * update.height:
-            raise ValueError(f"an update has {len(update.data)} cells: {_by(update)}")
-        if not self._own:
-            cells, self._own = cells.copy(), True
-        cells[rows, columns] = update.data.reshape(update.height, update.width)
-        return grid._replace(cells=cells)
 
     def replace(self, before: Drawing[MapSettings]) -> None:
         super().replace(before)
@@ -120,6 +100,19 @@ class MapDrawing(Drawing[MapSettings]):
         info = message.info
         place = info.origin.array().tobytes()
         return [_cells(message.cells), *_placed(info.width, info.height, info.resolution, place)]
+
+
+def _updated(grid: CurrentMap, update: Any) -> CurrentMap:
+    """Return a map with an update applied."""
+    cells = grid.cells.copy()
+    inside = cells[update.y : update.y + update.height, update.x : update.x + update.width]
+    if min(update.x, update.y) < 0 or inside.shape != (update.height, update.width):
+        raise ValueError(
+            f"an update of {update.width} x {update.height} cells at ({update.x}, {update.y}) "
+            f"is not within the map of {cells.shape[1]} x {cells.shape[0]}"
+        )
+    inside[:] = update.data.reshape(inside.shape)
+    return grid._replace(cells=cells)
 
 
 def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
@@ -143,15 +136,7 @@ def _placed(width: int, height: int, cell_size: float, origin: bytes) -> Sequenc
 def _grid(message: Any) -> CurrentMap:
     """Check an OccupancyGrid message and return it as a map."""
     info = message.info
-    if len(message.data) != info.width * info.height:
-        raise ValueError(f"it has {len(message.data)} cells: {_by(info)}")
     origin = info.origin.array()
-    if not (math.isfinite(info.resolution) and is_drawable(origin)):
-        raise ValueError("its resolution or its origin is not finite")
-    if info.resolution <= 0 and len(message.data):
-        raise ValueError(f"its resolution is {info.resolution:g} m")
+    if len(message.data) and not (0 < info.resolution < math.inf and is_drawable(origin)):
+        raise ValueError(f"its resolution is {info.resolution:g} m, its origin {origin.tolist()}")
     return CurrentMap(message.header, info, message.data.reshape(info.height, info.width))
-
-
-def _by(size: Any) -> str:
-    return f"{size.width} x {size.height} are announced"

@@ -11,7 +11,7 @@ frame, where its frame was at its own stamp. Markers whose lifetime is over are 
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count
+from itertools import count, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +40,13 @@ from onebot_bringup.viewer.displays.marker_shapes import (
 )
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError, printable, shortened
-from onebot_description.geometry.quaternions import UNIT_TOLERANCE, from_matrix, multiply, rotate
+from onebot_description.geometry.quaternions import (
+    UNIT_TOLERANCE,
+    from_matrix,
+    multiply,
+    normalized,
+    rotate,
+)
 from onebot_description.ros.wire.cdr import NS_PER_S
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
@@ -83,61 +89,48 @@ class Incoming(NamedTuple):
     @classmethod
     def from_array(cls, markers: Any) -> "Incoming":
         """Return the markers of a MarkerArray, which is a table."""
-        return cls(
-            markers.ns,
-            markers.header.frame_id,
-            markers.id,
-            markers.type,
-            markers.action,
-            markers.frame_locked,
-            _nanoseconds(markers.lifetime),
-            lambda: _nanoseconds(markers.header.stamp),
-            markers.points.counts,
-            markers.pose.array().copy(),  # contiguous, which is faster
-            markers.scale.array().copy(),
-            markers.color.array().copy(),
-            markers,
-        )
+        return cls._read(markers, lambda column: column(markers), markers.points.counts)
 
     @classmethod
     def from_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Return the markers of messages with one marker each."""
+        counts = np.array([len(marker.points) for marker in markers])
+        return cls._read(markers, lambda column: [column(marker) for marker in markers], counts)
 
-        def column(read: Callable[[Any], Any]) -> NDArray[Any]:
-            return np.array([read(marker) for marker in markers])
+    @classmethod
+    def _read(
+        cls, markers: Any, read: Callable[[Callable[[Any], Any]], Any], points: Integers
+    ) -> "Incoming":
+        def numbers(column: Callable[[Any], Any]) -> NDArray[Any]:
+            return np.array(read(column))  # a copy, contiguous, which is faster
 
         return cls(
-            [marker.ns for marker in markers],
-            [marker.header.frame_id for marker in markers],
-            column(lambda marker: marker.id),
-            column(lambda marker: marker.type),
-            column(lambda marker: marker.action),
-            column(lambda marker: marker.frame_locked),
-            column(lambda marker: _nanoseconds(marker.lifetime)),
-            lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
-            column(lambda marker: len(marker.points)),
-            column(lambda marker: marker.pose.array()),
-            column(lambda marker: marker.scale.array()),
-            column(lambda marker: marker.color.array()),
+            read(lambda marker: marker.ns),
+            read(lambda marker: marker.header.frame_id),
+            numbers(lambda marker: marker.id),
+            numbers(lambda marker: marker.type),
+            numbers(lambda marker: marker.action),
+            numbers(lambda marker: marker.frame_locked),
+            numbers(lambda marker: _nanoseconds(marker.lifetime)),
+            lambda: numbers(lambda marker: _nanoseconds(marker.header.stamp)),
+            points,
+            numbers(lambda marker: marker.pose.array()),
+            numbers(lambda marker: marker.scale.array()),
+            numbers(lambda marker: marker.color.array()),
             markers,
         )
 
-    def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
-        """Store the first problem of a kind.
+    def report(self, problems: dict[str, str], which: Any, text: str) -> None:
+        """Store a problem with the first marker that has it.
 
         Args:
-            problems: the problems so far, by kind.
-            which: the row with the problem, or a mask (N,), whose first row is named.
+            problems: the problems so far, by text.
+            which: the row with the problem, or a mask (N,) of rows.
             text: what is wrong.
-            kind: the kind of problem; "" for the text itself.
         """
-        if isinstance(which, np.ndarray):
-            [*rows] = np.flatnonzero(which)[:1]
-        else:
-            rows = [which]
-        for row in rows:
+        for row in np.flatnonzero(which)[:1] if isinstance(which, np.ndarray) else [which]:
             space = printable(shortened(self.spaces[row]))
-            problems.setdefault(kind or text, f'id {self.ids[row]} of "{space}": {text}')
+            problems.setdefault(text, f'id {self.ids[row]} of "{space}": {text}')
 
 
 def _nanoseconds(time_: Any) -> Any:
@@ -193,10 +186,8 @@ class Layer:
                 self._stage.clear(self.entity, stamp_ns, self.key.frame)
             self._logged = ()
             return
-        pieces = [*self._own, *drawn]
-        columns = pieces
-        complete = stamp_ns < self._stamp_ns or is_old(self.whole_at)
-        if len(self._logged) == len(pieces) and not complete:
+        columns = pieces = [*self._own, *drawn]
+        if self._logged and stamp_ns >= self._stamp_ns and not is_old(self.whole_at):
             pairs = zip(pieces, self._logged, strict=True)
             columns = [piece for piece, previous in pairs if not _is_same(piece, previous)]
         else:
@@ -242,7 +233,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._in_arrays = False  # whether the messages are MarkerArrays
         self._layers: dict[LayerKey, Layer] = {}
         self._used: set[str] = set()  # entities of the layers
         self._where: dict[MarkerId, LayerKey] = {}
@@ -256,9 +246,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def add(self, stamp_ns: int, message: Any) -> None:
         self._pending.append((stamp_ns, message))
-        self._in_arrays = hasattr(message, "markers")
         if not self.frame:  # it may become the fixed frame if there is no robot
-            markers = message.markers if self._in_arrays else [message]
+            markers = message.markers if hasattr(message, "markers") else [message]
             self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 
     def flush(self) -> None:
@@ -297,18 +286,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
     def _incoming(self) -> Iterator[tuple[int, Incoming]]:
         """Yield the messages; single markers that come at about the same time are joined."""
-        pending = [*self._pending]
-        self._pending.clear()
-        if self._in_arrays:
-            yield from ((stamp, Incoming.from_array(array.markers)) for stamp, array in pending)
-            return
-        groups: list[list[tuple[int, Any]]] = []
-        for stamp_ns, message in pending:
-            if not groups or not 0 <= stamp_ns - groups[-1][0][0] <= _TOGETHER_NS:
-                groups.append([])
-            groups[-1].append((stamp_ns, message))
-        for group in groups:
-            yield group[-1][0], Incoming.from_single([message for _, message in group])
+        pending, self._pending = self._pending, []
+        for _, group in groupby(pending, lambda item: item[0] // _TOGETHER_NS):
+            stamps_ns, messages = zip(*group, strict=True)
+            if hasattr(messages[0], "markers"):
+                for stamp_ns, array in zip(stamps_ns, messages, strict=True):
+                    yield stamp_ns, Incoming.from_array(array.markers)
+            else:
+                yield stamps_ns[-1], Incoming.from_single(messages)
 
     # --- what a message does ----------------------------------------------------------------------
 
@@ -410,7 +395,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                incoming.report(self.problems, row, str(error), "mesh")
+                incoming.report(self.problems, row, str(error))
                 return None
             self._used.add(self._layers[key].entity)
         return key
@@ -435,11 +420,17 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if not (incoming.actions == ADD).all():
             poses[incoming.actions != ADD] = _IDENTITY
         lengths = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
-        if lengths.min() < 1.0 - UNIT_TOLERANCE or lengths.max() > 1.0 + UNIT_TOLERANCE:
-            _make_unit(incoming, lengths, self.problems)
+        odd = np.abs(lengths - 1.0) > UNIT_TOLERANCE
+        if odd.any():
+            incoming.report(self.problems, odd, "its quaternion is not of unit length")
+            poses[:, 3:] = normalized(poses[:, 3:])
         for frame, moving in moved.items():
-            for at_ns, rows in _by_stamp(moving, incoming.stamps_ns()[moving]):
-                pose = self.stage.frames.pose(frame, self._fixed, at_ns or stamp_ns)
+            stamps_ns = incoming.stamps_ns()
+            moments = stamps_ns[moving] // _SAME_NS
+            for moment in np.unique(moments):
+                rows = np.array(moving)[moments == moment]
+                at_ns = int(stamps_ns[rows[0]]) or stamp_ns
+                pose = self.stage.frames.pose(frame, self._fixed, at_ns)
                 assert pose is not None
                 turn = from_matrix(pose[:3, :3])
                 poses[rows, :3] = rotate(turn, poses[rows, :3]) + pose[:3, 3]
@@ -463,8 +454,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if kind == TRIANGLE_LIST and 3 * len(colors) == len(points):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
-            text = f"it has {len(colors)} colours for {len(points)} points: its own is used"
-            incoming.report(self.problems, row, text, "colours")
+            text = "it has more or fewer colours than points: its own is used"
+            incoming.report(self.problems, row, text)
             colors = colors[:0]
         if not is_drawable(points):
             incoming.report(self.problems, row, "its points are not finite: not drawn")
@@ -515,17 +506,11 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
     """Report the problems that RViz warns of."""
     add = incoming.actions == ADD
-    is_action = np.isin(incoming.actions, (ADD, DELETE, DELETE_ALL))
-    incoming.report(problems, ~is_action, "its action is unknown")
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
-    for kind in set(kinds[add].tolist()):
-        rows = add & (kinds == kind)
-        how = KINDS.get(kind)
-        if how is None:
-            if kind != _NOT_DRAWN:
-                text = f"its type {kind} is unknown: not drawn"
-                incoming.report(problems, rows, text, "type")
-            continue
+    known = np.isin(kinds, [*KINDS, _NOT_DRAWN])
+    incoming.report(problems, add & ~known, "its type is unknown: not drawn")
+    for kind in KINDS.keys() & set(kinds[add].tolist()):
+        how, rows = KINDS[kind], add & (kinds == kind)
         flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
         incoming.report(problems, rows & flat, "its scale is zero")
         if how.least == 0 and kind != MESH:
@@ -533,31 +518,10 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
             incoming.report(problems, rows & clear, "it is transparent: color.a is 0")
         few = incoming.points < how.least
         incoming.report(problems, rows & few, f"it has less than {how.least} points: not drawn")
-    for row in np.flatnonzero(add & (kinds == TRIANGLE_LIST)).tolist():
-        if incoming.messages[row].texture_resource:
-            incoming.report(problems, row, "its texture is not drawn")
-
-
-def _make_unit(incoming: Incoming, lengths: Floats, problems: dict[str, str]) -> None:
-    """Normalize quaternions; as in RViz, a zero quaternion is no rotation."""
-    turns, none = incoming.poses[:, 3:], lengths == 0
-    turns[none] = (0.0, 0.0, 0.0, 1.0)
-    turns /= np.sqrt(np.where(none, 1.0, lengths))[:, None]
-    incoming.report(problems, none, "its quaternion is zero: taken as no turn")
-    odd = (np.abs(lengths - 1.0) > UNIT_TOLERANCE) & ~none
-    incoming.report(problems, odd, "its quaternion is not of unit length")
 
 
 def _frame(marker: Any) -> str:
     return str(marker.header.frame_id.lstrip("/"))
-
-
-def _by_stamp(rows: list[int], stamps: Integers) -> Iterator[tuple[int, Any]]:
-    """Yield groups of rows with about the same stamp, with the stamp of each group's first row."""
-    parts = stamps // _SAME_NS
-    numbers, order = np.array(rows), np.argsort(parts, kind="stable")
-    for group in np.split(order, np.flatnonzero(np.diff(parts[order])) + 1):
-        yield int(stamps[group[0]]), numbers[group]
 
 
 def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
@@ -582,9 +546,7 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
     """Return, by row, the properties in which markers on one entity must agree."""
     variants: dict[int, object] = {}
-    for row in np.flatnonzero(kinds >= MESH).tolist():
-        if kinds[row] not in (MESH, TRIANGLE_LIST):
-            continue
+    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
         message = incoming.messages[row]
         colors = incoming.colors[row : row + 1]
         if kinds[row] == MESH:

@@ -81,14 +81,13 @@ class Batch(NamedTuple):
         return self._replace(poses=np.hstack([places, turns]), scales=scales, colors=colors)
 
 
+Draw = Callable[[Batch], Sequence[Piece]]
+
+
 def rgba(colors: Floats) -> NDArray[np.uint32]:
     """Convert (N, 4) numbers from 0 to 1 to Rerun's colours, whose bytes the screen shows as is."""
     channels = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
     return channels.view(">u4").astype(np.uint32).ravel()
-
-
-def _ready(archetype: rr.AsComponents) -> list[Piece]:
-    return [*one_row(archetype)]
 
 
 def _in_color(archetype: Any) -> Callable[[NDArray[Any]], ReadyColumn]:
@@ -104,26 +103,21 @@ _QUATERNIONS = ColumnMaker(_POSES.columns(quaternions=np.zeros((1, 4)))).row
 _SCALES = ColumnMaker(_POSES.columns(scales=np.zeros((1, 3)))).row
 
 
-def _poses(shapes: Batch) -> list[Piece]:
+def _poses(shapes: Batch) -> Sequence[Piece]:
     places, turns = shapes.poses[:, :3], shapes.poses[:, 3:]
     return [(_TRANSLATIONS, places), (_QUATERNIONS, turns), (_SCALES, shapes.scales)]
 
 
-class _Solid:
-    """Draws scaled instances of a shape with a size of one metre."""
-
-    def __init__(self, archetype: Any, **sizes: Any) -> None:
-        unit = archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes)
-        self._unit = _ready(unit)
-        self._colors = _in_color(archetype)
-
-    def __call__(self, shapes: Batch) -> list[Piece]:
-        return [*self._unit, *_poses(shapes), (self._colors, shapes.colors)]
+def _solid(archetype: Any, **sizes: Any) -> Draw:
+    """Return what draws scaled instances of a shape with a size of one metre."""
+    unit = one_row(archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes))
+    color = _in_color(archetype)
+    return lambda shapes: [*unit, *_poses(shapes), (color, shapes.colors)]
 
 
-_cubes = _Solid(rr.Boxes3D, half_sizes=[[0.5] * 3])
-_spheres = _Solid(rr.Ellipsoids3D, half_sizes=[[0.5] * 3])
-_cylinders = _Solid(rr.Cylinders3D, lengths=[1.0], radii=[0.5])
+_cubes = _solid(rr.Boxes3D, half_sizes=[[0.5] * 3])
+_spheres = _solid(rr.Ellipsoids3D, half_sizes=[[0.5] * 3])
+_cylinders = _solid(rr.Cylinders3D, lengths=[1.0], radii=[0.5])
 
 # --- arrows ---------------------------------------------------------------------------------------
 
@@ -133,19 +127,19 @@ _SHAFTS = ColumnMaker(rr.Arrows3D.columns(radii=[0.0])).row
 _ARROW_COLORS = _in_color(rr.Arrows3D)
 
 
-def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> list[Piece]:
+def _arrows(starts: Floats, ways: Floats, widths: Floats, colors: Floats) -> Sequence[Piece]:
     shafts = (_SHAFTS, widths / 2)
     return [(_ORIGINS, starts), (_VECTORS, ways), shafts, (_ARROW_COLORS, colors)]
 
 
-def _arrows_along_x(shapes: Batch) -> list[Piece]:
+def _arrows_along_x(shapes: Batch) -> Sequence[Piece]:
     along = np.zeros((len(shapes.poses), 3))
     along[:, 0] = shapes.scales[:, 0]
     ways = rotate(shapes.poses[:, 3:], along)
     return _arrows(shapes.poses[:, :3], ways, shapes.scales[:, 1], shapes.colors)
 
 
-def _arrows_of_points(batch: Batch) -> list[Piece]:
+def _arrows_of_points(batch: Batch) -> Sequence[Piece]:
     corners = batch.vertices()
     begins = _segments(batch.counts)
     places = corners.poses[:, :3]
@@ -168,7 +162,7 @@ _WIDTHS = ColumnMaker(rr.LineStrips3D.columns(radii=[0.0])).row
 _LINE_COLORS = _in_color(rr.LineStrips3D)
 
 
-def _lines(batch: Batch) -> list[Piece]:
+def _lines(batch: Batch) -> Sequence[Piece]:
     """Draw lines; a strip whose points have colours is split, since Rerun's have one colour."""
     corners = batch.vertices()
     points: list[NDArray[np.intp]] = []  # indexes of points, an array for each line
@@ -209,9 +203,9 @@ def _strips(points: Floats, ends: NDArray[np.intp]) -> ReadyColumn:
 # --- the others -----------------------------------------------------------------------------------
 
 
-def _points(batch: Batch) -> list[Piece]:
+def _points(batch: Batch) -> Sequence[Piece]:
     points = batch.vertices()
-    return _ready(
+    return one_row(
         rr.Points3D.from_fields(
             positions=points.poses[:, :3],
             radii=points.scales[:, 0] / 2,
@@ -220,8 +214,8 @@ def _points(batch: Batch) -> list[Piece]:
     )
 
 
-def _texts(batch: Batch) -> list[Piece]:
-    return _ready(
+def _texts(batch: Batch) -> Sequence[Piece]:
+    return one_row(
         rr.Points3D.from_fields(
             positions=batch.poses[:, :3],
             radii=[0.0],
@@ -232,13 +226,13 @@ def _texts(batch: Batch) -> list[Piece]:
     )
 
 
-def _triangles(batch: Batch) -> list[Piece]:
+def _triangles(batch: Batch) -> Sequence[Piece]:
     """Draw triangles with one opacity, since Rerun ignores the opacity of vertices."""
     corners = batch.vertices(scaled=True)
     opaque = corners.colors.copy()
     opaque[:, 3] = 1.0
     factor = (255, 255, 255, int(rgba(corners.colors[:1])[0]) & 255)
-    return _ready(
+    return one_row(
         rr.Mesh3D.from_fields(
             vertex_positions=corners.poses[:, :3],
             triangle_indices=np.arange(len(opaque)).reshape(-1, 3),
@@ -254,20 +248,18 @@ class MeshVariant(NamedTuple):
     uri: str
     color: int | None  # Rerun's number; None for the file's own colours
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> Sequence[Piece]:
         """Return the columns of the mesh itself."""
         from onebot_bringup.viewer.core.shapes import load_shape  # imports trimesh
 
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
-        return _ready(
+        return one_row(
             rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=color)
         )
 
 
 # --- all ------------------------------------------------------------------------------------------
-
-Draw = Callable[[Batch], list[Piece]]
 
 
 class Kind(NamedTuple):
@@ -278,7 +270,7 @@ class Kind(NamedTuple):
     least: int = 0  # least number of points; 0 if it has none
     of_scale: Sequence[int] = (0, 1, 2)  # components of the scale that must not be zero
 
-    def pieces(self, batch: Batch) -> list[Piece]:
+    def pieces(self, batch: Batch) -> Sequence[Piece]:
         """Return the columns of markers; none if there is nothing to draw."""
         return self.draw(batch) if not self.least or batch.counts.any() else []
 

@@ -62,9 +62,10 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
         """Return the last poses, if this one is far enough from the previous one."""
         [pose] = one_pose(message.pose.pose)
         self._history.begin(self.frame)
-        if self._history and self._is_near(self._history[-1], pose):
-            return () if self.is_fitted else self.shapes(np.array(self._history))
-        self._history.append(pose)
+        if not self._history or not self._is_near(self._history[-1], pose):
+            self._history.append(pose)
+        elif self._last is not None:
+            return ()
         return self.shapes(np.array(self._history))
 
     def _is_near(self, before: Floats, pose: Floats) -> bool:
@@ -110,8 +111,7 @@ def _place(message: Any, height: float) -> Floats | None:
 # --- trails ---------------------------------------------------------------------------------------
 
 SPACING = 0.01  # metres driven per piece of the line: finer would not be visible
-# A distance between two messages (metres) that no robot drives: a teleport or a reset, which
-# interrupts the line.
+# A piece that would be longer (metres) is a teleport or a reset, which interrupts the line.
 JUMP = 0.5
 
 
@@ -136,7 +136,7 @@ class TrailDrawing(Drawing[TrailSettings]):
 
     max_waiting = 5000
     _start: Floats | None = None  # start of the next piece
-    _previous: tuple[int, str, Floats] = (0, "", np.zeros(3))  # stamp, frame and place
+    _previous: tuple[int, str] = (0, "")  # stamp and frame
 
     def style(self) -> list[rr.AsComponents]:
         return [rr.LineStrips3D.from_fields(colors=[self.color], radii=[self.settings.width / 2])]
@@ -147,16 +147,16 @@ class TrailDrawing(Drawing[TrailSettings]):
         if place is None or not self.frame_of(message):
             self._start = None
             return ()
-        stamp_ns, frame, previous_place = self._previous
-        self._previous = self.stamp_ns, self.frame, place
+        stamp_ns, frame = self._previous
+        self._previous = self.stamp_ns, self.frame
         is_reset = self.stamp_ns < stamp_ns or self.frame != frame
         start = self._start
-        if start is None or is_reset or np.linalg.norm(place - previous_place) > JUMP:
-            self._start = place
-            return ()
-        if np.linalg.norm(place - start) < SPACING:
+        driven = np.inf if start is None or is_reset else np.linalg.norm(place - start)
+        if driven < SPACING:
             return ()
         self._start = place
+        if driven > JUMP:
+            return ()
         return [rr.LineStrips3D.from_fields(strips=[np.array([start, place])])]
 
     def layout(self) -> LayoutPart:

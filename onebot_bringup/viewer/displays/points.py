@@ -258,6 +258,7 @@ def _fields(message: Any, wanted: set[str]) -> dict[str, tuple[np.dtype[Any], in
     for name, offset, kind in zip(fields.name, fields.offset, fields.datatype, strict=True):
         if name in wanted and int(kind) in _TYPES:
             dtype = np.dtype(order + _TYPES[int(kind)])
+            # NumPy would read outside of the points, for some offsets outside of the memory.
             if int(offset) + dtype.itemsize > message.point_step:
                 raise ValueError(
                     f'the field "{name}" ends at byte {int(offset) + dtype.itemsize} of a point, '
@@ -298,10 +299,8 @@ def _positions(values: NDArray[Any]) -> Floats32:
     return positions
 
 
-def _packed_colors(values: NDArray[Any], name: str) -> Colors | None:
-    """Return the colours in a field; None if the field's type cannot hold colours."""
-    if values.dtype.itemsize != 4:
-        return None
+def _packed_colors(values: NDArray[Any], name: str) -> Colors:
+    """Return the colours in a field."""
     packed = values.view(values.dtype.str.replace("f", "u").replace("i", "u")).astype(np.uint32)
     alpha = packed >> 24 if name == "rgba" else np.uint32(0xFF)
     colors: Colors = packed << 8 | alpha

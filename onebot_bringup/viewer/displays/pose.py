@@ -49,24 +49,10 @@ L = TypeVar("L", bound=PoseSettings)
 class PosesDrawing(Drawing[L]):
     """Base class of drawings of poses."""
 
-    _fitted_to = 0.0  # the robot's size for which the poses were drawn, m
-
-    @property
-    def is_fitted(self) -> bool:
-        """Whether the shapes are in proportion to the robot."""
-        return self._last is not None and self._fitted_to == self.stage.robot_size
-
-    def flush(self) -> None:
-        """Log what can be shown now; repeat the last message if the robot's size has changed."""
-        if self._last is not None and not self.is_fitted and not self._pending:
-            self._pending.append(self._last)
-        super().flush()
-
     def shapes(self, poses: Floats) -> list[rr.AsComponents]:
         """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
         look, places, turns = self.settings, poses[:, :3], to_matrix(poses[:, 3:])
-        self._fitted_to = self.stage.robot_size
-        unit = self._fitted_to / 2 or 1.0  # m; RViz's defaults suit a robot of 2 m
+        unit = self.stage.robot_size / 2 or 1.0  # m; RViz's defaults suit a robot of 2 m
         if look.shape == AXES:
             vectors = (look.axes_length or unit) * turns.transpose(0, 2, 1).reshape(-1, 3)
             origins, colors = np.repeat(places, 3, axis=0), np.tile(AXIS_COLORS, (len(poses), 1))
@@ -124,7 +110,6 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
         poses = drawable(message.poses.array())
         if self.settings.shape != FLAT:
             return self.shapes(poses)
-        self._fitted_to = self.stage.robot_size
         turns = to_matrix(poses[:, 3:]).transpose(0, 2, 1)
         outline = self.settings.arrow_length * _FLAT @ turns + poses[:, None, :3]
         return [rr.LineStrips3D(outline, colors=[self.color], radii=_WIDTH)]
@@ -134,8 +119,6 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
 
 # Corners of an outline, which has one more point, since it repeats the first one.
 CORNERS = 48
-# Negative eigenvalues up to this share of the largest are rounding errors; others are invalid.
-_ROUNDING = 1e-9
 _LARGEST_AXIS = 100.0  # a longer half axis (metres) means "unknown", such as 1e6 in a covariance
 _FILL_ALPHA = 45
 
@@ -148,16 +131,13 @@ def ellipse_outline(covariance: Floats, sigma: float) -> Floats | None:
         sigma: size of the ellipse in standard deviations.
 
     Returns:
-        None if the position is unknown (the covariance is all zero, negative, not finite or very
-        large) or the covariance is not valid. If the position is certain in one direction, the
-        ellipse is a line.
+        None if the position is unknown: the covariance is all zero, negative, not finite or very
+        large. If the position is certain in one direction, the ellipse is a line.
     """
     block = covariance.reshape(6, 6)[:2, :2] / 2
     if not np.isfinite(block).all():
         return None
     variances, axes = np.linalg.eigh(block + block.T)  # the smaller variance first
-    if variances[0] < -_ROUNDING * variances[1]:
-        return None
     half_axes = sigma * np.sqrt(np.maximum(variances, 0.0))
     if not 0 < half_axes[1] <= _LARGEST_AXIS:
         return None

@@ -14,8 +14,6 @@ from onebot_bringup.viewer.core.transforms import TF, TF_STATIC
 from onebot_description.ros.wire.messages import TfArrays
 
 _DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metres
-# How long after a new description messages may still name frames of the old one (seconds).
-_STRAGGLING = 1.0
 
 
 @dataclass(frozen=True)
@@ -42,8 +40,7 @@ class TfDisplay(Display[AxesSettings]):
         self._drawn: set[str] = set()
         self._links: set[str] = set()  # frames of the robots' links
         self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
-        self._retired: set[str] = set()  # frames of links of the previous robot
-        self._retired_at = 0.0
+        self._retired: set[str] = set()  # frames of links that a robot no longer has
 
     def topics(self) -> Sequence[WantedTopic]:
         static = WantedTopic("/tf_static", (TF_STATIC,), latched=True)
@@ -63,7 +60,6 @@ class TfDisplay(Display[AxesSettings]):
             if robot.description is not None:
                 self._links.update(map(robot.frame_of, robot.description.link_names))
         self._retired = (self._retired | old_links) - self._links
-        self._retired_at = self.stage.clock()
         self._shown_of = None
         self.stage.transforms.forget(self._retired)
 
@@ -78,10 +74,6 @@ class TfDisplay(Display[AxesSettings]):
 
     def flush(self) -> None:
         self.stage.transforms.flush()
-        if self._retired and self.stage.clock() - self._retired_at > _STRAGGLING:
-            self.stage.transforms.forget(self._retired)
-            self._retired = set()
-            self._shown_of = None
         self._show_connected()
         self._draw(())
 
