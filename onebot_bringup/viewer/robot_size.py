@@ -1,10 +1,10 @@
 """Measures a robot: the box around its shapes, and the camera and axes that fit it."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 
 import numpy as np
 
+from onebot_bringup.viewer.core.scene import marker_size
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description, Geometry, Link
 from onebot_description.errors import OneBotError
@@ -31,18 +31,26 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
     clouds = []
+    marker = marker_size(description)
     for link in description.links:
-        if link.name in poses and (cloud := link_corners(link)) is not None:
+        if link.name in poses and (cloud := link_corners(link, marker)) is not None:
             clouds.append(matrices.transformed(cloud, poses[link.name]))
     return box_around(np.concatenate(clouds)) if clouds else None
 
 
-def link_corners(link: Link) -> Floats | None:
-    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any."""
+def link_corners(link: Link, marker: float) -> Floats | None:
+    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
+
+    Args:
+        link: the link.
+        marker: edge of the box that replaces a visual that cannot be drawn, m.
+    """
     clouds = []
     for geometry in link.visuals:
-        with suppress(OneBotError):  # it was reported when the visual was to be drawn
+        try:
             clouds.append(corners(geometry))
+        except OneBotError:  # was reported when the visual was drawn
+            clouds.append(geometry.origin.xyz + marker * np.array([[-0.5] * 3, [0.5] * 3]))
     return np.concatenate(clouds) if clouds else None
 
 
@@ -113,9 +121,10 @@ def axes_lengths(robot: Description) -> dict[str, float]:
     They are in proportion to the link's visuals; a link without any has its parent's length.
     """
     parents = {joint.child: joint.parent for joint in robot.joints}
+    marker = marker_size(robot)
     lengths = {}
     for link in robot.links:
-        cloud = link_corners(link)
+        cloud = link_corners(link, marker)
         if cloud is not None:
             lengths[link.name] = round(_OF_LINK * float(np.linalg.norm(np.ptp(cloud, axis=0))), 3)
     for name in robot.link_names:

@@ -42,8 +42,8 @@ def test_a_bad_description_keeps_the_last_good_robot(tmp_path):
     assert shown.view.robot is not None and shown.view.robot.robot_name == "arm"
 
 
-def test_what_cannot_be_drawn_is_named_once(tmp_path):
-    """One reason is one sentence for all the links; a mesh that is found again is drawn."""
+def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
+    """One reason is one sentence for all the links; a wireframe box shows where each would be."""
     lost = '<mesh filename="package://no_such_package/x.stl"/>'
     urdf = ARM.replace('<box size=".6 .6 .6"/>', lost).replace(
         '<cylinder radius=".3" length=".6"/>', lost.replace("x.stl", "y.stl")
@@ -51,8 +51,10 @@ def test_what_cannot_be_drawn_is_named_once(tmp_path):
     recording = open_recording(save=tmp_path / "x.rrd")
     scene = Scene(recording.stream)
     [problem] = scene.set_robot(parse_description(urdf))
-    assert problem.startswith("link base, tip: not drawn: mesh no ROS package")
-    assert scene.visual_of("base") is None
+    assert problem.startswith("link base, tip: not drawn but marked by a box: mesh no ROS package")
+    assert scene.visual_of("base") == "robot/visual/base/0/missing"
+    assert scene.visual_of("tip") == "robot/visual/tip/0/missing"
+    # Found again, it takes the place of its mark.
     assert scene.set_robot(parse_description(ARM)) == []
     assert scene.visual_of("base") == "robot/visual/base/0"
     recording.close()

@@ -1,17 +1,21 @@
 """Draws a robot in a Rerun recording: its shapes, each in the TF frame of its link.
 
 Entities are ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (separate subtrees, so
-that one click shows or hides each). All are static, so viewers that join late have them, too.
-Poses of frames come from /tf only.
+that one click shows or hides each). A shape that cannot be drawn is marked by a wireframe box at
+its origin, ``.../<n>/missing``. All are static, so viewers that join late have them, too. Poses of
+frames come from /tf only.
 """
 
+import math
+import statistics
 from collections.abc import Mapping, Sequence
 from itertools import islice
+from typing import Any
 
 import rerun as rr
 
 from onebot_bringup.viewer.core.columns import entity_path
-from onebot_description.elements.description import Description, Geometry, Rgba
+from onebot_description.elements.description import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.geometry.poses import from_rpy
 
@@ -23,7 +27,11 @@ COLLISION_ENTITY = "robot/collision"
 # As in RViz ("RVIZ/ShadedRed"), shapes without a colour are red, so that they are noticed.
 DEFAULT_COLOR: Rgba32 = (255, 0, 0, 255)
 COLLISION_COLOR: Rgba32 = (255, 170, 0, 110)
+# Colour of the box that replaces a shape that cannot be drawn; few robots have this colour.
+MISSING_COLOR: Rgba32 = (255, 0, 255, 255)
+_MISSING = "missing"
 _MOST_REASONS = 10  # reasons named for missing shapes
+_MISSING_SIZE = 0.1  # m, if the size of the robot is unknown
 
 
 class Scene:
@@ -51,6 +59,7 @@ class Scene:
         warnings = [f"{text}; not drawn" for link in robot.links for text in link.left_out]
         entities: set[str] = set()
         failures: dict[str, list[str]] = {}  # reason to links
+        size = marker_size(robot)
         for link in robot.links:
             for entity, geometries in (
                 (VISUAL_ENTITY, link.visuals),
@@ -63,8 +72,9 @@ class Scene:
                         self._draw(path, link.name, geometry, color)
                     except OneBotError as error:
                         failures.setdefault(str(error), []).append(link.name)
-                    else:
-                        entities.add(path)
+                        path = f"{path}/{_MISSING}"
+                        self._mark(path, link.name, geometry, size)
+                    entities.add(path)
         home = self._prefix + robot.root_link
         for path in set(self._drawn) - entities:
             del self._drawn[path]
@@ -84,10 +94,32 @@ class Scene:
             path,
             rr.CoordinateFrame(self._prefix + link),
             rr.InstancePoses3D(
-                translations=[geometry.origin.xyz],
-                quaternions=[rr.Quaternion(xyzw=from_rpy(geometry.origin.rpy))],
+                translations=[geometry.origin.xyz], quaternions=[_quaternion(geometry)]
             ),
             rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor),
+            static=True,
+        )
+        self._drawn[path] = what
+
+    def _mark(self, path: str, link: str, geometry: Geometry, size: float) -> None:
+        """Draw a box of ``size``, m, where ``geometry`` would be; its label shows on a click."""
+        what = (link, geometry, size)
+        if self._drawn.get(path) == what:
+            return
+        name = geometry.shape.uri if isinstance(geometry.shape, Mesh) else "shape"
+        radii: Any = [rr.Radius.ui_points(2.0)]
+        self._recording.log(
+            path,
+            rr.CoordinateFrame(self._prefix + link),
+            rr.Boxes3D(
+                half_sizes=[[size / 2] * 3],
+                centers=[geometry.origin.xyz],
+                quaternions=[_quaternion(geometry)],
+                colors=[MISSING_COLOR],
+                radii=radii,
+                labels=[f"missing: {name}"],
+                show_labels=False,
+            ),
             static=True,
         )
         self._drawn[path] = what
@@ -97,19 +129,31 @@ class Scene:
 
         The entity moves to the frame ``home``: otherwise Rerun would report its missing frame.
         """
-        self._recording.log(path, rr.CoordinateFrame(home), rr.Asset3D.cleared(), static=True)
+        kind = rr.Boxes3D if path.endswith(f"/{_MISSING}") else rr.Asset3D
+        self._recording.log(path, rr.CoordinateFrame(home), kind.cleared(), static=True)
+
+
+def marker_size(robot: Description) -> float:
+    """Return the edge, m, of the box that replaces a missing mesh, in proportion to the links."""
+    lengths = [math.hypot(*joint.origin.xyz) for joint in robot.joints]
+    offsets = [length for length in lengths if length > 0]
+    return statistics.median(offsets) / 2 if offsets else _MISSING_SIZE
 
 
 def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
     """Return a sentence for each reason why shapes are missing, with their links; the first few."""
     sentences = [
-        f"link {listing(links, most=5)}: not drawn: {reason}"
+        f"link {listing(links, most=5)}: not drawn but marked by a box: {reason}"
         for reason, links in islice(failures.items(), _MOST_REASONS)
     ]
     if len(failures) > _MOST_REASONS:
         more = len(failures) - _MOST_REASONS
-        sentences.append(f"{more} more meshes are not drawn: see onebot check")
+        sentences.append(f"{more} more meshes are marked: see onebot check")
     return sentences
+
+
+def _quaternion(geometry: Geometry) -> rr.Quaternion:
+    return rr.Quaternion(xyzw=from_rpy(geometry.origin.rpy))
 
 
 def _bytes(color: Rgba | None) -> Rgba32:
