@@ -64,7 +64,6 @@ def test_every_kind_of_motion_is_read(written: dict[str, Any], expected: object)
     config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
     assert config.motions["elbow"] == expected
     assert config.moves
-    assert config.notes == ()
 
 
 HOME = {"poses": {"home": {"a": 0}}}
@@ -97,13 +96,6 @@ def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words:
     assert words in refused(parameters)
 
 
-def test_leftovers_of_another_type_are_only_noted() -> None:
-    config = JointsConfig.from_parameters(motion(type="sine", position=1.0, amplitude=1.0))
-    assert [note.key for note in config.notes] == ["motions.a.position", "motions.a"]
-    assert "only by type constant" in config.notes[0].text
-    assert "frequency" in config.notes[1].text
-
-
 def test_the_edges_of_what_is_possible() -> None:
     assert JointsConfig.from_parameters({"rate": 1000}).rate == 1000.0
     assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
@@ -111,8 +103,8 @@ def test_the_edges_of_what_is_possible() -> None:
     assert JointsConfig.from_parameters({"delta": 0}).delta == 0.0
     once = JointsConfig.from_parameters(motion(type="keyframes", times=[0.0], positions=[1.0]))
     assert once.motions == {"a": Keyframes((0.0,), (1.0,))}
-    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, frequency=0.0))
-    assert still.motions == {"a": Sine(1.0, 0.0)}
+    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, position=2.0))
+    assert still.motions == {"a": Sine(1.0, 0.0)}, "what another type uses is ignored"
 
 
 @pytest.mark.parametrize(
@@ -128,16 +120,6 @@ def test_the_edges_of_what_is_possible() -> None:
 )
 def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
     assert JointsConfig.from_parameters(parameters).moves == moves
-
-
-@pytest.mark.parametrize("missing", ["amplitude", "frequency"])
-def test_half_a_sine_is_noted(missing: str) -> None:
-    written = {"type": "sine", "amplitude": 0.5, "frequency": 0.25, "offset": 0.125}
-    del written[missing]
-    config = JointsConfig.from_parameters(motion(**written))
-    assert [note.text for note in config.notes] == [f"sine without {missing} does not swing"]
-    still = config.motions["a"]
-    assert isinstance(still, Sine) and still.amplitude * still.frequency == 0.0
 
 
 def test_a_motion_names_its_type() -> None:
