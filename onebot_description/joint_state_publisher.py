@@ -254,7 +254,6 @@ class JointFiles:
         live = self._live
         last = live.file
         try:
-            overridden = live.overridden(file)
             changes = live.changes(file, self._node.state.values)
             live.file = file
             self._node.set_all(changes, file.places)
@@ -266,8 +265,6 @@ class JointFiles:
         self._log.info(f"{self._names}: applied, {changed}")
         self.parameters.applied()
         self._unsuitable = None
-        for name in overridden:
-            self._log.warning(f"{name} is set on the command line, which overrides the file")
         if live.warning:
             self._log.warning(live.warning)
 

@@ -105,7 +105,6 @@ def test_sections(section: str, node: str, matches: bool) -> None:
         ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
         ("jsp:\n  ros__parameters:\n    a: [[1]]\n", ":3: a: a list holds plain values"),
         ("jsp:\n  ros__parameters:\n    rate:\n", ":3: rate: has no value"),
-        ("jsp:\n  ros__parameters: {a: &x 1, b: *x}\n", "no aliases such as *x"),
         ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
         ("jsp:\n  ros__parameters: 5\n", "stands where a map belongs"),
         ("[jsp]\n", ":1: a list stands where a map belongs"),
@@ -169,17 +168,6 @@ def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
     write(file, "rate: 6, zeros: {b: 1.0}")
     changes = live.changes(live.read(), current)
     assert changes == {"rate": 6, "zeros.b": 1.0, "pose": "", "zeros.a": None}
-
-
-def test_the_command_line_comes_first(tmp_path: Path) -> None:
-    file = write(tmp_path / "a.yaml", "rate: 5, delta: 0.1")
-    live = LiveParameters([file], LIVE_NODE, JointsConfig)
-    current = {**defaults(JointsConfig), "rate": 50, "delta": 0.1}
-    live.pin(["rate", "delta"], current)
-    write(file, "rate: 6, delta: 0.2")
-    fresh = live.read()
-    assert live.changes(fresh, current) == {}
-    assert live.overridden(fresh) == ["rate", "delta"]
 
 
 def test_config_file_comes_first_and_can_change(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def read_sections(text: str, name: str) -> dict[str, Parameters]:
 
     It is read once for several nodes.
     """
-    file = _YamlFile(text, name, aliases=False)
+    file = _YamlFile(text, name)
     sections: dict[str, Parameters] = {}
 
     def gather(node: yaml.Node, path: str) -> None:
@@ -116,10 +116,10 @@ def section_matches(section: str, node: str) -> bool:
 class _YamlFile:
     """The tree of a YAML file, None if it is empty; errors name file and line."""
 
-    def __init__(self, text: str, name: str, *, aliases: bool) -> None:
+    def __init__(self, text: str, name: str) -> None:
         self._name = name
         try:
-            self.root = bounded_yaml.compose(text, aliases=aliases)
+            self.root = bounded_yaml.compose(text)
         except yaml.YAMLError as error:
             if not isinstance(error, yaml.MarkedYAMLError):
                 raise self._error(None, f"invalid YAML: {error}") from None
@@ -216,11 +216,10 @@ def plain_value(text: str) -> bool | int | float | str:
 def read_map(text: str, name: str) -> Parameters:
     """Return the values by dotted names of a YAML file that is a map, such as a saved view.
 
-    Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
-    value.
+    Unlike a parameter file, it may have null and lists of anything; an empty map is a value.
     """
     content, loader = Parameters(), yaml.SafeLoader("")
-    file = _YamlFile(text, name, aliases=True)
+    file = _YamlFile(text, name)
     for entry, place, node in file.entries(file.root) if file.root is not None else ():
         try:
             content.values[entry] = loader.construct_object(node, deep=True)
@@ -267,14 +266,13 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
         A warning for each name that sections of several nodes have for none of these.
 
     Raises:
-        ConfigError: sections are for none of the nodes, and would do nothing; lists those that
-            would be for them.
+        ConfigError: sections are for none of the nodes, and would do nothing.
     """
     sections = read_sections(read_text(file), str(file))
     if problems := [
-        Problem("", f'{file}: section "{section}" is for no node that it is given to: {possible}')
+        Problem("", f'{file}: section "{section}" is for none of the nodes: {listing(nodes)}')
         for section in sections
-        if (possible := _meant(section, nodes))
+        if not any(section_matches(section, node) for node in nodes)
     ]:
         raise ConfigError(problems)
     warnings = []
@@ -289,16 +287,6 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
             if name in names
         ]
     return warnings
-
-
-def _meant(section: str, nodes: Sequence[str]) -> str:
-    """Return the sections that would be for one of ``nodes``; "" if this one is."""
-    if any(section_matches(section, node) for node in nodes):
-        return ""
-    name = section.rpartition("/")[2]
-    same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
-    names = dict.fromkeys(node.rpartition("/")[2] for node in same)
-    return listing([*same, *(f"/**/{name}" for name in names)])
 
 
 def read_text(file: Path) -> str:
@@ -359,11 +347,6 @@ class LiveParameters:
             for name, value in values.items()
             if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
         }
-
-    def overridden(self, file: Parameters) -> list[str]:
-        """Names edited in ``file`` without effect, as the command line overrides them."""
-        last = self.file.values
-        return [name for name in self._pinned if file.values.get(name) != last.get(name)]
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Return where the files have the ``values`` that they decided."""
