@@ -120,10 +120,7 @@ class LiveView:
 
     def poll(self) -> None:
         """Apply edits of the view's file; call this periodically."""
-        saved, removed = self.source.poll()
-        for file in removed:
-            self._log.warning(f"{file} was removed: keeping the view shown so far")
-        for file in saved:
+        for file in self.source.poll():
             try:
                 changed = self.source.reload()
             except OneBotError as error:

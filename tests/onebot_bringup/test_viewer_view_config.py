@@ -37,7 +37,7 @@ def test_the_views_of_our_robots_are_valid():
         ("camera: {eye: [1, 2]}", "eye: 2 numbers; write three metres, such as [3.0, -3.0, 2.0]"),
         ("axes: {length: -1}", "axes.length: -1 is below 0; write a number from 0"),
         ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, names_up_to,"),
-        ("trails: [odom]", "write a map of names, each a map with topic, color"),
+        ("trails: [odom]", "is a list; write a map"),
         ("trails: {a: {topic: a b}}", '"a b" is not possible; write a topic, such as'),
         ("covariance: {a: {topic: b, sigma: -1}}", "covariance.a.sigma: -1 is below 0"),
         ("speeds: {a: {topic: b}}", "speeds.a.topic: no such parameter (known: lines, window)"),
