@@ -27,7 +27,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.nodes import (
     Launch,
     command_topic,
-    given_params_files,
+    given_files,
     world_frame,
 )
 from onebot_bringup.launcher.child import temporary_folder
@@ -282,7 +282,7 @@ def with_view(
         values["view"] = command.sim_view
     elif values.get("world"):
         values["view"] = command.world_view
-        frame = world_frame(values, given_params_files(values), command.controller)
+        frame = world_frame(values, given_files(values), command.controller)
         frame = "" if frame == WORLD_FRAME else frame  # the view already has that one
     elif command.control and values["sim"] == "false":
         frame = values["frame_prefix"] + root_link  # there is no odom

@@ -179,11 +179,6 @@ class JointsConfig:
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter(
-        "",
-        "a YAML file of joint_state_publisher's parameters, reloaded when edited; those given "
-        "directly override it",
-    )
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":

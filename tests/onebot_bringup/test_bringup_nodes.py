@@ -263,8 +263,9 @@ def test_what_the_nodes_get_by_default(make: Make, arm: Path, described: Descrip
     real = parameters_of(make(sim="false", joint_states="false"), "robot_state_publisher")
     assert not real["hold_floating_joints"]
     file = str(arm.parent / "joints.yaml")
-    with_file = parameters_of(make(joints=file, sim="false"), "joint_state_publisher")
-    assert with_file == {"config_file": file, "use_sim_time": False}
+    node = process_of(make(joints=file, sim="false"), "joint_state_publisher")
+    assert parameters(node) == {"use_sim_time": False}
+    assert file in node.command, "its own parameters override it"
     swing = parameters_of(make(), "joint_state_publisher")
     assert swing == {"rate": 30.0, "swing": 8.0, "use_sim_time": False}
     given = parameters_of(make(rate="20"), "joint_state_publisher")

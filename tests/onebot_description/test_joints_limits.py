@@ -58,15 +58,16 @@ def test_joints_rest_at_zero_or_mid_range(lower: float, upper: float, zero: floa
     assert zero_position(lower, upper) == zero
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_limits_may_leave_a_single_position(kind: str) -> None:
-    limits = joint_limits([joint("a", kind, soft_lower=1.0, soft_upper=5.0)], soft=True)
-    assert (limits.lower.tolist(), limits.upper.tolist()) == ([1.0], [1.0])
-    limits = joint_limits([joint("a", kind, soft_lower=-5.0, soft_upper=-1.0)], soft=True)
-    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-1.0], [-1.0])
-    limits = joint_limits([joint("a", kind, soft_lower=1.5, soft_upper=5.0)], soft=True)
-    ends = (limits.lower.tolist(), limits.upper.tolist())
-    assert ends == ([-1.0], [1.0]), "soft limits without a range are not applied"
+@pytest.mark.parametrize(
+    ("soft_lower", "soft_upper", "ends"),
+    [(1.0, 5.0, (1.0, 1.0)), (-5.0, -1.0, (-1.0, -1.0)), (1.5, 5.0, (-1.0, 1.0))],
+)
+def test_soft_limits_may_leave_a_single_position_and_no_less(
+    soft_lower: float, soft_upper: float, ends: tuple[float, float]
+) -> None:
+    soft = joint("a", soft_lower=soft_lower, soft_upper=soft_upper)
+    limits = joint_limits([soft], soft=True)
+    assert (limits.lower[0], limits.upper[0]) == ends
 
 
 def test_a_continuous_joint_has_speed_alone() -> None:

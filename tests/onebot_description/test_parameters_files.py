@@ -170,20 +170,6 @@ def test_a_save_makes_everything_as_the_file_says(tmp_path: Path) -> None:
     assert changes == {"rate": 6, "zeros.b": 1.0, "pose": "", "zeros.a": None}
 
 
-def test_config_file_comes_first_and_can_change(tmp_path: Path) -> None:
-    one = write(tmp_path / "one.yaml", "rate: 1")
-    two = write(tmp_path / "two.yaml", "rate: 2, delta: 2.0")
-    live = LiveParameters([one], LIVE_NODE, JointsConfig)
-    live.add(str(two))
-    assert live.read().values == {"rate": 1, "delta": 2.0}
-    assert live.files == (two, one)
-    live.add(str(tmp_path / "none.yaml"))
-    with pytest.raises(ConfigError, match="cannot be read"):
-        live.read()
-    live.add("")
-    assert live.read().values == {"rate": 1}
-
-
 def test_files_without_a_section_for_the_node_are_a_warning(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text("joint_state_publishr:\n  ros__parameters: {rate: 5}\n")

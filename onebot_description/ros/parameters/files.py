@@ -300,8 +300,7 @@ def read_text(file: Path) -> str:
 
 # Parameter files that count while the node runs, not only when it starts ------------------------
 
-# They name files, so that setting them while the node runs is to read others.
-_SOURCES = ("config_file", "robot_description")
+_DESCRIPTION = "robot_description"  # what was set while the node runs is not unset by a file
 
 
 class LiveParameters:
@@ -313,7 +312,7 @@ class LiveParameters:
 
     def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
         """Read the files; later ones override earlier ones. Raises as ``read_files``."""
-        self._given = self.files = tuple(files)
+        self.files = tuple(files)
         self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
         self.file = self.read()
@@ -323,14 +322,10 @@ class LiveParameters:
         """A warning if the files have sections, but none for this node."""
         return no_section(self.file, self.files, self._node)
 
-    def add(self, config_file: str) -> None:
-        """Have the file of the parameter ``config_file`` read, too; the given ones override it."""
-        self.files = (Path(config_file), *self._given) if config_file else self._given
-
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names``, which the command line sets."""
         self._pinned = {
-            name: values[name] for name in names if name in values and name not in _SOURCES
+            name: values[name] for name in names if name in values and name != _DESCRIPTION
         }
 
     def read(self) -> Parameters:
@@ -345,7 +340,7 @@ class LiveParameters:
         return {
             name: value
             for name, value in values.items()
-            if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
+            if not _same(current.get(name), value) and (name in written or name != _DESCRIPTION)
         }
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:

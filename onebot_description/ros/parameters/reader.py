@@ -324,11 +324,7 @@ def as_map(config: Any) -> dict[str, Any]:
 
 def replaced(config: T, name: str, value: Any) -> T:
     """Return ``config``, a dataclass, with another value of the parameter ``name``."""
-    kind = type(config)
-    if name not in defaults(kind):
-        problems = unknown_parameters(kind, [name])
-        raise ConfigError(problems or [Problem(name, "is more than one parameter")])
-    return read(kind, {**dict(_flat(as_map(config))), name: value})
+    return read(type(config), {**dict(_flat(as_map(config))), name: value})
 
 
 # Reading --------------------------------------------------------------------------------------
