@@ -230,7 +230,7 @@ def test_later_files_and_the_command_line_override_a_saved_file(
     file.write_text(yaml(f"rate: 5\ndelta: 0.5\n{still}0.1}}}}"))
     given.write_text(yaml("delta: 0.25"))
     files = ["--params-file", str(file), "--params-file", str(given)]
-    start(mrm, "--ros-args", "-p", "rate:=40.0", *files)
+    start(mrm, "--ros-args", *files, "-p", "rate:=40.0")
     listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
     file.write_text(yaml(f"rate: 6\ndelta: 0.6\n{still}0.2}}}}"))
     listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
