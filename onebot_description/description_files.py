@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from onebot_description.description import Description, load_description
@@ -23,13 +25,22 @@ class Source(NamedTuple):
 
     def to_json(self) -> str:
         """Return it as text, for a command line."""
-        return json.dumps(self._asdict())
+        return json.dumps({**self._asdict(), "arguments": dict(self.arguments)})
 
     @classmethod
     def from_json(cls, text: str) -> Source:
         """Return the Source from a text of ``to_json``."""
         content = json.loads(text)
         return cls(**{**content, "files": tuple(content["files"])})
+
+
+def load_followed(
+    model: str, arguments: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Description, Source]:
+    """Load a description, and return its source, with which edits can be followed."""
+    read_ns = time.time_ns()
+    description = load_description(model, arguments)
+    return description, Source(model, arguments, tuple(map(str, description.files)), read_ns)
 
 
 class DescriptionFiles(Reloader[Description]):

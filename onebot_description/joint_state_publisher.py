@@ -24,7 +24,6 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
-import time
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,20 +38,15 @@ from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
-from onebot_description.description import Description, load_description
-from onebot_description.description_files import DescriptionFiles, Source
-from onebot_description.errors import DescriptionError, OneBotError, listing
+from onebot_description.description import Description, parse_description
+from onebot_description.description_files import DescriptionFiles, load_followed
+from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.source import JointStateSource
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.description_topic import (
-    GOES_ON,
-    DescriptionTopic,
-    described_by,
-    is_path,
-)
+from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.ros.parameters.reader import (
     ConfigError,
@@ -170,15 +164,11 @@ _POLL_EVERY = 0.05  # seconds
 class JointFiles:
     """Watches parameter files and the description's files, and applies edits of them."""
 
-    def __init__(
-        self, node: "JointStatePublisher", description_file: str | None, live: LiveParameters
-    ) -> None:
-        """Watch the files as they are now."""
-        self._node, self._log, self._description_file = node, node.get_logger(), description_file
-        self._live = live
+    def __init__(self, node: "JointStatePublisher", live: LiveParameters) -> None:
+        """Watch the parameter files as they are now."""
+        self._node, self._log, self._live = node, node.get_logger(), live
         self.parameters = Reloader(live.read, live.files)
-        self._description: DescriptionFiles | None = None
-        self._polled_ns = time.time_ns()  # files written later count as edited
+        self.description: DescriptionFiles | None = None
         steady_timer(node, _POLL_EVERY, self._poll)
 
     def reread_refused(self) -> None:
@@ -196,21 +186,14 @@ class JointFiles:
             self._poll_description()  # only after the parameters
 
     def _poll_description(self) -> None:
-        state = self._node.state
-        path = self._description_file or state.values.get("robot_description", "")
-        if not is_path(path) or state.description is None:
-            self._description = None
+        if self.description is None:
             return
-        if self._description is None or self._description.model != path:
-            files = tuple(map(str, state.description.files))
-            self._description = DescriptionFiles(Source(path, {}, files, self._polled_ns))
-        self._polled_ns = time.time_ns()
         try:
-            description = self._description.poll()
-            if description is not None and description.urdf != state.description.urdf:
+            if (description := self.description.poll()) is not None:
                 self._node.replace(description)
-        except DescriptionError as error:
-            self._log.error(f"{path} not applied, {GOES_ON}:\n{error}")
+                self.description.applied()
+        except OneBotError as error:
+            self._log.error(f"{self.description.edited} not applied, {GOES_ON}:\n{error}")
 
     def _refuse(self, error: OneBotError) -> None:
         self._log.error(f"{self.parameters.edited} not applied, {GOES_ON}:\n{error}")
@@ -309,7 +292,7 @@ class JointStatePublisher(Node):
         self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._sources: dict[str, Subscription] = {}  # topics whose values override all motions
-        self._files = JointFiles(self, description_file, self._settings.live)
+        self._files = JointFiles(self, self._settings.live)
         self._start(description_file)
         follow_changes(self, self._check, self._accept)
 
@@ -317,9 +300,11 @@ class JointStatePublisher(Node):
         """Apply the description that is already at hand, or wait for one on the topic."""
         text = self.state.values["robot_description"]
         if description_file:
-            self._use(load_description(description_file))
+            description, source = load_followed(description_file)
+            self._use(description)
+            self._files.description = DescriptionFiles(source)
         elif text:
-            self._use(described_by(text))
+            self._use(parse_description(text, "robot_description"))
         else:
             self._subscribe(self.state.config.source_list)
             DescriptionTopic(self, lambda: self.state.description, self.replace)
@@ -333,8 +318,9 @@ class JointStatePublisher(Node):
         """Check parameters against each other, the files and the robot; change nothing."""
         old = self.state
         values, config = self._settings.changed(old.values, parameters)
-        text = values.get("robot_description")
-        new = described_by(text) if text and text != old.values.get("robot_description") else None
+        text, new = values.get("robot_description"), None
+        if text and text != old.values.get("robot_description"):
+            new = parse_description(text, "robot_description")
         return old.with_parameters(values, config, new)
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:

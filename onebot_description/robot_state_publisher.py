@@ -42,9 +42,9 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import keep_places
-from onebot_description.description_files import DescriptionFiles, Source
+from onebot_description.description_files import DescriptionFiles, Source, load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
@@ -229,10 +229,7 @@ def main(args: Sequence[str] | None = None) -> int:
         del common[at : at + 2]
 
     def make_nodes(file: str | None, _: RosArguments) -> list[RobotStatePublisher]:
-        description, source, now_ns = None, followed, time.time_ns()
-        if file is not None:
-            description = load_description(file)
-            source = Source(file, {}, tuple(map(str, description.files)), now_ns)
+        description, source = (None, followed) if file is None else load_followed(file)
         nodes = [RobotStatePublisher(description, words) for words in robots]
         nodes = nodes or [RobotStatePublisher(description, source=source)]
         # Every bringup has exactly one such process.

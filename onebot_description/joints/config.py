@@ -178,7 +178,7 @@ class JointsConfig:
         {}, "position of the joint in the pose, rad or m", keys=("pose", "joint")
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
-    robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
+    robot_description: str = parameter("", "the URDF, in place of the topic")
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":

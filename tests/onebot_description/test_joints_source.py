@@ -283,16 +283,6 @@ def test_a_clock_set_back_goes_on_with_the_same_motion() -> None:
         assert source.moving == (step > 0.0)
 
 
-def test_keyframes_between_poses_beyond_a_limit_are_kept_within_it() -> None:
-    poses = {"far": {"elbow": 5.0}, "low": {"elbow": -5.0}}
-    keyframes = {"type": "keyframes", "times": [0.0, 9.0], "poses": [*poses], "loop": False}
-    source = source_of({"poses": poses, "motions": {"elbow": keyframes}})
-    source.sample(0.0)
-    assert source.sample(3.0)[0][0] == 1.0
-    assert source.sample(20.0)[0][0] == -1.0
-    assert {report.key for report in source.reports} == {"motions.elbow"}
-
-
 def test_a_sweep_too_fast_for_a_joint_is_reported_and_slower() -> None:
     source = source_of({"delta": 0.02, "rate": 10})
     assert [(report.key, report.text.partition(" is ")[0]) for report in source.reports] == [

@@ -300,8 +300,6 @@ def read_text(file: Path) -> str:
 
 # Parameter files that count while the node runs, not only when it starts ------------------------
 
-_DESCRIPTION = "robot_description"  # what was set while the node runs is not unset by a file
-
 
 class LiveParameters:
     """The parameters that files hold for one node, now and when they are next saved.
@@ -324,9 +322,7 @@ class LiveParameters:
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names``, which the command line sets."""
-        self._pinned = {
-            name: values[name] for name in names if name in values and name != _DESCRIPTION
-        }
+        self._pinned = {name: values[name] for name in names if name in values}
 
     def read(self) -> Parameters:
         """Read the files as they are now, in any thread; raises as ``read_files``."""
@@ -336,12 +332,7 @@ class LiveParameters:
         """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
         names = [name for name in current if is_parameter(self._kind, name)]
         values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
-        written = {*file.values, *self._pinned}
-        return {
-            name: value
-            for name, value in values.items()
-            if not _same(current.get(name), value) and (name in written or name != _DESCRIPTION)
-        }
+        return {n: value for n, value in values.items() if not _same(current.get(n), value)}
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Return where the files have the ``values`` that they decided."""
@@ -350,4 +341,5 @@ class LiveParameters:
 
 
 def _same(one: Any, other: Any) -> bool:
-    return type(one) is type(other) and bool(one == other)
+    # A file may have an integer for a double.
+    return isinstance(one, bool) == isinstance(other, bool) and bool(one == other)
