@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -48,7 +47,10 @@ class DescriptionFiles(Reloader[Description]):
 
     def __init__(self, source: Source) -> None:
         self.model = source.model
-        load = partial(load_description, source.model, source.arguments)
+
+        def load() -> Description:
+            return load_description(source.model, source.arguments)
+
         super().__init__(load, map(Path, source.files), source.read_ns)
 
     def poll(self) -> Description | None:
