@@ -39,10 +39,6 @@ def _state(file: Path) -> FileState:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def _has_content(state: FileState) -> bool:
-    return state is not None and state[1] > 0
-
-
 class FileWatch:
     """Reports which of the watched files have changed, once none of them changes any more."""
 
@@ -90,7 +86,7 @@ class FileWatch:
         if self._last != last:
             self._since = now
         changed = [file for file, state in self._last.items() if state != self._known[file]]
-        complete = all(_has_content(self._last[file]) for file in changed)
+        complete = all(state and state[1] for state in map(self._last.get, changed))
         if not changed or now - self._since < (_REST if complete else _REST_EMPTY):
             return []
         self._known = dict(self._last)

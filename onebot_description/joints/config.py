@@ -1,7 +1,6 @@
 """The parameters of joint_state_publisher and their checks."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,70 +17,46 @@ from onebot_description.ros.parameters.reader import REQUIRED, Problem, paramete
 
 Poses = Mapping[str, Mapping[str, float]]
 
-_MIN_RATE = 0.001
-MAX_RATE = 1000.0
-"""Hz; a faster timer only wastes processor time."""
+
+def _constant(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    return Keyframes.hold(given.position or 0.0)
 
 
-class _Kind(ABC):
-    """A kind of motion, made of ``MotionParameters``; those of other kinds are ignored."""
-
-    @abstractmethod
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        """Return the motion of ``joint``; the parameters must have passed both checks."""
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        """Return all problems except unknown poses."""
-        return ()
+def _sine(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    return Sine(
+        given.amplitude or 0.0, given.frequency or 0.0, given.phase or 0.0, given.offset or 0.0
+    )
 
 
-class _Constant(_Kind):
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        return Keyframes.hold(given.position or 0.0)
+def _keyframes(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
+    blend = given.blend or LINEAR
+    return Keyframes(given.times or (), positions, blend, given.loop is not False)
 
 
-class _Sine(_Kind):
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        return Sine(
-            given.amplitude or 0.0, given.frequency or 0.0, given.phase or 0.0, given.offset or 0.0
-        )
+def _check_keyframes(given: "MotionParameters") -> Iterator[Problem]:
+    if (given.positions is None) == (given.poses is None):
+        yield Problem("", "keyframes need either positions or poses")
+        return
+    times, positions = given.times or (), given.positions or given.poses or ()
+    if len(times) != len(positions):
+        counts = f"{len(times)} times but {len(positions)} positions"
+        yield Problem("", f"{counts}; give as many of each, at once")
+    elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        yield Problem("times", f"{list(times)} must increase, from 0 on")
 
 
-class _Keyframes(_Kind):
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
-        blend = given.blend or LINEAR
-        return Keyframes(given.times or (), positions, blend, given.loop is not False)
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        if (given.positions is None) == (given.poses is None):
-            yield Problem("", "keyframes need either positions or poses")
-            return
-        times, positions = given.times, given.positions or given.poses or ()
-        if not times:
-            yield Problem("times", "keyframes need times, such as [0.0, 2.0]")
-        elif len(times) != len(positions):
-            counts = f"{len(times)} times but {len(positions)} positions"
-            yield Problem("", f"{counts}; give as many of each, at once")
-        elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
-            yield Problem("times", f"{list(times)} must increase, from 0 on")
+def _pose(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    name = given.pose or ""
+    return Keyframes.hold(poses[name][joint], name)
 
 
-class _Pose(_Kind):
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        name = given.pose or ""
-        return Keyframes.hold(poses[name][joint], name)
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        if not given.pose:
-            yield Problem("pose", "write the name of a pose")
-
-
-_KINDS: Mapping[str, _Kind] = {
-    "constant": _Constant(),
-    "sine": _Sine(),
-    "keyframes": _Keyframes(),
-    "pose": _Pose(),
+# What makes the motion of a joint by its type; parameters of other types are ignored.
+_KINDS: Mapping[str, Callable[["MotionParameters", str, Poses], Motion]] = {
+    "constant": _constant,
+    "sine": _sine,
+    "keyframes": _keyframes,
+    "pose": _pose,
 }
 
 
@@ -106,12 +81,12 @@ class MotionParameters:
 
     def check(self) -> Iterable[Problem]:
         """Return all problems except unknown poses."""
-        return _KINDS[self.type].check(self)
+        return _check_keyframes(self) if self.type == "keyframes" else ()
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
         named = [("poses", name) for name in self.poses or ()]
-        named += [("pose", self.pose)] if self.pose else []
+        named += [("pose", self.pose or "")] if self.type == "pose" else []
         for key, name in named:
             if name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')
@@ -121,7 +96,7 @@ class MotionParameters:
 
     def motion(self, joint: str, poses: Poses) -> Motion:
         """Return the motion of ``joint``; the parameters must have passed both checks."""
-        return _KINDS[self.type].motion(self, joint, poses)
+        return _KINDS[self.type](self, joint, poses)
 
 
 @dataclass(frozen=True)
@@ -144,7 +119,7 @@ class JointsConfig:
     Positions are in rad, or m for prismatic joints.
     """
 
-    rate: float = parameter(10.0, "messages per second, Hz", at_least=_MIN_RATE, at_most=MAX_RATE)
+    rate: float = parameter(10.0, "messages per second, Hz", at_least=1e-3, at_most=1e3)
     publish_default_positions: bool = parameter(True, "publish joints that nothing moves")
     publish_default_velocities: bool = parameter(
         False, "publish velocities also when nothing moves"

@@ -36,7 +36,6 @@ _FREE_SWING = math.pi / 2  # rad or m, without limits
 class Plan:
     """The checked motions and limits of N movable joints; ``make_plan`` returns it."""
 
-    config: JointsConfig
     following: Following
     limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
@@ -79,7 +78,6 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         zeros.append(zero)
         motions.append(motion)
     return Plan(
-        config=config,
         following=following,
         limits=narrowed,
         endless=endless,
@@ -155,10 +153,7 @@ class _JointPlanner:
 
     def check(self, motion: Motion, key: str) -> None:
         """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
-        name = self.joint.name
-        about = "" if key.endswith(f".{name}") else f'joint "{name}": '
-        texts = motion.violations(self.allowed)
-        self.reports.extend(Problem(key, about + text) for text in texts)
+        self.reports.extend(Problem(key, text) for text in motion.violations(self.allowed))
 
 
 def _named(config: JointsConfig) -> dict[str, str]:

@@ -74,6 +74,8 @@ HOME = {"poses": {"home": {"a": 0}}}
     [
         (motion(type="sinus"), 'motions.a.type: no "sinus" (did you mean "sine"?'),
         (motion(type="keyframes", times=[0, 1], positions=[0]), "2 times but 1 positions"),
+        (motion(type="keyframes", positions=[0]), "0 times but 1 positions"),
+        (motion(type="pose") | HOME, 'motions.a.pose: no pose ""'),
         (motion(type="keyframes", times=[0, 1, 1], positions=[0, 1, 2]), "must increase, from 0"),
         (motion(type="keyframes", times=[-1e-9, 1], positions=[0, 1]), "must increase, from 0 on"),
         (motion(type="keyframes", times=[0, 1]), "either positions or poses"),
