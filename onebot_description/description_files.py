@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 from onebot_description.description import Description, load_description
@@ -24,7 +23,7 @@ class Source(NamedTuple):
 
     def to_json(self) -> str:
         """Return it as text, for a command line."""
-        return json.dumps({**self._asdict(), "arguments": dict(self.arguments)})
+        return json.dumps(self._asdict())
 
     @classmethod
     def from_json(cls, text: str) -> Source:
@@ -34,12 +33,13 @@ class Source(NamedTuple):
 
 
 def load_followed(
-    model: str, arguments: Mapping[str, str] = MappingProxyType({})
+    model: str, arguments: Mapping[str, str] | None = None
 ) -> tuple[Description, Source]:
     """Load a description, and return its source, with which edits can be followed."""
     read_ns = time.time_ns()
     description = load_description(model, arguments)
-    return description, Source(model, arguments, tuple(map(str, description.files)), read_ns)
+    files = tuple(map(str, description.files))
+    return description, Source(model, arguments or {}, files, read_ns)
 
 
 class DescriptionFiles(Reloader[Description]):

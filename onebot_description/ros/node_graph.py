@@ -47,8 +47,10 @@ class OnlyPublisher:
         steady_timer(node, _POLL_PUBLISHERS, self._poll)
 
     def _poll(self) -> None:
-        ends = self._node.get_publishers_info_by_topic(self._topic)
-        names = sorted(map(node_name, ends)) if len(ends) > 1 else []
+        names: list[str] = []
+        if self._node.count_publishers(self._topic) > 1:  # which costs less than to ask for names
+            ends = self._node.get_publishers_info_by_topic(self._topic)
+            names = sorted(map(node_name, ends))
         if self._lasting.new(names, time.monotonic()):
             text = f"{self._topic} is published by {', '.join(names)} at once: {self._problem}"
             self._node.get_logger().warning(text)
