@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,12 +32,25 @@ class Source(NamedTuple):
         return cls(**{**content, "files": tuple(content["files"])})
 
 
+def load_followed(
+    model: str, arguments: Mapping[str, str] | None = None
+) -> tuple[Description, Source]:
+    """Load a description, and return its source, with which edits can be followed."""
+    read_ns = time.time_ns()
+    description = load_description(model, arguments)
+    files = tuple(map(str, description.files))
+    return description, Source(model, arguments or {}, files, read_ns)
+
+
 class DescriptionFiles(Reloader[Description]):
     """Loads a description in the background whenever one of its files was edited."""
 
     def __init__(self, source: Source) -> None:
         self.model = source.model
-        load = partial(load_description, source.model, source.arguments)
+
+        def load() -> Description:
+            return load_description(source.model, source.arguments)
+
         super().__init__(load, map(Path, source.files), source.read_ns)
 
     def poll(self) -> Description | None:

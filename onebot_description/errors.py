@@ -7,8 +7,6 @@ from collections.abc import Collection, Iterable, Sequence
 _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing with all of them takes some hundredths of a second
 _MAX_ALIKE = 20  # messages of one kind; of more, only the first is shown
-_LEAST_ALIKE = 0.6  # least difflib ratio of a suggested name
-_LESS_ALIKE = 0.05  # how far a suggestion's ratio may be below that of the most similar name
 _MAX_SUGGESTED = 3
 _MAX_LENGTH = 2000  # characters of one message
 # Messages of one kind differ in names, numbers and hints.
@@ -22,28 +20,19 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     from difflib import get_close_matches  # slow to import, and all commands import this module
 
     as_written = {candidate.lower(): candidate for candidate in sorted(candidates, reverse=True)}
-    matches = get_close_matches(name.lower(), as_written, n=1, cutoff=_LEAST_ALIKE)
+    matches = get_close_matches(name.lower(), as_written, n=1)
     return as_written[matches[0]] if matches else None
 
 
 def alike(name: str, candidates: Iterable[str]) -> list[str]:
-    """Return up to three candidates whose path, or last word, is similar to ``name``, best first.
+    """Return up to three candidates whose last word is the one most similar to that of ``name``.
 
-    For example, ``/odom`` finds ``/robot1/odom``. Much less similar candidates are left out.
+    For example, ``/odm`` finds ``/robot1/odom``.
     """
-    from difflib import SequenceMatcher  # slow to import
-
-    def ratio(one: str, other: str) -> float:
-        return SequenceMatcher(None, one.lower(), other.lower()).ratio()
-
-    end = name.rpartition("/")[2]
-    ratios = {
-        candidate: max(ratio(name, candidate), ratio(end, candidate.rpartition("/")[2]))
-        for candidate in sorted(set(candidates) - {name})[:_MAX_COMPARED]
-    }
-    least = max(_LEAST_ALIKE, max(ratios.values(), default=0.0) - _LESS_ALIKE)
-    matches = [candidate for candidate in ratios if ratios[candidate] >= least]
-    return sorted(matches, key=ratios.__getitem__, reverse=True)[:_MAX_SUGGESTED]
+    ends = {name: name.rpartition("/")[2] for name in {name, *candidates}}
+    others = sorted(ends.keys() - {name}, key=natural_order)
+    end = nearest(ends[name], {ends[candidate] for candidate in others})
+    return [candidate for candidate in others if ends[candidate] == end][:_MAX_SUGGESTED]
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
@@ -62,21 +51,15 @@ def listing(names: Iterable[str], most: int = _MAX_LISTED) -> str:
 def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> str:
     """Return a hint to append to a message about an unknown ``name``.
 
-    For example `` (did you mean "link1"? known: base_link, link1)``, with a leading space. Of many
-    candidates only the most similar are listed. ``what`` is the word before the list.
+    For example `` (did you mean "link1"? known: base_link, link1)``, with a leading space.
+    ``what`` is the word before the list.
     """
     if isinstance(candidates, Collection) and len(candidates) > _MAX_COMPARED:
         return f" ({len(candidates)} {what})"
     names = {candidate for candidate in candidates if candidate != name}
     guess = nearest(name, names)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
-    if len(names) <= _MAX_LISTED:
-        return f" ({question}{what}: {listing(names)})"
-    from difflib import get_close_matches
-
-    # The most similar ones: the first of the alphabet would be no help.
-    alike = get_close_matches(name, names, n=_MAX_LISTED, cutoff=0.0)
-    return f" ({question}{what}: {', '.join(alike)}, and {len(names) - _MAX_LISTED} more)"
+    return f" ({question}{what}: {listing(names)})"
 
 
 def printable(text: str) -> str:

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -37,17 +37,6 @@ def _state(file: Path) -> FileState:
     except (OSError, ValueError):  # the latter of a name with a null byte
         return None
     return status.st_mtime_ns, status.st_size, status.st_ino
-
-
-def _has_content(state: FileState) -> bool:
-    return state is not None and state[1] > 0
-
-
-class Changes(NamedTuple):
-    """The files that have changed since the last poll."""
-
-    saved: list[Path]  # written or replaced
-    removed: list[Path]  # deleted, or renamed to something else
 
 
 class FileWatch:
@@ -88,21 +77,20 @@ class FileWatch:
         self._known = {file: states[file] for file in names}
         self._last = {file: last[file] for file in names}
 
-    def poll(self) -> Changes:
-        """Check the files; return the changes since the last ones that were returned.
+    def poll(self) -> list[Path]:
+        """Check the files; return those that were saved or removed since the last ones returned.
 
-        Changes are returned only after all files have not changed for a moment.
+        They are returned only after all files have not changed for a moment.
         """
         last, self._last, now = self._last, _states(self._known), self._clock()
         if self._last != last:
             self._since = now
         changed = [file for file, state in self._last.items() if state != self._known[file]]
-        complete = all(_has_content(self._last[file]) for file in changed)
+        complete = all(state and state[1] for state in map(self._last.get, changed))
         if not changed or now - self._since < (_REST if complete else _REST_EMPTY):
-            return Changes([], [])
+            return []
         self._known = dict(self._last)
-        saved = [file for file in changed if self._known[file] is not None]
-        return Changes(saved, [file for file in changed if file not in saved])
+        return changed
 
 
 class Reloader(Generic[T]):
@@ -145,9 +133,9 @@ class Reloader(Generic[T]):
 
         Raises what ``read`` raises.
         """
-        saved, removed = self.watched.poll()
-        self._edited += [*saved, *removed]
-        self._is_due |= bool(saved or removed)
+        edited = self.watched.poll()
+        self._edited += edited
+        self._is_due |= bool(edited)
         if self._is_due and self._reading is None:
             self._is_due, self._reading = False, in_background(self._read)
         if self._reading is None or not self._reading.done():

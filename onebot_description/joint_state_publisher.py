@@ -24,12 +24,10 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
-import time
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rclpy.exceptions import InvalidTopicNameException
@@ -40,20 +38,15 @@ from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
-from onebot_description.description import Description, load_description
-from onebot_description.description_files import DescriptionFiles, Source
-from onebot_description.errors import DescriptionError, OneBotError, listing
+from onebot_description.description import Description, parse_description
+from onebot_description.description_files import DescriptionFiles, load_followed
+from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.source import JointStateSource
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.description_topic import (
-    GOES_ON,
-    DescriptionTopic,
-    described_by,
-    is_path,
-)
+from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
 from onebot_description.ros.parameters.reader import (
     ConfigError,
@@ -85,9 +78,9 @@ class JointParameters:
             ConfigError: with every problem.
         """
         self._node = node
-        self._name = node.get_fully_qualified_name()
         set_doubles(node, JointsConfig)
-        self.live = LiveParameters(arguments.files, self._name, JointsConfig)
+        name = node.get_fully_qualified_name()
+        self.live = LiveParameters(arguments.files, name, JointsConfig)
         set_names = arguments.names_for(node.get_name())
         self.values = self._declare(set_names)
         self.live.pin(set_names, self.values)
@@ -102,20 +95,6 @@ class JointParameters:
         names = [*given, *self.live.file.values]
         usual = defaults(JointsConfig)
         declare(self._node, JointsConfig, {name: usual.get(name) for name in names})
-        values = self._current()
-        config_file = values["config_file"]
-        if isinstance(config_file, str) and config_file:
-            self.live.add(config_file)
-            self.live.file = self.live.read()
-            # The command line and its parameter files override this file.
-            written = {n: v for n, v in self.live.file.values.items() if n not in names}
-            declare(self._node, JointsConfig, dict.fromkeys(written))
-            self._node.set_parameters([ros_parameter(n, value) for n, value in written.items()])
-            # Includes values that rclpy refused as out of range, so that they are reported.
-            values = {**self._current(), **written}
-        return values
-
-    def _current(self) -> dict[str, Any]:
         parameters = self._node.get_parameters_by_prefix("")
         return {n: plain(p.value) for n, p in parameters.items() if p.value is not None}
 
@@ -125,33 +104,23 @@ class JointParameters:
         """Return all ``values``, and their config, with ``parameters`` set (None: unset)."""
         changed = {**values, **{parameter.name: plain(parameter.value) for parameter in parameters}}
         changed = {name: value for name, value in changed.items() if value is not None}
-        config = self._checked(changed)
-        config_file = changed.get("config_file")
-        if config_file and config_file != values.get("config_file"):
-            read_files([Path(config_file)], self._name, JointsConfig)
-        return changed, config
+        return changed, self._checked(changed)
 
     def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
         """Check values, including names of topics, which JointsConfig cannot check."""
         config = JointsConfig.from_parameters(values)
-        if problems := self._topic_problems(config.source_list):
-            raise ConfigError(problems)
-        return config
-
-    def _topic_problems(self, topics: Sequence[str]) -> list[Problem]:
-        problems = []
         own_topic = self._node.resolve_topic_name("joint_states")
-        for topic in topics:
+        for topic in config.source_list:
             try:
                 validate_topic_name(topic)
-                same = self._node.resolve_topic_name(topic) == own_topic
+                is_own = self._node.resolve_topic_name(topic) == own_topic
             except InvalidTopicNameException as error:
-                problems.append(Problem("source_list", " ".join(str(error).split())))
-                continue
-            if same:
+                text = " ".join(str(error).split())
+                raise ConfigError([Problem("source_list", text)]) from None
+            if is_own:
                 text = f"{topic} is the topic this node publishes; name another one"
-                problems.append(Problem("source_list", text))
-        return problems
+                raise ConfigError([Problem("source_list", text)])
+        return config
 
 
 @dataclass(frozen=True)
@@ -195,25 +164,19 @@ _POLL_EVERY = 0.05  # seconds
 class JointFiles:
     """Watches parameter files and the description's files, and applies edits of them."""
 
-    def __init__(
-        self, node: "JointStatePublisher", description_file: str | None, live: LiveParameters
-    ) -> None:
-        """Watch the files as they are now."""
-        self._node, self._log, self._description_file = node, node.get_logger(), description_file
-        self._live = live
-        self._unsuitable: Parameters | None = None  # parameters refused because of the robot
+    def __init__(self, node: "JointStatePublisher", live: LiveParameters) -> None:
+        """Watch the parameter files as they are now."""
+        self._node, self._log, self._live = node, node.get_logger(), live
         self.parameters = Reloader(live.read, live.files)
-        self._description: DescriptionFiles | None = None
-        self._polled_ns = time.time_ns()  # files written later count as edited
+        self.description: DescriptionFiles | None = None
         steady_timer(node, _POLL_EVERY, self._poll)
 
-    def apply_refused(self) -> None:
-        """Apply the parameter files again, if they did not suit the last robot."""
-        if self._unsuitable is not None:
-            self._apply_parameters(self._unsuitable)
+    def reread_refused(self) -> None:
+        """Read the parameter files again, if an edit of them was refused."""
+        if self.parameters.edited:
+            self.parameters.read_soon()
 
     def _poll(self) -> None:
-        self.parameters.watched.watch(self._live.files)
         try:
             if (parameters := self.parameters.poll()) is not None:
                 self._apply_parameters(parameters)
@@ -223,53 +186,33 @@ class JointFiles:
             self._poll_description()  # only after the parameters
 
     def _poll_description(self) -> None:
-        state = self._node.state
-        path = self._description_file or state.values.get("robot_description", "")
-        if not is_path(path) or state.description is None:
-            self._description = None
+        if self.description is None:
             return
-        if self._description is None or self._description.model != path:
-            files = tuple(map(str, state.description.files))
-            self._description = DescriptionFiles(Source(path, {}, files, self._polled_ns))
-        self._polled_ns = time.time_ns()
         try:
-            description = self._description.poll()
-            if description is not None and description.urdf != state.description.urdf:
+            if (description := self.description.poll()) is not None:
                 self._node.replace(description)
-        except DescriptionError as error:
-            self._log.error(f"{path} not applied, {GOES_ON}:\n{error}")
+                self.description.applied()
+        except OneBotError as error:
+            self._log.error(f"{self.description.edited} not applied, {GOES_ON}:\n{error}")
 
-    def _refuse(self, error: OneBotError, unsuitable: Parameters | None = None) -> None:
-        self._unsuitable = unsuitable
-        self._log.error(f"{self._names} not applied, {GOES_ON}:\n{error}")
-
-    @property
-    def _names(self) -> str:
-        """The edited parameter files in words; after a change of config_file, that file."""
-        files = ", ".join(map(str, self._live.files[:1]))
-        return self.parameters.edited or files or "parameters"
+    def _refuse(self, error: OneBotError) -> None:
+        self._log.error(f"{self.parameters.edited} not applied, {GOES_ON}:\n{error}")
 
     def _apply_parameters(self, file: Parameters) -> None:
         """Set every parameter to its value in the files, or to its default."""
         live = self._live
         last = live.file
         try:
-            overridden = live.overridden(file)
             changes = live.changes(file, self._node.state.values)
             live.file = file
             self._node.set_all(changes, file.places)
         except OneBotError as error:
             live.file = last
-            self._refuse(error, file)
+            self._refuse(error)
             return
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
-        self._log.info(f"{self._names}: applied, {changed}")
+        self._log.info(f"{self.parameters.edited}: applied, {changed}")
         self.parameters.applied()
-        self._unsuitable = None
-        for name in overridden:
-            self._log.warning(f"{name} is set on the command line, which overrides the file")
-        if live.warning:
-            self._log.warning(live.warning)
 
 
 _EMPTY = array("d")
@@ -349,7 +292,7 @@ class JointStatePublisher(Node):
         self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._sources: dict[str, Subscription] = {}  # topics whose values override all motions
-        self._files = JointFiles(self, description_file, self._settings.live)
+        self._files = JointFiles(self, self._settings.live)
         self._start(description_file)
         follow_changes(self, self._check, self._accept)
 
@@ -357,9 +300,11 @@ class JointStatePublisher(Node):
         """Apply the description that is already at hand, or wait for one on the topic."""
         text = self.state.values["robot_description"]
         if description_file:
-            self._use(load_description(description_file))
+            description, source = load_followed(description_file)
+            self._use(description)
+            self._files.description = DescriptionFiles(source)
         elif text:
-            self._use(described_by(text))
+            self._use(parse_description(text, "robot_description"))
         else:
             self._subscribe(self.state.config.source_list)
             DescriptionTopic(self, lambda: self.state.description, self.replace)
@@ -373,8 +318,9 @@ class JointStatePublisher(Node):
         """Check parameters against each other, the files and the robot; change nothing."""
         old = self.state
         values, config = self._settings.changed(old.values, parameters)
-        text = values.get("robot_description")
-        new = described_by(text) if text and text != old.values.get("robot_description") else None
+        text, new = values.get("robot_description"), None
+        if text and text != old.values.get("robot_description"):
+            new = parse_description(text, "robot_description")
         return old.with_parameters(values, config, new)
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
@@ -398,12 +344,8 @@ class JointStatePublisher(Node):
         if not result.successful:
             raise OneBotError(result.reason)
 
-    def _accept(self, parameters: Sequence[Parameter]) -> None:
+    def _accept(self, _: Sequence[Parameter]) -> None:
         self._apply(self._next)
-        if any(parameter.name == "config_file" for parameter in parameters):
-            # Its parameters cannot be set from within this callback.
-            self._settings.live.add(self.state.values.get("config_file", ""))
-            self._files.parameters.read_soon()
 
     # Applying parameters and descriptions ----------------------------------------------------
 
@@ -420,7 +362,7 @@ class JointStatePublisher(Node):
         Parameters of joints that it does not have are reported and ignored.
         """
         self._change(self.state.describing(description, tolerant=True))
-        self._files.apply_refused()  # they may suit this robot
+        self._files.reread_refused()  # they may suit this robot
         self._report()
 
     def _apply(self, state: JointsState) -> None:

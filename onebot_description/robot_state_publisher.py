@@ -42,14 +42,14 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import keep_places
-from onebot_description.description_files import DescriptionFiles, Source
+from onebot_description.description_files import DescriptionFiles, Source, load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.description_topic import warn_of_two_robots
-from onebot_description.ros.node_graph import DiscoveryServerCheck
+from onebot_description.ros.node_graph import check_discovery_server
 from onebot_description.ros.parameters.reader import (
     declare,
     follow_changes,
@@ -67,6 +67,7 @@ from onebot_description.ros.wire.state_converter import StateConverter
 from onebot_description.state_parameters import StateParameters
 
 _POLL_EVERY = 0.1  # s between polls of the description's files
+_LONGEST_NS = 2.0**61  # 73 years: the compiled call adds it to a stamp
 _FOLLOW = "--follow"  # the option with which a bringup passes a Source
 
 
@@ -147,7 +148,7 @@ class RobotStatePublisher(Node):
         self._converter = StateConverter(
             self._model,
             frame_prefix=self._settings.frame_prefix,
-            interval_ns=round(NS_PER_S / frequency) if frequency else 0,
+            interval_ns=round(min(NS_PER_S / frequency, _LONGEST_NS)) if frequency else 0,
             ignore_timestamp=self._settings.ignore_timestamp,
             warn=self._warn,
         )
@@ -228,14 +229,11 @@ def main(args: Sequence[str] | None = None) -> int:
         del common[at : at + 2]
 
     def make_nodes(file: str | None, _: RosArguments) -> list[RobotStatePublisher]:
-        description, source, now_ns = None, followed, time.time_ns()
-        if file is not None:
-            description = load_description(file)
-            source = Source(file, {}, tuple(map(str, description.files)), now_ns)
+        description, source = (None, followed) if file is None else load_followed(file)
         nodes = [RobotStatePublisher(description, words) for words in robots]
         nodes = nodes or [RobotStatePublisher(description, source=source)]
         # Every bringup has exactly one such process.
-        DiscoveryServerCheck(nodes)
+        check_discovery_server(nodes)
         return nodes
 
     return run_described_node(

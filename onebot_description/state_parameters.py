@@ -1,11 +1,8 @@
 """The parameters of robot_state_publisher; some of them are launch arguments, too."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from onebot_description.ros.parameters.reader import Problem, parameter
-
-_LEAST_HERTZ = 0.001
+from onebot_description.ros.parameters.reader import parameter
 
 
 @dataclass(frozen=True)
@@ -24,9 +21,3 @@ class StateParameters:
     hold_floating_joints: bool = parameter(
         False, "publish floating joints at their origin, for a robot that no other node places"
     )
-
-    def check(self) -> Iterator[Problem]:
-        """Reject rates below 0.001 Hz, whose interval would be too long for a stamp."""
-        if 0.0 < self.publish_frequency < _LEAST_HERTZ:
-            text = f"{self.publish_frequency:g} is below {_LEAST_HERTZ:g}"
-            yield Problem("publish_frequency", f"{text}; write 0 for every message, or more")

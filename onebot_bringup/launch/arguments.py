@@ -19,7 +19,6 @@ from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError, did_you_mean, printable
-from onebot_description.joints.config import JointsConfig
 from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
 from onebot_description.ros.parameters.reader import leaves
 from onebot_description.ros.parameters.values import Rule, ValueType
@@ -354,13 +353,11 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
     return [
         Argument("model", model, "the robot: a URDF or xacro file, also as package://pkg/path"),
         PACKAGES,
-        parameter_of(
-            "joint_state_publisher",
-            JointsConfig,
-            "config_file",
+        Argument(
             "joints",
-            default=joints,
-            note="empty: joints swing",
+            joints,
+            "a YAML file of joint_state_publisher's parameters, reloaded when edited; "
+            "empty: joints swing",
         ),
         switch("joint_states", True, "run joint_state_publisher; false: the robot has its own"),
         parameter_of("rerun_viewer", ViewerParameters, "viewer"),

@@ -2,7 +2,6 @@
 
 import os
 import sys
-import time
 from collections.abc import Mapping, Sequence, Set
 from functools import partial
 from importlib.util import find_spec
@@ -27,7 +26,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.launch.nodes import (
     Launch,
     command_topic,
-    given_params_files,
+    given_files,
     world_frame,
 )
 from onebot_bringup.launcher.child import temporary_folder
@@ -107,9 +106,8 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     Returns:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
     """
-    from onebot_description.description import load_description
     from onebot_description.description.loading import PLACES, keep_places
-    from onebot_description.description_files import Source
+    from onebot_description.description_files import load_followed
 
     arguments = split(argv)
     assignments = _with_model(command, arguments)
@@ -132,8 +130,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
     _check_files(values)
     values = with_params_file(values, command_arguments, command.controller)
-    read_ns = time.time_ns()
-    description = load_description(model, for_xacro)
+    description, source = load_followed(model, for_xacro)
     description.require_tree()
     values = with_view(values, command_arguments, command, description.root_link)
     robots: list[PlacedRobot] = []
@@ -142,7 +139,6 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
 
         robots = placed_robots(values["robots"], description)
     _check_sections(values, command_arguments, robots, command.controller)
-    source = Source(model, for_xacro, tuple(map(str, description.files)), read_ns)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
@@ -274,7 +270,7 @@ def with_view(
         values["view"] = command.sim_view
     elif values.get("world"):
         values["view"] = command.world_view
-        frame = world_frame(values, given_params_files(values), command.controller)
+        frame = world_frame(values, given_files(values), command.controller)
     elif command.control and values["sim"] == "false":
         frame = values["frame_prefix"] + root_link  # there is no odom
     values["fixed_frame"] = values["fixed_frame"] or frame

@@ -52,7 +52,7 @@ class Launch:
     def params_files(self) -> list[Path]:
         """The controller's parameter files; later ones override."""
         robot_file = self.robot.params_file if self.robot else None
-        return [*given_params_files(self.values), *filter(None, [robot_file])]
+        return [*given_files(self.values), *filter(None, [robot_file])]
 
     @property
     def stands(self) -> bool:
@@ -78,12 +78,11 @@ class Launch:
             for robot in self.robots:
                 launch = self._of_robot(robot)
                 node_parameters = launch.parameters(row) | parameters
-                files = launch.params_files[1:] if row.params_files else ()
+                files = row.files(launch)[1:]
                 words += ["--robot", *launch.ros_nodes.arguments(row.name, node_parameters, files)]
         else:
             parameters |= self.parameters(row)
-        files = self.params_files if row.params_files else ()
-        return self.ros_nodes.process(row, parameters, words, files)
+        return self.ros_nodes.process(row, parameters, words, row.files(self))
 
     def parameters(self, row: NodeRow) -> Parameters:
         """Return the parameters of a node, from the arguments and from its row."""
@@ -136,7 +135,7 @@ class NodeRow(NamedTuple):
     nice: int = 0
     words: Callable[[Launch], list[str]] = lambda _: []  # words before its ROS arguments
     each_robot: bool = False  # whether each of several robots has such a node
-    params_files: bool = False  # whether it reads the files of params_file:=
+    files: Callable[[Launch], list[Path]] = lambda _: []  # files of its parameters
     parameters_of: str = ""  # the node in the process with the parameters, if not ``name``
 
     @property
@@ -160,9 +159,9 @@ def _controller_parameters(launch: Launch) -> Parameters:
     return parameters
 
 
-def given_params_files(values: Mapping[str, str]) -> list[Path]:
-    """Return the controller's parameter file in the launch arguments, if there is one."""
-    return [Path(values["params_file"]).absolute()] if values["params_file"] else []
+def given_files(values: Mapping[str, str], argument: str = "params_file") -> list[Path]:
+    """Return the parameter file that a launch argument names, if it does."""
+    return [Path(values[argument]).absolute()] if values[argument] else []
 
 
 def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
@@ -242,14 +241,14 @@ NODES = (
         _controller_parameters,
         starts=lambda launch: launch.is_true("sim") and not launch.stands,
         each_robot=True,
-        params_files=True,
+        files=lambda launch: launch.params_files,
     ),
     NodeRow(
         "joint_trajectory_controller",
         "onebot_control.joint_trajectory_controller",
         _controller_parameters,
         starts=lambda launch: launch.is_true("sim") and launch.stands,
-        params_files=True,
+        files=lambda launch: launch.params_files,
         parameters_of=MANAGER,
     ),
     NodeRow(
@@ -264,6 +263,7 @@ NODES = (
         "onebot_description.joint_state_publisher",
         _joint_parameters,
         starts=_makes_joint_states,
+        files=lambda launch: given_files(launch.values, "joints"),
     ),
     VIEWER := NodeRow(
         "rerun_viewer",

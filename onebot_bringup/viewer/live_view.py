@@ -105,7 +105,7 @@ class LiveView:
 
     def poll(self) -> None:
         """Apply edits of the view's file; call this periodically."""
-        for file in self.source.poll().saved:
+        for file in self.source.poll():
             try:
                 if self.source.reload():
                     self._changed(f"{file} was edited: the view is up to date")

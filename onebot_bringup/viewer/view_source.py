@@ -14,7 +14,7 @@ from onebot_bringup.viewer.view_config import (
 )
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_description.errors import OneBotError
-from onebot_description.file_watch import Changes, FileWatch
+from onebot_description.file_watch import FileWatch
 from onebot_description.ros.parameters.reader import replaced
 from onebot_description.whole_file import write_whole
 
@@ -74,7 +74,7 @@ class ViewSource:
         self.reload()
         return True
 
-    def poll(self) -> Changes:
+    def poll(self) -> list[Path]:
         """Return the view file if the user has saved or removed it since the last call."""
         return self._watch.poll()
 

@@ -97,9 +97,7 @@ class SimulationConfig:
     The table in README.md explains them.
     """
 
-    robot_description: str = parameter(
-        "", "the URDF, or the path of a URDF or xacro file", read_only=True
-    )
+    robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
     x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)

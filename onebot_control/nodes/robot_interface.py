@@ -20,9 +20,9 @@ from onebot_control.nodes.robot_services import RobotServices
 from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
 from onebot_control.sensing.surroundings import SensedRobot
-from onebot_description.description import Description, load_description
+from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.ros.description_topic import DescriptionTopic, described_by, is_path
+from onebot_description.ros.description_topic import DescriptionTopic
 from onebot_description.ros.throttled import Throttled
 
 
@@ -186,8 +186,8 @@ class RobotInterface:
         if file:
             self._start(load_description(file))
         elif text:
-            self._start(described_by(text))
-        if not file and not is_path(text):
+            self._start(parse_description(text, "robot_description"))
+        if not file:
             places = self.settings.places
             DescriptionTopic(self.node, lambda: self.description, self._use, places)
 

@@ -51,7 +51,7 @@ class RobotSensors:
 
     def poll(self) -> None:
         """Check whether the file was edited; call it several times a second."""
-        if any(self._watch.poll()):
+        if self._watch.poll():
             self._changed()
 
     def update(self, row: int, description: Description, config: ControlConfig) -> list[Channel]:

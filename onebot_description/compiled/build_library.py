@@ -119,10 +119,9 @@ def _explain(failures: list[str]) -> str:
     lines = [f"cannot compile {LIBRARY.name}, which publishing transforms needs."]
     if failures:
         lines += ["Tried:", *(f"  {failure}" for failure in failures)]
-    elif cc := os.environ.get("CC", "").strip():
-        lines.append(f"The environment variable CC names {cc!r}, which is no program here.")
     else:
-        lines.append("There is no C compiler: none of cc, gcc and clang is on the PATH.")
+        names = os.environ.get("CC", "").strip() or "cc, gcc and clang"
+        lines.append(f"There is no C compiler: none of {names} is on the PATH.")
     lines.append("Install gcc or clang, or run `pip install ziglang`, then try again.")
     return "\n".join(lines)
 

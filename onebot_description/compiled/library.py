@@ -17,8 +17,6 @@ class LibraryError(OneBotError, ImportError):
 def load_library() -> ctypes.PyDLL:
     """Return the compiled library."""
     path = build_library.LIBRARY
-    if not path.exists():
-        raise LibraryError(f"The compiled library {path.name} is not built. {_REMEDY}")
     try:
         library = ctypes.PyDLL(str(path))
         digest = ctypes.c_char.in_dll(library, "onebot_source_digest")

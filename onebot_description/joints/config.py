@@ -1,8 +1,7 @@
 """The parameters of joint_state_publisher and their checks."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,98 +17,46 @@ from onebot_description.ros.parameters.reader import REQUIRED, Problem, paramete
 
 Poses = Mapping[str, Mapping[str, float]]
 
-_MIN_RATE = 0.001
-MAX_RATE = 1000.0
-"""Hz; a faster timer only wastes processor time."""
+
+def _constant(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    return Keyframes.hold(given.position or 0.0)
 
 
-class _Kind(ABC):
-    """A kind of motion: which of ``MotionParameters`` it uses, and what they make."""
-
-    keys: tuple[str, ...]
-
-    @abstractmethod
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        """Return the motion of ``joint``; the parameters must have passed both checks."""
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        """Return all problems except unknown poses."""
-        return ()
-
-    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
-        """Return the names of the poses that parameters refer to, each after its parameter's."""
-        return ()
-
-    def notes(self, given: "MotionParameters") -> Iterable[Problem]:
-        """Return warnings on parameters that are valid, but probably not intended."""
-        return ()
+def _sine(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    return Sine(
+        given.amplitude or 0.0, given.frequency or 0.0, given.phase or 0.0, given.offset or 0.0
+    )
 
 
-class _Constant(_Kind):
-    keys = ("position",)
-
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        return Keyframes.hold(given.position or 0.0)
-
-
-class _Sine(_Kind):
-    keys = ("amplitude", "frequency", "phase", "offset")
-
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        return Sine(
-            given.amplitude or 0.0, given.frequency or 0.0, given.phase or 0.0, given.offset or 0.0
-        )
-
-    def notes(self, given: "MotionParameters") -> Iterable[Problem]:
-        if missing := [key for key in ("amplitude", "frequency") if getattr(given, key) is None]:
-            yield Problem("", f"sine without {' and '.join(missing)} does not swing")
+def _keyframes(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
+    blend = given.blend or LINEAR
+    return Keyframes(given.times or (), positions, blend, given.loop is not False)
 
 
-class _Keyframes(_Kind):
-    keys = ("times", "positions", "poses", "blend", "loop")
-
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        positions = given.positions or tuple(poses[name][joint] for name in given.poses or ())
-        blend = given.blend or LINEAR
-        return Keyframes(given.times or (), positions, blend, given.loop is not False)
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        if (given.positions is None) == (given.poses is None):
-            yield Problem("", "keyframes need either positions or poses")
-            return
-        times, positions = given.times, given.positions or given.poses or ()
-        if not times:
-            yield Problem("times", "keyframes need times, such as [0.0, 2.0]")
-        elif len(times) != len(positions):
-            counts = f"{len(times)} times but {len(positions)} positions"
-            yield Problem("", f"{counts}; give as many of each, at once")
-        elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
-            yield Problem("times", f"{list(times)} must increase, from 0 on")
-
-    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
-        return [("poses", name) for name in given.poses or ()]
+def _check_keyframes(given: "MotionParameters") -> Iterator[Problem]:
+    if (given.positions is None) == (given.poses is None):
+        yield Problem("", "keyframes need either positions or poses")
+        return
+    times, positions = given.times or (), given.positions or given.poses or ()
+    if len(times) != len(positions):
+        counts = f"{len(times)} times but {len(positions)} positions"
+        yield Problem("", f"{counts}; give as many of each, at once")
+    elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        yield Problem("times", f"{list(times)} must increase, from 0 on")
 
 
-class _Pose(_Kind):
-    keys = ("pose",)
-
-    def motion(self, given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-        name = given.pose or ""
-        return Keyframes.hold(poses[name][joint], name)
-
-    def check(self, given: "MotionParameters") -> Iterable[Problem]:
-        if not given.pose:
-            yield Problem("pose", "write the name of a pose")
-
-    def poses(self, given: "MotionParameters") -> Iterable[tuple[str, str]]:
-        return [("pose", given.pose)] if given.pose else []
+def _pose(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
+    name = given.pose or ""
+    return Keyframes.hold(poses[name][joint], name)
 
 
-_KINDS: Mapping[str, _Kind] = {
-    "constant": _Constant(),
-    "sine": _Sine(),
-    "keyframes": _Keyframes(),
-    "pose": _Pose(),
+# What makes the motion of a joint by its type; parameters of other types are ignored.
+_KINDS: Mapping[str, Callable[["MotionParameters", str, Poses], Motion]] = {
+    "constant": _constant,
+    "sine": _sine,
+    "keyframes": _keyframes,
+    "pose": _pose,
 }
 
 
@@ -132,40 +79,24 @@ class MotionParameters:
     loop: bool | None = parameter(None, "keyframes: start over after the last, unless false")
     pose: str | None = parameter(None, "pose: name of the pose to hold")
 
-    @property
-    def given(self) -> set[str]:
-        """The names of the given parameters, except the type."""
-        names = (setting.name for setting in fields(self) if setting.name != "type")
-        return {name for name in names if getattr(self, name) is not None}
-
-    @property
-    def kind(self) -> _Kind:
-        """What the type stands for."""
-        return _KINDS[self.type]
-
     def check(self) -> Iterable[Problem]:
         """Return all problems except unknown poses."""
-        return self.kind.check(self)
+        return _check_keyframes(self) if self.type == "keyframes" else ()
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
-        for key, name in self.kind.poses(self):
+        named = [("poses", name) for name in self.poses or ()]
+        named += [("pose", self.pose or "")] if self.type == "pose" else []
+        for key, name in named:
             if name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')
             elif joint not in poses[name]:
                 text = f'pose "{name}" has no position of this joint; add poses.{name}.{joint}'
                 yield Problem(key, text)
 
-    def notes(self) -> Iterator[Problem]:
-        """Yield warnings on parameters that are valid, but probably not intended."""
-        for key in sorted(self.given.difference(self.kind.keys)):
-            users = " and ".join(name for name, kind in _KINDS.items() if key in kind.keys)
-            yield Problem(key, f"not used by type {self.type}, only by type {users}")
-        yield from self.kind.notes(self)
-
     def motion(self, joint: str, poses: Poses) -> Motion:
         """Return the motion of ``joint``; the parameters must have passed both checks."""
-        return self.kind.motion(self, joint, poses)
+        return _KINDS[self.type](self, joint, poses)
 
 
 @dataclass(frozen=True)
@@ -188,7 +119,7 @@ class JointsConfig:
     Positions are in rad, or m for prismatic joints.
     """
 
-    rate: float = parameter(10.0, "messages per second, Hz", at_least=_MIN_RATE, at_most=MAX_RATE)
+    rate: float = parameter(10.0, "messages per second, Hz", at_least=1e-3, at_most=1e3)
     publish_default_positions: bool = parameter(True, "publish joints that nothing moves")
     publish_default_velocities: bool = parameter(
         False, "publish velocities also when nothing moves"
@@ -222,12 +153,7 @@ class JointsConfig:
         {}, "position of the joint in the pose, rad or m", keys=("pose", "joint")
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
-    robot_description: str = parameter("", "the URDF, or the path of a URDF or xacro file")
-    config_file: str = parameter(
-        "",
-        "a YAML file of joint_state_publisher's parameters, reloaded when edited; those given "
-        "directly override it",
-    )
+    robot_description: str = parameter("", "the URDF, in place of the topic")
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
@@ -261,17 +187,5 @@ class JointsConfig:
             hint = did_you_mean(self.pose, self.poses, "poses")
             yield Problem("pose", f'no pose "{self.pose}"{hint}')
         for joint, motion in self.motion_parameters.items():
-            yield from _inside(f"motions.{joint}", motion.check_poses(joint, self.poses))
-
-    @cached_property
-    def notes(self) -> tuple[Problem, ...]:
-        """Warnings on parameters that are valid, but probably not intended."""
-        notes = []
-        for joint, motion in self.motion_parameters.items():
-            notes += _inside(f"motions.{joint}", motion.notes())
-        return tuple(notes)
-
-
-def _inside(group_name: str, problems: Iterable[Problem]) -> list[Problem]:
-    """Return the problems with their keys prefixed by the group's name."""
-    return [Problem(".".join(filter(None, (group_name, p.key))), p.text) for p in problems]
+            for problem in motion.check_poses(joint, self.poses):
+                yield Problem(f"motions.{joint}.{problem.key}", problem.text)

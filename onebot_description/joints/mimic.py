@@ -57,9 +57,8 @@ def resolve(
     Returns:
         The leaders; the limits, narrowed so that all followers stay within theirs; and problems.
         There is a problem for each joint that cannot follow, and so moves alone (its leader is
-        missing or fixed, joints follow in a circle, or no position keeps both within their limits),
-        and for each leader whose range becomes smaller. A problem's key is the joint's entry in
-        dependent_joints; empty for a mimic tag.
+        missing or fixed, joints follow in a circle, or no position keeps both within their limits).
+        Its key is the joint's entry in dependent_joints; empty for a mimic tag.
     """
     mimics = _mimics(joints, dependent, use_mimic_tags)
     problems: list[Problem] = []
@@ -77,9 +76,9 @@ def resolve(
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
         following = _reduced(joints, mimics)
-        narrowed, wrong, notes = _narrow(joints, limits, following)
+        narrowed, wrong = _narrow(joints, limits, following)
         if not wrong:
-            return following, narrowed, [*problems, *notes]
+            return following, narrowed, problems
         for name, text in wrong.items():
             leave_out(name, text)
 
@@ -121,31 +120,26 @@ def _reduced(joints: Sequence[Joint], mimics: _Mimics) -> Following:
 
 def _narrow(
     joints: Sequence[Joint], limits: JointLimits, following: Following
-) -> tuple[JointLimits, dict[str, str], list[Problem]]:
+) -> tuple[JointLimits, dict[str, str]]:
     """Narrow the limits of leaders so that their followers stay within their own.
 
     Returns:
-        Limits of all joints, what is wrong with followers that no position of their leader keeps
-        within their limits, and warnings on leaders whose range became smaller.
+        Limits of all joints, and what is wrong with followers that no position of their leader
+        keeps within their limits.
     """
-    narrowed, wrong, notes = deepcopy(limits), {}, []
+    narrowed, wrong = deepcopy(limits), {}
     for follower in np.flatnonzero(following.follows).tolist():
         leader = int(following.leader[follower])
         old = narrowed.lower[leader], narrowed.upper[leader]
         _narrow_leader(narrowed, limits, following, follower)
-        new = narrowed.lower[leader], narrowed.upper[leader]
-        text = (
-            f'joint "{joints[follower].name}", which follows "{joints[leader].name}" as its'
-            f" position * {following.factor[follower]:g} + {following.offset[follower]:g},"
-            f" has limits [{limits.lower[follower]:g}, {limits.upper[follower]:g}]"
-        )
-        if new[0] > new[1]:
-            remedy = "correct the limits or the mimic tag, or set use_mimic_tags to false"
-            wrong[joints[follower].name] = f"{text}, and no position suits both; {remedy}"
+        if narrowed.lower[leader] > narrowed.upper[leader]:
+            wrong[joints[follower].name] = (
+                f'joint "{joints[follower].name}" follows "{joints[leader].name}", and no position'
+                " suits the limits of both; correct the limits or the mimic tag, or set"
+                " use_mimic_tags to false"
+            )
             narrowed.lower[leader], narrowed.upper[leader] = old
-        elif new[0] > old[0] + 1e-6 or new[1] < old[1] - 1e-6:
-            notes.append(Problem("", f"{text}, so both keep to [{new[0]:g}, {new[1]:g}]"))
-    return narrowed, wrong, notes
+    return narrowed, wrong
 
 
 def _narrow_leader(

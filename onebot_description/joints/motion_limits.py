@@ -33,8 +33,8 @@ def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[JointLimits, l
         soft: also apply the soft limits of safety_controller.
 
     Returns:
-        The limits, and a problem for each revolute or prismatic joint that has no limits (it stays
-        at 0) or whose soft limits leave no range (they are not applied).
+        The limits, and a problem for each revolute or prismatic joint that has no limits: it stays
+        at 0. Soft limits that leave no range are not applied.
     """
     problems: list[Problem] = []
     ranges = np.array([_range(joint, soft, problems) for joint in joints]).reshape(-1, 2)
@@ -60,11 +60,4 @@ def _range(joint: Joint, soft: bool, problems: list[Problem]) -> tuple[float, fl
     soft_lower = -math.inf if joint.soft_lower is None else joint.soft_lower
     soft_upper = math.inf if joint.soft_upper is None else joint.soft_upper
     lower, upper = max(hard[0], soft_lower), min(hard[1], soft_upper)
-    if lower > upper:
-        text = (
-            f"limits [{hard[0]:g}, {hard[1]:g}] and soft limits [{soft_lower:g}, {soft_upper:g}]"
-            " leave no range; the soft ones are not applied: correct its safety_controller"
-        )
-        problems.append(Problem("", f'joint "{joint.name}": {text}'))
-        return hard
-    return lower, upper
+    return (lower, upper) if lower <= upper else hard

@@ -1,7 +1,7 @@
 """Checks the parameters of joints against a robot, and chooses the motion of each joint."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +36,6 @@ _FREE_SWING = math.pi / 2  # rad or m, without limits
 class Plan:
     """The checked motions and limits of N movable joints; ``make_plan`` returns it."""
 
-    config: JointsConfig
     following: Following
     limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
@@ -59,7 +58,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
         joints, all_joints, limits, config.dependent_joints, config.use_mimic_tags
     )
     problems = [
-        *_wrong_names(joints, all_joints, config),
+        *_wrong_names(joints, all_joints, _named(config)),
         *_moved_followers(joints, following, config),
         *problems,
         *more,
@@ -68,19 +67,17 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     endless = np.array([joint.kind == "continuous" for joint in joints], dtype=bool)
     endless[following.leader[follows]] = False
     endless &= ~follows
-    reports = [*config.notes, *problems, *_unknown_zeros(joints, config)]
-    planners, zeros, motions = list[_JointPlanner](), list[float](), list[Motion]()
+    zero_names = {f"zeros.{name}": name for name in config.zeros}
+    reports = [*problems, *_wrong_names(joints, all_joints, zero_names)]
+    zeros, motions = list[float](), list[Motion]()
     for row, joint in enumerate(joints):
         share = row / len(joints)
         planner = _JointPlanner(joint, _allowed(joint, narrowed, row), share, config, reports)
         zero = planner.zero(zero_position(float(limits.lower[row]), float(limits.upper[row])))
         motion = Keyframes.hold(0.0) if follows[row] else planner.motion(zero, bool(endless[row]))
-        planners.append(planner)
         zeros.append(zero)
         motions.append(motion)
-    _report_poses(planners, following, config)
     return Plan(
-        config=config,
         following=following,
         limits=narrowed,
         endless=endless,
@@ -121,8 +118,9 @@ class _JointPlanner:
         if name in config.zeros:
             self.check(Keyframes.hold(config.zeros[name]), f"zeros.{name}")
         if config.pose and name in config.poses[config.pose]:
-            position = self.allowed.clamp(config.poses[config.pose][name])
-            return Keyframes.hold(position, config.pose)
+            held = Keyframes.hold(config.poses[config.pose][name], config.pose)
+            self.check(held, f"poses.{config.pose}.{name}")
+            return held
         if (motion := config.motions.get(name)) is not None:
             self.check(motion, f"motions.{name}")
             return motion.turning() if endless and isinstance(motion, Keyframes) else motion
@@ -155,49 +153,26 @@ class _JointPlanner:
 
     def check(self, motion: Motion, key: str) -> None:
         """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
-        name = self.joint.name
-        about = "" if key.endswith(f".{name}") else f'joint "{name}": '
-        texts = motion.violations(self.allowed)
-        self.reports.extend(Problem(key, about + text) for text in texts)
+        self.reports.extend(Problem(key, text) for text in motion.violations(self.allowed))
 
 
-def _report_poses(
-    planners: Sequence[_JointPlanner], following: Following, config: JointsConfig
-) -> None:
-    """Report poses beyond limits, and pose entries of joints that follow others."""
-    rows = {planner.joint.name: row for row, planner in enumerate(planners)}
+def _named(config: JointsConfig) -> dict[str, str]:
+    """Return the joints that the robot must have, by the parameters that name them."""
+    names = {f"motions.{name}": name for name in config.motions}
+    names |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
     for pose, positions in config.poses.items():
-        for name, position in positions.items():
-            if name not in rows:
-                continue  # reported already
-            planner, key = planners[rows[name]], f"poses.{pose}.{name}"
-            if following.follows[rows[name]]:
-                leader = planners[following.leader[rows[name]]].joint.name
-                planner.reports.append(Problem(key, f'not used: this joint follows "{leader}"'))
-            else:
-                planner.check(Keyframes.hold(position), key)
-
-
-def _unknown_zeros(joints: Sequence[Joint], config: JointsConfig) -> list[Problem]:
-    names = {joint.name for joint in joints}
-    return [
-        Problem(f"zeros.{name}", f"no joint of this name moves{did_you_mean(name, names)}")
-        for name in sorted(set(config.zeros) - names)
-    ]
+        names |= {f"poses.{pose}.{name}": name for name in positions}
+    return names
 
 
 def _wrong_names(
-    joints: Sequence[Joint], all_joints: Sequence[Joint], config: JointsConfig
+    joints: Sequence[Joint], all_joints: Sequence[Joint], names: Mapping[str, str]
 ) -> list[Problem]:
-    """Return a problem for each parameter of a joint that does not exist or cannot move."""
+    """Return a problem for each of ``names``, by parameter, that is no joint that moves."""
     moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
-    keys = {f"motions.{name}": name for name in config.motions}
-    keys |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
-    for pose, positions in config.poses.items():
-        keys |= {f"poses.{pose}.{name}": name for name in positions}
     problems = []
-    for key, name in keys.items():
+    for key, name in names.items():
         if name not in moving:
             hint = did_you_mean(name, moving, "joints that move")
             absent = f'the robot has no joint "{name}"'

@@ -99,8 +99,7 @@ class JointStateSource:
                 they are a ConfigError.
         """
         self._all_joints = tuple(joints)
-        self._joints = movable(joints)
-        self.names = tuple(joint.name for joint in self._joints)
+        self.names = tuple(joint.name for joint in movable(joints))
         self.received = ReceivedJointStates(self.names)
         self._time: float | None = None
         self._elapsed = 0.0
@@ -115,11 +114,6 @@ class JointStateSource:
         if previous is not None:
             self._continue_from(previous)
         self.apply(self._plan)
-
-    @property
-    def config(self) -> JointsConfig:
-        """The active parameters."""
-        return self._plan.config
 
     @property
     def reports(self) -> tuple[Problem, ...]:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.parameters.reader import ConfigError
@@ -19,16 +19,6 @@ GOES_ON = "the robot goes on as before"
 
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _PATIENCE = 2.0  # seconds without a description before a warning
-
-
-def is_path(text: str) -> bool:
-    """Return whether the value of robot_description is the path of a file, not the URDF."""
-    return bool(text) and "<" not in text
-
-
-def described_by(text: str) -> Description:
-    """Load the description that the value of robot_description contains, or whose path it is."""
-    return load_description(text) if is_path(text) else parse_description(text, _DESCRIPTION)
 
 
 class DescriptionTopic:

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.values import MAX_PORT
 from onebot_description.ros.shared_memory import remove_broken_ports
 
 RANGE, SERVER = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"
@@ -40,15 +39,13 @@ def _variables(argument: str) -> dict[str, str]:
     match = ARGUMENT.fullmatch(argument)
     if match is None or match["host"] is None:
         return {RANGE: argument.upper(), SERVER: ""}
-    host, port = match["host"], int(match["port"])
-    if not 0 < port <= MAX_PORT:
-        raise OneBotError(f"discovery:={argument}: {port} is no port; write 1 to {MAX_PORT}")
+    host = match["host"]
     try:
         # By name, Fast DDS would take an address of IPv6 where there is one, and only that.
         address = socket.gethostbyname(host)
     except OSError as error:
         raise OneBotError(f"discovery:={argument}: no host {host}: {error.strerror}") from None
-    return {RANGE: SUBNET.upper(), SERVER: f"{address}:{port}"}
+    return {RANGE: SUBNET.upper(), SERVER: f"{address}:{match['port']}"}
 
 
 def _is_chosen() -> bool:

@@ -67,11 +67,8 @@ class StampCheck:
             self._warn("offset", self._text(offset))
 
     def _text(self, ahead_ns: int) -> str:
-        seconds = f"{abs(ahead_ns) / NS_PER_S:.1f} s"
-        keep = "keep the clocks of all computers together with chrony or NTP"
-        if ahead_ns > 0:
-            return f"stamps of {self._topic} are {seconds} ahead of this computer's clock: {keep}"
+        side = "ahead of" if ahead_ns > 0 else "behind"
         return (
-            f"stamps of {self._topic} are {seconds} behind this computer's clock: {keep}; or are "
-            "the messages late, or of a recording?"
+            f"stamps of {self._topic} are {abs(ahead_ns) / NS_PER_S:.1f} s {side} this computer's "
+            "clock: keep the clocks of all computers together with chrony or NTP"
         )

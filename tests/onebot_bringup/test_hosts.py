@@ -137,8 +137,6 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
         fleet.drive()
         server = ("fastdds", "discovery", "-i", "0", "-p", str(SERVER_PORT))
         fleet.run(fleet.viewer_host, *server)
-        robot.says("other nodes are discovered now")
-        assert robot.output.count("no other node is discovered") == 1
         wait_for(fleet.drives, "the robot to drive")
         recording = fleet.start_viewer()
         wait_for(recording.exists, "the recording")

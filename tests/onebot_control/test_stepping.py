@@ -52,7 +52,7 @@ def sensors(tmp_path: Path) -> str:
 
 def paused(*arguments: str, **parameters: Any) -> NodeProcess:
     parameters = {"use_sim_time": True, "paused": True, **parameters}
-    return NodeProcess(MODULE, *arguments, *ros_args(robot_description=ROBOT, **parameters))
+    return NodeProcess(MODULE, ROBOT, *arguments, *ros_args(**parameters))
 
 
 def step(peer: Peer, steps: int) -> Any:

@@ -50,16 +50,9 @@ def test_variables_of_an_argument(
     assert discovery_variables({"discovery": argument, "domain_id": ""}, forced=True) == expected
 
 
-@pytest.mark.parametrize(
-    ("argument", "problem"),
-    [
-        ("10.0.0.7:0", "0 is no port; write 1 to 65535"),
-        ("10.0.0.7:65536", "65536 is no port"),
-        ("no-such-host.invalid:1", "no host no-such-host.invalid"),
-    ],
-)
-def test_bad_servers(argument: str, problem: str) -> None:
-    with pytest.raises(OneBotError, match=f"discovery:={argument}: {problem}"):
+def test_a_server_on_an_unknown_host() -> None:
+    argument = "no-such-host.invalid:1"
+    with pytest.raises(OneBotError, match=f"discovery:={argument}: no host no-such-host.invalid"):
         discovery_variables({"discovery": argument, "domain_id": ""}, forced=True)
 
 

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -17,7 +16,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.service_introspection import ServiceIntrospectionState
-from rosidl_generator_py import import_type_support
 from std_srvs.srv import SetBool
 
 from onebot_bringup.introspection.interfaces import installed
@@ -110,18 +108,16 @@ def check_class(part: str, twin: Any, generated: Any) -> None:
     assert twin.__module__ == generated.__module__
     assert twin.get_fields_and_field_types() == generated.get_fields_and_field_types()
     assert twin.SLOT_TYPES == generated.SLOT_TYPES
-    assert list(twin.__slots__) == list(generated.__slots__)
+    assert [*twin.__slots__, "_check_fields"] == list(generated.__slots__)
     assert repr(twin()) == repr(generated())
     assert twin() == twin() != generated() and twin.__hash__ is None
-    constants = {key for key in dir(generated) if key.isupper() and key != "SLOT_TYPES"}
-    for key in constants:
+    names = [key for key in dir(generated) if key.isupper() and not key.endswith("__DEFAULT")]
+    for key in set(names) - {"SLOT_TYPES"}:
         assert getattr(twin, key) == getattr(generated, key), key
     for field in twin.get_fields_and_field_types():
         value = getattr(generated(), field)
         if "Event" not in (part, field):
             assert type(getattr(twin(), field)) is type(value), field
-    with pytest.raises(AssertionError, match="Invalid arguments passed to constructor: wrong"):
-        twin(wrong=1, check_fields=True)
 
 
 def classes_of(name: str) -> Iterator[Any]:
@@ -166,26 +162,6 @@ def test_values_that_do_not_fit() -> None:
     tolerance = load_interface("control_msgs/msg/JointTolerance")
     with pytest.raises(TypeError, match="JointTolerance: required argument is not a float"):
         serialize_message(tolerance(position="far"))
-
-
-@pytest.mark.parametrize("package", ["tf2_msgs", ""])
-def test_an_installed_package_that_cannot_be_loaded(
-    apart: None, monkeypatch: pytest.MonkeyPatch, package: str
-) -> None:
-    """It is passed over; test_colcon.py has one that is used."""
-
-    def load(_: type) -> None:
-        if package:
-            import_type_support(package)  # fails by a bare Exception
-
-    attributes = {"_TYPE_SUPPORT": None, "__import_type_support__": classmethod(load)}
-    module = ModuleType("tf2_msgs.msg")
-    module.TFMessage = type("Metaclass", (type,), attributes)("TFMessage", (), {})
-    for name in ("tf2_msgs", "tf2_msgs.msg"):
-        monkeypatch.setitem(sys.modules, name, module)
-    found = load_interface.__wrapped__("tf2_msgs/msg/TFMessage")  # not cached
-    assert found is not module.TFMessage
-    assert deserialize_message(serialize_message(found()), found) == found()
 
 
 def test_an_unknown_interface() -> None:

@@ -222,26 +222,19 @@ def test_sources_count_more(start: Start, listener: Listener, mrm: str) -> None:
     assert "joint_states" in listener.set("source_list", ["joint_states"])
 
 
-def test_config_file_is_watched_and_the_command_line_and_its_files_override_it(
+def test_later_files_and_the_command_line_override_a_saved_file(
     start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
-    """At the start, and when it is saved; what they do not have is config_file's."""
-    file, given, other = (tmp_path / f"{name}.yaml" for name in ("joints", "given", "other"))
+    file, given = (tmp_path / f"{name}.yaml" for name in ("joints", "given"))
     still = f"motions: {{{JOINT}: {{type: constant, position: "
     file.write_text(yaml(f"rate: 5\ndelta: 0.5\n{still}0.1}}}}"))
     given.write_text(yaml("delta: 0.25"))
-    words = ["-p", f"config_file:={file}", "-p", "rate:=40.0", "--params-file", str(given)]
-    start(mrm, "--ros-args", *words)
-    listener.hears(lambda s: s.position[0] == 0.1, "the position in config_file")
+    files = ["--params-file", str(file), "--params-file", str(given)]
+    start(mrm, "--ros-args", *files, "-p", "rate:=40.0")
+    listener.hears(lambda s: s.position[0] == 0.1, "the position in the file")
     file.write_text(yaml(f"rate: 6\ndelta: 0.6\n{still}0.2}}}}"))
     listener.hears(lambda s: s.position[0] == 0.2, "the position saved")
     assert (listener.get("rate"), listener.get("delta")) == (40.0, 0.25)
-    assert "cannot be read" in listener.set("config_file", str(tmp_path / "none.yaml"))
-    other.write_text(yaml(f"{still}0.3}}}}"))
-    assert listener.set("config_file", str(other)) == ""
-    listener.hears(lambda s: s.position[0] == 0.3, "the position in the other file")
-    other.write_text(yaml(f"{still}0.1}}}}"))
-    listener.hears(lambda s: s.position[0] == 0.1, "the position saved there")
 
 
 def test_it_publishes_while_a_saved_description_is_expanded(
@@ -310,10 +303,8 @@ def test_sim_time_is_respected(start_node: Callable[..., Any], mrm: str) -> None
 def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
     mistakes = [
         (["-p", "rate:=0"], "rate: 0 is below 0.001; write a number from 0.001 to 1000"),
-        (["--params-file", "none.yaml"], "none.yaml: cannot be read"),
         (["-p", "source_list:=[joint_states]"], "the topic this node publishes"),
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
-        (["-p", "nonsense"], "bad ROS arguments"),
         (["-r", "joint_states:=/rosout"], "a node has a topic as one type only"),
     ]
     lines = [[mrm, "--ros-args", *arguments] for arguments, _ in mistakes]

@@ -64,7 +64,6 @@ def test_every_kind_of_motion_is_read(written: dict[str, Any], expected: object)
     config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
     assert config.motions["elbow"] == expected
     assert config.moves
-    assert config.notes == ()
 
 
 HOME = {"poses": {"home": {"a": 0}}}
@@ -75,10 +74,11 @@ HOME = {"poses": {"home": {"a": 0}}}
     [
         (motion(type="sinus"), 'motions.a.type: no "sinus" (did you mean "sine"?'),
         (motion(type="keyframes", times=[0, 1], positions=[0]), "2 times but 1 positions"),
+        (motion(type="keyframes", positions=[0]), "0 times but 1 positions"),
+        (motion(type="pose") | HOME, 'motions.a.pose: no pose ""'),
         (motion(type="keyframes", times=[0, 1, 1], positions=[0, 1, 2]), "must increase, from 0"),
         (motion(type="keyframes", times=[-1e-9, 1], positions=[0, 1]), "must increase, from 0 on"),
         (motion(type="keyframes", times=[0, 1]), "either positions or poses"),
-        (motion(type="sine", amplitude=1, frequency=-1), "motions.a.frequency: -1 is below 0; wri"),
         (motion(type="pose", pose="hme") | HOME, 'did you mean "home"?'),
         (motion(type="pose", pose="home") | {"poses": {"home": {"b": 0}}}, "add poses.home.a"),
         ({"pose": "up"} | HOME, 'pose: no pose "up" (poses: home)'),
@@ -88,7 +88,14 @@ HOME = {"poses": {"home": {"a": 0}}}
             "dependent_joints.a: has no parent, the joint it follows",
         ),
         ({"dependent_joints": {"a": {"parent": ""}}}, "dependent_joints.a.parent: is empty; write"),
-        ({"delta": -0.1}, "delta: "),
+        (
+            motion(position=1.0),
+            "motions.a: has no type, the kind of motion, one of constant, sine, keyframes, pose",
+        ),
+        (
+            motion(type="keyframes", times=[0], positions=[1], poses=["home"]) | HOME,
+            "either positions or poses",
+        ),
         ({"rate": 0}, "rate: 0 is below 0.001"),
     ],
 )
@@ -97,22 +104,14 @@ def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words:
     assert words in refused(parameters)
 
 
-def test_leftovers_of_another_type_are_only_noted() -> None:
-    config = JointsConfig.from_parameters(motion(type="sine", position=1.0, amplitude=1.0))
-    assert [note.key for note in config.notes] == ["motions.a.position", "motions.a"]
-    assert "only by type constant" in config.notes[0].text
-    assert "frequency" in config.notes[1].text
-
-
 def test_the_edges_of_what_is_possible() -> None:
     assert JointsConfig.from_parameters({"rate": 1000}).rate == 1000.0
     assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
     assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
-    assert JointsConfig.from_parameters({"delta": 0}).delta == 0.0
     once = JointsConfig.from_parameters(motion(type="keyframes", times=[0.0], positions=[1.0]))
     assert once.motions == {"a": Keyframes((0.0,), (1.0,))}
-    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, frequency=0.0))
-    assert still.motions == {"a": Sine(1.0, 0.0)}
+    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, position=2.0))
+    assert still.motions == {"a": Sine(1.0, 0.0)}, "what another type uses is ignored"
 
 
 @pytest.mark.parametrize(
@@ -128,20 +127,3 @@ def test_the_edges_of_what_is_possible() -> None:
 )
 def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
     assert JointsConfig.from_parameters(parameters).moves == moves
-
-
-@pytest.mark.parametrize("missing", ["amplitude", "frequency"])
-def test_half_a_sine_is_noted(missing: str) -> None:
-    written = {"type": "sine", "amplitude": 0.5, "frequency": 0.25, "offset": 0.125}
-    del written[missing]
-    config = JointsConfig.from_parameters(motion(**written))
-    assert [note.text for note in config.notes] == [f"sine without {missing} does not swing"]
-    still = config.motions["a"]
-    assert isinstance(still, Sine) and still.amplitude * still.frequency == 0.0
-
-
-def test_a_motion_names_its_type() -> None:
-    kinds = "the kind of motion, one of constant, sine, keyframes, pose"
-    assert refused(motion(position=1.0)) == f"motions.a: has no type, {kinds}"
-    both = motion(type="keyframes", times=[0.0], positions=[1.0], poses=["home"])
-    assert "either positions or poses" in refused(both | HOME)

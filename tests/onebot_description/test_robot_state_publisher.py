@@ -127,7 +127,6 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
             ({"robot_description": ""}, "empty"),
             ({"robot_description": loose}, "falls into 2 parts"),
             ({"frame_prefix": 5}, "frame_prefix: 5 is a number; write a string"),
-            ({"publish_frequency": 1e-300}, "1e-300 is below 0.001; write 0 for every message"),
             ({"publish_frequency": 2000.0}, "range"),
         ):
             assert words in _change(peer, **change)
@@ -216,8 +215,8 @@ def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
         wait_for(lambda: peer.node.count_publishers("robot_description") == 1, "the first")
         killed.process.kill()
         with NodeProcess(MODULE, str(arm)) as one, NodeProcess(MODULE, str(arm)) as other:
-            warning = "/robot_description is also published by /robot_state_publisher: two robots"
+            warning = "/robot_state_publisher at once: two robots take turns"
             for node in (one, other):
                 wait_for(lambda node=node: warning in node.output, "the warning")
                 assert "namespace:=" in node.output and "domain_id:=" in node.output
-            assert [node.output.count("also published by") for node in (one, other)] == [1, 1]
+            assert [node.output.count("is published by") for node in (one, other)] == [1, 1]

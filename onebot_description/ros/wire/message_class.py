@@ -9,7 +9,6 @@ import array
 import functools
 import importlib
 import operator
-import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -26,8 +25,6 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-# rosidl's switch: a message refuses unknown fields if it is set to 1.
-_CHECK_FIELDS = os.getenv("ROS_PYTHON_CHECK_FIELDS", default="") == "1"
 # Numbers that lists of are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
 # have in common.
 NUMBERS = {
@@ -130,12 +127,6 @@ def make_message_class(
     makers = [(field.name, _default(field)) for field in fields]
 
     def __init__(self: Any, **kwargs: Any) -> None:
-        self._check_fields = kwargs.get("check_fields", _CHECK_FIELDS)
-        if self._check_fields:
-            unknown = {*kwargs} - {*names, "check_fields"}
-            assert not unknown, (
-                f"Invalid arguments passed to constructor: {', '.join(sorted(unknown))}"
-            )
         for field, make in makers:
             setattr(self, field, kwargs[field] if field in kwargs else make())
 
@@ -149,15 +140,10 @@ def make_message_class(
         )
 
     types = {field.name: _type_name(field.type) for field in fields}
-    defaults = {
-        f"{field.name.upper()}__DEFAULT": field.default
-        for field in fields
-        if field.default is not None
-    }
     attributes = {
         "__doc__": f"Message class '{short}'.",
         "__module__": module_name(name),
-        "__slots__": [*(f"_{field}" for field in names), "_check_fields"],
+        "__slots__": [f"_{field}" for field in names],
         "__hash__": None,
         "SLOT_TYPES": tuple(field.type for field in fields),
         "_fields_and_field_types": types,
@@ -165,7 +151,6 @@ def make_message_class(
         **{function.__name__: function for function in (__init__, __repr__, __eq__)},
         **{field.name: _property(field) for field in fields},
         **constants,
-        **defaults,
     }
     message_class = make_metaclass(short, load)(short, (), attributes)
     _MADE[name] = message_class

@@ -376,9 +376,7 @@ class StateConverter:
         # A joint left out may follow another one, and have no finite transform by that, either.
         while not (usable := self._plan(state.names).usable(state.positions)).all():
             bad = {name for name, good in zip(state.names, usable, strict=True) if not good}
-            finite = bool(np.isfinite(state.positions[~usable]).any())
-            why = ", or one too large for what follows it" if finite else ""
-            text = f"joint state without a finite position{why}: {listing(bad)}; ignored"
+            text = f"positions that are not finite, or too large, are ignored: {listing(bad)}"
             self._warn("finite", text)
             kept = [name not in bad for name in state.names]
             names = tuple(itertools.compress(state.names, kept))

@@ -5,7 +5,7 @@ Where that cannot be done, a TypeSupportError says what to do.
 
 import ctypes
 import functools
-import re
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,7 +21,6 @@ from rosidl_parser.definition import (
 from onebot_description.compiled.library import load_library
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.codec import pack, schema_of, unpack
-from onebot_description.ros.wire.interface_text import share_folders
 from onebot_description.ros.wire.message_class import (
     MessageField,
     class_of,
@@ -37,12 +36,7 @@ from onebot_description.ros.wire.type_description import (
     other_support,
 )
 
-# The ROS packages whose structures are repeated here and in C, and their versions in Jazzy.
-_VERSIONS = {
-    "rosidl_runtime_c": "4.6.",
-    "rosidl_typesupport_introspection_c": "4.6.",
-    "rosidl_typesupport_fastrtps_cpp": "3.6.",
-}
+_DISTRO = "jazzy"  # its structures are repeated here and in C
 _INTROSPECTION = "rosidl_typesupport_introspection_c"
 # A type without fields has one in C, and in its description.
 EMPTY = MessageField(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
@@ -182,8 +176,6 @@ def handle_of(kind: Any) -> int:
     """Return the address of a class's type support, which is loaded if need be."""
     if type(kind)._TYPE_SUPPORT is None:
         type(kind).__import_type_support__()
-    if type(kind)._TYPE_SUPPORT is None:
-        raise ImportError(f"{kind.__module__} has no type support")
     get = ctypes.pythonapi.PyCapsule_GetPointer
     get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     address: int = get(type(kind)._TYPE_SUPPORT, None)
@@ -203,7 +195,11 @@ def _capsule(symbol: Any) -> Any:
 @functools.cache
 def _library() -> ctypes.PyDLL:
     """Return the library, connected to the type supports of std_msgs."""
-    check_versions()
+    from std_msgs.msg import UInt8, UInt16, UInt32, UInt64
+
+    distro = os.environ.get("ROS_DISTRO", _DISTRO)  # a sourced ROS sets it
+    if distro != _DISTRO:
+        raise _unfit(f"it is {distro}")
     library = load_library()
     address, text, size = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_uint32
     functions: dict[str, Sequence[Any]] = {
@@ -222,7 +218,7 @@ def _library() -> ctypes.PyDLL:
         function = library[f"onebot_types_{name}"]
         function.restype, function.argtypes = address, arguments
         setattr(library, f"onebot_types_{name}", function)
-    configure(library, _number_supports())
+    configure(library, [handle_of(kind) for kind in (UInt8, UInt16, UInt32, UInt64)])
     return library
 
 
@@ -232,38 +228,6 @@ def configure(library: ctypes.PyDLL, handles: Sequence[int]) -> None:
     problem = library.onebot_types_configure((ctypes.c_void_p * len(handles))(*handles))
     if problem is not None:
         raise _unfit(problem.decode())
-
-
-def _number_supports() -> list[int]:
-    try:
-        from std_msgs.msg import UInt8, UInt16, UInt32, UInt64
-
-        return [handle_of(kind) for kind in (UInt8, UInt16, UInt32, UInt64)]
-    except Exception as error:  # rosidl raises bare Exceptions
-        raise _unfit(str(error)) from error
-
-
-def check_versions() -> None:
-    """Refuse another ROS than Jazzy, by its package.xml files."""
-    for package, expected in _VERSIONS.items():
-        version = _find_version(package)
-        if version is not None and not version.startswith(expected):
-            raise _unfit(f"{package} is version {version} instead of {expected}x")
-
-
-def _find_version(package: str) -> str | None:
-    """Return the version in an installed package.xml; None if there is no such file.
-
-    importlib.metadata has it as well, but for wheels only, and its import takes 15 ms.
-    """
-    for folder in share_folders():
-        try:
-            text = (folder / package / "package.xml").read_text(encoding="utf-8")
-        except OSError:
-            continue
-        version = re.search(r"<version>\s*([^<\s]+)", text)
-        return version[1] if version else None
-    return None
 
 
 def _unfit(detail: str) -> TypeSupportError:
