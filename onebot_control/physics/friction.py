@@ -31,7 +31,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 from onebot_description.model.rigid_bodies import Body, rigid_frames
@@ -208,32 +207,21 @@ def set_contact(
     robot: int,
     index: int,
     body: Body,
-    description: Description,
     settings: Settings,
     *,
     grasps: bool = False,
 ) -> None:
-    """Set the friction of a loaded body, and check that PyBullet has loaded all of its shapes.
+    """Set the friction of a loaded body.
 
     Args:
         bullet: the world.
         robot: PyBullet's index of the robot.
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
-        description: the robot's, for error messages.
         settings: of the physics.
         grasps: use friction anchors, so that a grasped object stays where it was touched as long
             as friction suffices. Without them it creeps, a box in a gripper by 0.4 mm in 10 s.
-
-    Raises:
-        OneBotError: PyBullet did not load a shape.
     """
-    count = len(bullet.getCollisionShapeData(robot, index))
-    if count < len(body.collisions):
-        raise OneBotError(
-            f"{description.source}: PyBullet loaded {count} of the {len(body.collisions)} "
-            f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
-        )
     bullet.changeDynamics(
         robot,
         index,

@@ -68,22 +68,17 @@ def _joint_problems(description: Description) -> Iterator[str]:
             yield f"{where} is {joint.kind}; the simulation moves {moved} joints"
         if joint.kind in ("revolute", "prismatic") and joint.lower is None:
             yield f"{where} has no limits; the simulation needs lower and upper"
-        for name, value in (("damping", joint.damping), ("friction", joint.friction)):
-            if value < 0 and joint.kind in MOVING_KINDS:
-                yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
 
 
 def link_problems(description: Description) -> Iterator[str]:
     """Report links that cannot be simulated, although they can be published."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
-        where = f'{link.where}: link "{link.name}"'
         if link.name in loose:
-            yield f'{where} is not connected with "{description.root_link}" by any joint'
-        if link.inertial is not None and link.inertial.mass < 0:
-            yield f"{where} <mass>: {link.inertial.mass:g} must be 0 or more"
-        if link.friction is not None and link.friction < 0:
-            yield f"{where} <lateral_friction>: {link.friction:g} must be 0 or more"
+            yield (
+                f'{link.where}: link "{link.name}" is not connected with '
+                f'"{description.root_link}" by any joint'
+            )
 
 
 def physics_urdf(

@@ -193,14 +193,6 @@ class SceneBodies:
         state = sum(getattr(engine, f"ACTIVATION_STATE_{name}") for name in states.split())
         self._bullet.changeDynamics(part.body, -1, activationState=state)
 
-    def check(self) -> None:
-        """Raise OneBotError if the last poses were not finite."""
-        if not self.finite:
-            raise OneBotError(
-                f"{self.description.source}: the simulation of the world diverged: its state is no "
-                "longer finite; start it again"
-            )
-
     def fixed_at(self, robot: LoadedBody) -> dict[int, str]:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}

@@ -490,8 +490,9 @@ def test_base_stands_on_what_is_below_it() -> None:
             assert simulation.robot.pose.z == pytest.approx(0.7, abs=2e-4)
         with pytest.raises(OneBotError, match="cannot stand there, .* link table of w.urdf; .*oth"):
             simulation.robot.teleport(-0.8, 0.0)
-    with simulate(on_post("base_link"), {"elbow": -1.5}, table(0.8)) as simulation:
-        assert simulation.robot.pose.z == 0.0
+    for root, start in (("base_link", -1.5), ("world", 0.0)):
+        with simulate(on_post(root), {"elbow": start}, table(0.8)) as simulation:
+            assert simulation.robot.pose.z == 0.0
 
 
 def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are() -> None:
@@ -508,20 +509,6 @@ def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are
         [snapshot] = fleet.cycle()
         assert snapshot.joints.positions == pytest.approx((-1.5,), abs=1e-3)
         assert snapshot.pose.translation == pytest.approx((-1.6, 0.0, 0.0), abs=1e-9)
-
-
-def test_arm_of_world_that_starts_in_something_gets_a_warning(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """One, for the link; it stays where it is, and its base may be in anything."""
-    with simulate(on_post("world"), world=table(0.8)) as simulation:
-        simulation.reset()
-        assert simulation.robot.pose.z == 0.0
-    [record] = caplog.records
-    assert 'link "hand" starts 0.325 m deep in link "table" of w.urdf' in record.getMessage()
-    caplog.clear()
-    with simulate(on_post("world"), {"elbow": -1.5}, table(-0.4)):
-        assert not caplog.text
 
 
 def test_each_of_several_robots_stands_on_its_own_held_joints() -> None:

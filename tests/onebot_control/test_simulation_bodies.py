@@ -163,18 +163,6 @@ _MOVED = "the simulation moves revolute, continuous, prismatic joints"
         ('<link name="lost"/>', 'link "lost" is not connected with "l0" by any joint'),
         (_turning("floating"), f'joint "to_wheel" is floating; {_MOVED}'),
         (_turning("planar"), f'joint "to_wheel" is planar; {_MOVED}'),
-        (
-            _turning("continuous", contents=_contact("-0.1")),
-            'link "wheel" <lateral_friction>: -0.1 must be 0 or more',
-        ),
-        (
-            _turning("continuous", '<dynamics damping="-1"/>'),
-            'joint "to_wheel" <dynamics> damping: -1 must be 0 or more',
-        ),
-        (
-            _turning("continuous", '<dynamics friction="-1"/>'),
-            'joint "to_wheel" <dynamics> friction: -1 must be 0 or more',
-        ),
     ],
 )
 def test_what_is_not_simulated_is_refused(extra, text):

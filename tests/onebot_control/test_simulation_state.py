@@ -108,10 +108,10 @@ def test_what_is_not_finite_never_reaches_the_physics():
         before = bits(simulation)
         with pytest.raises(ValueError, match="finite"):
             simulation.step([1.0, math.nan], 0.01)
-        with pytest.raises(ValueError, match="finite"):
+        with pytest.raises(OneBotError, match="finite"):
             simulation.teleport(0.0, math.inf, 0.0)
         assert bits(simulation) == before
-        with pytest.raises(ValueError, match="finite"):
+        with pytest.raises(OneBotError, match="finite"):
             simulate(x=math.nan)
 
 
