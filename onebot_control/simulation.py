@@ -179,15 +179,11 @@ class Simulation(AbstractContextManager["Simulation"]):
             {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
         )
         """The robots by name; the name of a single robot is ""."""
-        try:
-            for robot in self.robots.values():
-                robot._equip(self._sensor_file, noise)
-            if sensors and not any(robot._instruments for robot in self.robots.values()):
-                raise OneBotError(f"{self._fleet.robots[0].description.source}: no sensor found")
-            self._begin()
-        except BaseException:
-            self.close()
-            raise
+        for robot in self.robots.values():
+            robot._equip(self._sensor_file, noise)
+        if sensors and not any(robot._instruments for robot in self.robots.values()):
+            raise OneBotError(f"{self._fleet.robots[0].description.source}: no sensor found")
+        self._begin()
 
     @property
     def robot(self) -> "SimulatedRobot":
@@ -653,16 +649,13 @@ class SimulatedRobot:
         able = {
             item.sensor.name: item for item in self._instruments if output in item.sensor.topics
         }
-        if not able:
-            hint = "; Simulation(sensors=True) gives OneBot its sensors"
-            hint = "" if self._instruments else hint
-            raise OneBotError(f"no sensor of the robot measures {output}{hint}")
-        if not name and len(able) > 1:
-            text = f"{len(able)} sensors measure {output}: {listing(able)}"
-            raise OneBotError(f"{text}; name the one that is meant")
-        if name and name not in able:
-            raise OneBotError(f'no sensor "{name}" measures {output}{did_you_mean(name, able)}')
-        return able[name] if name else next(iter(able.values()))
+        if not name and len(able) == 1:
+            return next(iter(able.values()))
+        if name not in able:
+            none = "there is none; Simulation(sensors=True) gives OneBot its sensors"
+            names = listing(able) if able else none
+            raise OneBotError(f"name a sensor that measures {output}: {names}")
+        return able[name]
 
     def _measured(self, output: str, sensor: str) -> Any:
         """Measure one output now, with a named sensor or the only one that has this output."""

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
-from onebot_control.physics.engine import Bullet, engine, logger
+from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.elements.description import (
     Box,
@@ -50,7 +50,6 @@ _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 # up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
-_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
 # m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
 # indeterminate, and friction would decide which of them carry the robot.
 _SAG = 1e-4
@@ -244,8 +243,3 @@ def soften(
             contactStiffness=stiffness,
             contactDamping=2.0 * math.sqrt(stiffness * share),
         )
-
-
-def hold_hub(bullet: Bullet, robot: int, index: int) -> None:
-    """Hold the hub of a wheel that skids in the middle of its axle."""
-    bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING)

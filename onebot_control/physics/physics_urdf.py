@@ -189,11 +189,9 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     """Return the principal moments (3,), kg m^2, and axes (3, 3) of a body."""
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
-        is_root = body.link == description.root_link
-        what = "is the root, and is fixed in the air" if is_root else "moves, and cannot be moved"
         raise OneBotError(
-            f"{where} {what} without a mass; give it (or a link fixed to it) an <inertial> with "
-            "mass and inertia"
+            f"{where} cannot be moved without a mass; give it (or a link fixed to it) an "
+            "<inertial> with mass and inertia"
         )
     largest = np.abs(body.inertia).max()
     diagonal = np.diag(np.diag(body.inertia))

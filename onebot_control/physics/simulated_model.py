@@ -31,14 +31,12 @@ from onebot_description.elements.description import (
     Inertial,
     Joint,
     Link,
-    Mesh,
     Mimic,
 )
-from onebot_description.elements.meshes import read_mesh
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import about
-from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
+from onebot_description.model.rigid_bodies import Body, merged_bodies
 
 _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
@@ -48,7 +46,6 @@ _LEAST_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is du
 # Least inertia behind each motor, as if of its rotor: a finger of 1 g would drop a box of 50 g,
 # because the solver's iterations do not reach the force of its motor.
 _LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
-_FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -115,7 +112,6 @@ def simulated_model(
         contacts = Contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
-    _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
     return SimulatedModel(rigid, roles.held, roles.followers, roles.gears, starts)
@@ -276,44 +272,6 @@ def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
     if is_gear and joint.kind != "continuous":
         return replace(joint, lower=1.0, upper=-1.0)  # how PyBullet denotes no limits
     return joint
-
-
-def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
-    """Warn of fingers with hollow or bent meshes: what they grip meets their convex hulls.
-
-    Args:
-        rigid: the robot; joints that are held still are fixed.
-        fingers: names of the joints that move them.
-    """
-    if not fingers:
-        return
-    moved = {joint.child for joint in rigid.joints if joint.name in fingers}
-    poses = rigid_frames(rigid)
-    hollow = [
-        link.name
-        for link in rigid.links
-        if poses[link.name][0] in moved
-        for geometry in link.collisions
-        if isinstance(geometry.shape, Mesh) and _filled(geometry.shape) < _FILLED
-    ]
-    if hollow:
-        logger.warning(
-            "%s: link %s: a collision mesh fills less than half of its convex hull, which is what "
-            "touches things; to grip well, fingers need boxes or several convex meshes",
-            rigid.source,
-            listing(dict.fromkeys(hollow)),
-        )
-
-
-def _filled(mesh: Mesh) -> float:
-    """Return the share of its convex hull that a mesh fills; 1 if it is not closed."""
-    from trimesh import Trimesh  # slow to import, and few grippers have meshes
-
-    try:
-        solid = Trimesh(*read_mesh(mesh))
-    except OneBotError:  # raised again, with the links, when the robot is loaded
-        return 1.0
-    return float(solid.volume / solid.convex_hull.volume) if solid.is_volume else 1.0
 
 
 def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from onebot_control.physics.engine import Bullet, captured, engine, log
-from onebot_control.physics.friction import hold_hub, set_contact, soften
+from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.elements.description import Description, Mesh, Mimic
@@ -22,6 +22,7 @@ from onebot_description.model.rigid_bodies import Body
 FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
+_HOLDING = 1e6  # N, greatest force that holds the hub of a skidding wheel on its axle
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -156,8 +157,8 @@ def load_robot(
     bodies = rigid_bodies(description)
     if not (spawn.fixed_base or any(body.collisions for body in bodies.values())):
         raise OneBotError(
-            f"{description.source}: no link has a <collision>, so the robot would fall through "
-            "the ground; give the wheels one"
+            f'{description.source}: "{description.root_link}" would fall through the ground: no '
+            "link has a <collision>"
         )
     robot = _load(bullet, description, bodies, fixed_base=spawn.fixed_base)
     moving = description.moving_joints
@@ -168,7 +169,7 @@ def load_robot(
         name = info[1].decode()
         if name.startswith(HUB):
             hubs.append(index)
-            hold_hub(bullet, robot, index)
+            bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, force=_HOLDING)
             continue
         row = int(name)
         joint = moving[row]

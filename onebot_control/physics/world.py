@@ -1,7 +1,7 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 from onebot_control.physics.engine import Bullet
 from onebot_control.physics.physics_settings import Settings
@@ -19,7 +19,7 @@ from onebot_description.geometry.poses import Transform
 _RESIDUAL = 1e-12
 
 
-class World:
+class World(AbstractContextManager["World"]):
     """Simulates robots on the same ground, which can collide.
 
     Time advances only in ``step``, for all robots. The same calls give identical results in any
@@ -63,13 +63,9 @@ class World:
             self._find_rest_poses()
         self.bullet = Bullet()
         self._problem = ""  # why it can no longer be used
-        try:
-            self._build()
-            if at_start:
-                self._start()
-        except BaseException:
-            self.close()
-            raise
+        self._build()
+        if at_start:
+            self._start()
 
     def step(self, duration: float) -> None:
         """Advance by ``duration`` seconds, rounded to whole physics steps.
@@ -178,22 +174,18 @@ class World:
         spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
         around = self.scene.description if self.scene else None
         world = World(spawns, settings, around, at_start=False)
-        try:
-            if self.scene is not None and world.scene is not None:
-                world.scene.put(self.scene.poses)
-            for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
-                if index == row:
-                    new.continue_joints(old)
-                else:
-                    new.continue_from(old)
-            world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
-        except BaseException:
-            world.close()
-            raise
+        if self.scene is not None and world.scene is not None:
+            world.scene.put(self.scene.poses)
+        for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
+            if index == row:
+                new.continue_joints(old)
+            else:
+                new.continue_from(old)
+        world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
         return world
 
     def close(self) -> None:
-        """Free the world; most other methods raise OneBotError afterwards."""
+        """Free the world, as garbage collection does; most methods raise OneBotError afterwards."""
         self._problem = "this simulation has been closed; make a new one"
         self.bullet.close()
 
@@ -213,9 +205,6 @@ class World:
                 "start it again"
             )
         self.check()
-
-    def __enter__(self) -> "World":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

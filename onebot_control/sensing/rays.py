@@ -83,15 +83,9 @@ class Rays:
         bundles: cones around neighbours.
     """
 
-    def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
-        """Bundle rays.
-
-        Args:
-            directions: (N, 3), row by row.
-            grid: vectors (R, 3) and (C, 3) whose sums are the directions, if there are such; they
-                make ``turned`` faster.
-        """
-        self.singles, self._grid = directions.astype(np.float32), grid
+    def __init__(self, directions: Floats) -> None:
+        """Bundle rays by their directions (N, 3), row by row."""
+        self.singles = directions.astype(np.float32)
         self._count = count = len(directions)
         self._size = next(size for least, size in _BUNDLES if count >= least)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
@@ -102,14 +96,7 @@ class Rays:
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
-        if self._grid is None:
-            directions: Singles = self.singles @ rotation.T.astype(np.float32)
-        else:
-            rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
-            # Add whole rows of an image: adding vectors of three numbers would take twice as long.
-            sums = np.tile(rows, (1, len(columns)))
-            sums += columns.ravel()
-            directions = sums.reshape(-1, 3)
+        directions: Singles = self.singles @ rotation.T.astype(np.float32)
         return directions
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:

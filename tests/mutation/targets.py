@@ -132,8 +132,6 @@ EQUIVALENT: dict[str, set[str]] = {
         "_principal: if moments.min() <= 0 or moments[greatest] >= sum_of_others * (1 + _REPAIRED):",  # noqa: E501
         # Less than rounding lifts it.
         "_principal: moments[greatest] = min(moments[greatest], sum_of_others * (1 + 1e-9))",
-        # A mass below 0 is refused before.
-        "_principal: if body.mass == 0:",
         # Below the lower limit, however far.
         'physics_urdf: slide = replace(joint, kind="prismatic", lower=1.0, upper=- 2.0)',
     },
@@ -155,10 +153,10 @@ EQUIVALENT: dict[str, set[str]] = {
         "_come_to_rest: if rested > needed:",
         "_come_to_rest: rested = rested + 1 if _fastest(robot) <= _RESTING else 0",
         # What is not deep has no name.
-        '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0, 1, ""))',
-        '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0, - 0, ""))',
-        '_warn_of_obstacles: depth, index, obstacle = max(near, default=(0.0, - 2, ""))',
-        '_warn_of_obstacles: depth, index, obstacle = max(near, default=( -1.0, -1, ""))',
+        "_standing: depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, 1))",  # noqa: E501
+        "_standing: depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, - 0))",  # noqa: E501
+        "_standing: depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, - 2))",  # noqa: E501
+        "_standing: depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=( -1.0, -1))",  # noqa: E501
         # The base was lifted by half of that.
         "_base_touches: for point in robot.bullet.getClosestPoints(robot.body, body, 3.0 * _ABOVE, linkIndexA=-1)",  # noqa: E501
         "_base_touches: point[7][2] >= 0.0  # the normal, towards the robot",
@@ -166,7 +164,6 @@ EQUIVALENT: dict[str, set[str]] = {
         "_check_rest: if not math.isfinite(sum(position) / sum(rotation)):",
         # One step more of a robot at rest.
         "_come_to_rest: needed, rested = math.ceil(_RESTING_TIME * settings.rate), -1",
-        "_come_to_rest: rested = -1",
         # It counts in steps of one, and from 0 when it was reached.
         "_come_to_rest: if rested == needed:",
     },
@@ -177,8 +174,6 @@ EQUIVALENT: dict[str, set[str]] = {
         # What is not reached is less than 0 deep, which is not deep, either.
         "SceneBodies._depth: near = self._bullet.getClosestPoints(one, other, 1.0)",
         "SceneBodies._depth: return max((-point[8] for point in near), default= -1.0)",
-        # A mass below 0 is refused before.
-        "SceneBodies._joint_problems: if not any(link.inertial and link.inertial.mass != 0 for link in links):",  # noqa: E501
         # No depth is exactly that.
         "SceneBodies._overlaps: return self._depth(robot.body, body) >= _DEPTH",
         "SceneBodies._overlap_problems: if (depth := max(self._depth(part.body, body) for body in bodies)) >= _DEEPEST:",  # noqa: E501

@@ -47,11 +47,6 @@ XARM = Arm(
     starts={"joint2": -0.6, "joint3": -0.3},
 )
 XARM_WITH_GRIPPER = XARM._replace(commanded=7, mimics=5, linkage=True)
-HOLLOW = (
-    "link left_inner_knuckle, right_inner_knuckle: a collision mesh fills less than half of its "
-    "convex hull, which is what touches things; to grip well, fingers need boxes or several convex "
-    "meshes"
-)
 MASSLESS = "the mass is 0; a simulation takes a base of mass 0 for fixed"
 KNOWN = {
     "gen3_2f85": Arm(8, 5, linkage=True),
@@ -103,7 +98,7 @@ PUBLIC = {
         starts=HAND_DOWN,
     ),
     "xarm/xarm6_robot.urdf": XARM,
-    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER._replace(repaired=[HOLLOW, *XARM.repaired]),
+    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER,
 }
 FILES = {
     **{name: (ARMS / f"{name}.urdf", arm) for name, arm in KNOWN.items()},

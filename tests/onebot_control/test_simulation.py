@@ -231,16 +231,12 @@ def test_a_mistake_of_a_running_simulation_changes_nothing():
         for wrong in (math.nan, math.inf):
             with pytest.raises(ValueError, match="finite"):
                 robot.drive(0.1, wrong)
-        with pytest.raises(OneBotError, match="2 sensors measure points: camera, lidar; name"):
+        with pytest.raises(OneBotError, match="name a sensor that measures points: camera, lidar$"):
             robot.points()
-        with pytest.raises(
-            OneBotError, match='no sensor "lidat" measures scan .did you mean "lidar"'
-        ):
+        with pytest.raises(OneBotError, match="name a sensor that measures scan: lidar$"):
             robot.scan("lidat")
         with pytest.raises(OneBotError, match='no joint "left_wheel" can move .did you mean'):
             robot.joints["left_wheel"]
-        with pytest.raises(OneBotError, match="no sensor of the robot measures range"):
-            robot.range()
         world.run(1.0)
         assert robot.twist.linear == pytest.approx(0.2, abs=1e-3)
     with pytest.raises(OneBotError, match="closed"):

@@ -164,11 +164,6 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
     assert 40 < len(steps) < 300
 
 
-def test_a_robot_almost_without_weight_stands():
-    with simulate(settings=Settings(gravity=1e-7)) as one:
-        assert one.base_pose().translation == pytest.approx([0.0, 0.0, 0.06], abs=1e-3)
-
-
 def test_the_ground_is_level_at_zero_with_friction_and_gravity():
     """As the settings say, once and downwards; the time step is that of the rate."""
     with closing(Bullet()) as bullet:
