@@ -1,5 +1,6 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
+import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
@@ -55,7 +56,8 @@ class World(AbstractContextManager["World"]):
         """
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
-        self.robots = tuple(RobotBody(self, spawn) for spawn in spawns)
+        # Without a circle of references, a world that is forgotten, or refused, is freed at once.
+        self.robots = tuple(RobotBody(weakref.proxy(self), spawn) for spawn in spawns)
         self._arms = [robot for robot in self.robots if robot.commanded]
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
@@ -185,7 +187,7 @@ class World(AbstractContextManager["World"]):
         return world
 
     def close(self) -> None:
-        """Free the world, as garbage collection does; most methods raise OneBotError afterwards."""
+        """Free the world; most other methods raise OneBotError afterwards."""
         self._problem = "this simulation has been closed; make a new one"
         self.bullet.close()
 
