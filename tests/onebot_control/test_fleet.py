@@ -90,16 +90,12 @@ def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPos
         before = run(fleet, last, 0.3, 0.5, 60)
         old = fleet.robots[last]
         others = [drive.body.state()[1] for drive in fleet.robots[:last]]
-        truth = old.true_pose
+        truth, kept = old.true_pose, (old.odom_in_world, old.ticks, old.config)
         fleet.replace(last, larger())
         new = fleet.robots[last]
         assert new.geometry == pytest.approx((0.4, 0.07))
         assert new.true_pose == pytest.approx(truth, abs=1e-9)
-        assert (new.odom_in_world, new.ticks, new.config) == (
-            old.odom_in_world,
-            old.ticks,
-            old.config,
-        )
+        assert (new.odom_in_world, new.ticks, new.config) == kept
         assert new.snapshot().covariance == old.snapshot().covariance != (0.0,) * 6
         for pose, drive in zip(others, fleet.robots, strict=False):
             for placed, expected in zip(drive.body.state()[1], pose, strict=True):
