@@ -80,11 +80,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         prepared_robots = [_prepared(member) for member in members]
         spawns = [prepared.spawn for prepared in prepared_robots]
         world = World(spawns, _settings(members[0].config.update_rate, spawns), scene)
-        try:
-            return cls([*map(_controlled, members, prepared_robots, world.robots)], world)
-        except BaseException:
-            world.close()
-            raise
+        return cls([*map(_controlled, members, prepared_robots, world.robots)], world)
 
     @property
     def rate(self) -> float:
@@ -179,11 +175,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         spawns = [robot.body.spawn for robot in self.robots]
         spawns[row] = here
         world = self.world.replaced(row, here, _settings(self.rate, spawns))
-        try:
-            robot = _controlled(member, prepared, world.robots[row])
-        except BaseException:
-            world.close()
-            raise
+        robot = _controlled(member, prepared, world.robots[row])
         robot.continue_from(old)
         self.world.close()
         self.world, self.robots[row] = world, robot

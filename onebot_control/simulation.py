@@ -15,13 +15,13 @@ Example:
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,22 +58,17 @@ from onebot_description.ros.parameters.reader import ConfigError, Problem
 if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep
 
+V = TypeVar("V")
+
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The default model of a Simulation: OneBot's xacro file."""
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
 _REACH = 1e4  # m; rays that go farther hit nothing
-_LARGEST_SEED = 2**64 - 1
-# Parameters of velocity_controller that are arguments of Simulation, or have no effect in it.
-_INSTEAD = {
-    **dict.fromkeys(("x", "y", "yaw", "world", "sensors"), "is an argument of Simulation"),
-    "sensor_noise": "is the argument noise of Simulation",
-    "robot_description": "is the argument model of Simulation",
-    "real_time_factor": "has no effect here: a Simulation is as fast as it can be",
-    "cmd_vel_type": "has no effect here: there is no topic ~/cmd_vel",
-    "paused": "has no effect here: time passes in Simulation.run only",
-    "step_topics": "has no effect here: Simulation.ros always waits for its nodes",
-    "step_timeout": "has no effect here: Simulation.ros always waits for its nodes",
+# Parameters of velocity_controller that do not make a Simulation another one.
+_WITHOUT_EFFECT = {
+    *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
+    *("real_time_factor", "cmd_vel_type", "paused", "step_topics", "step_timeout"),
 }
 
 
@@ -156,9 +151,8 @@ class Simulation(AbstractContextManager["Simulation"]):
         Raises:
             OneBotError: a robot, the world or a parameter cannot be used; the text names the file
                 or the parameter, and what would be right.
-            ValueError: the seed is out of range.
         """
-        self._seed, self._noisy = _checked_seed(seed), noise
+        self._seed, self._noisy = seed, noise
         self._ros: Lockstep[Simulation] | None = None
         self._kept: deque[Moment] | None = None
         if robots and (x or y or yaw):
@@ -185,15 +179,11 @@ class Simulation(AbstractContextManager["Simulation"]):
             {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
         )
         """The robots by name; the name of a single robot is ""."""
-        try:
-            for robot in self.robots.values():
-                robot._equip(self._sensor_file, noise)
-            if sensors and not any(robot._instruments for robot in self.robots.values()):
-                raise OneBotError(f"{self._fleet.robots[0].description.source}: no sensor found")
-            self._begin()
-        except BaseException:
-            self.close()
-            raise
+        for robot in self.robots.values():
+            robot._equip(self._sensor_file, noise)
+        if sensors and not any(robot._instruments for robot in self.robots.values()):
+            raise OneBotError(f"{self._fleet.robots[0].description.source}: no sensor found")
+        self._begin()
 
     @property
     def robot(self) -> "SimulatedRobot":
@@ -228,7 +218,7 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         A box is a link below a ``floating`` joint of the world; robots can push or lift it.
         """
-        return _Boxes({link: _pose(transform) for link, transform in self._boxes().items()})
+        return _Named("box", {link: _pose(transform) for link, transform in self._boxes().items()})
 
     @property
     def seed(self) -> int:
@@ -276,12 +266,11 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         Raises:
             OneBotError: ROS nodes are in step with the simulation.
-            ValueError: the seed is out of range.
         """
         if self._ros is not None:
             raise OneBotError("nodes are in step with it: time cannot go back for them; begin anew")
         if seed is not None:
-            self._seed = _checked_seed(seed)
+            self._seed = seed
             for robot in self.robots.values():
                 for instrument in robot._instruments:
                     instrument.reseed(self._seed)
@@ -312,11 +301,9 @@ class Simulation(AbstractContextManager["Simulation"]):
             rate: recorded moments per second, Hz.
 
         Raises:
-            ValueError: the duration is negative or not finite, or the rate not above 0.
+            ValueError: the duration is negative or not finite.
         """
         cycles = self._cycles(seconds)
-        if not 0.0 < rate < math.inf:
-            raise ValueError(f"{rate} Hz: a rate is above 0, and finite")
         self._kept_every = max(1, round(self._fleet.rate / rate))
         self._kept = deque(maxlen=max(1, round(cycles / self._kept_every)))
 
@@ -335,12 +322,12 @@ class Simulation(AbstractContextManager["Simulation"]):
             direction: (3,), in the world, of any length.
 
         Raises:
-            ValueError: an argument is not three finite numbers, or the direction is zero.
+            ValueError: a number is not finite, or the direction is zero.
         """
-        start, way = _vector("origin", origin), _vector("direction", direction)
+        start, way = np.array([origin, direction], float)
         length = np.linalg.norm(way)
-        if not length > 0.0:
-            raise ValueError("direction is zero")
+        if not (0.0 < length < math.inf and np.isfinite(start).all()):
+            raise ValueError("a ray has an origin and a direction, each of three finite numbers")
         return self._distance(LinkPose(np.eye(3), start), way / length, ())
 
     def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
@@ -513,8 +500,7 @@ class SimulatedRobot:
             yaw: heading in the world, rad.
 
         Raises:
-            OneBotError: something is in the way; then nothing has changed.
-            ValueError: a value is not finite.
+            OneBotError: something is in the way, or a value not finite; then nothing has changed.
         """
         self._controlled.teleport(PlanarPose(x, y, yaw))
         self._controlled.observe()
@@ -570,9 +556,8 @@ class SimulatedRobot:
     def joints(self) -> Mapping[str, JointState]:
         """The states of the moving joints, by name; an unknown name raises OneBotError."""
         states = zip(*self._controlled.snapshot().joint_states, strict=True)
-        return Joints(
-            zip(self._controlled.joints, (JointState(*state) for state in states), strict=True)
-        )
+        readings = (JointState(*state) for state in states)
+        return _Named("joint", zip(self._controlled.joints, readings, strict=True))
 
     def scan(self, sensor: str = "") -> Scan:
         """Measure with a lidar now, whatever its rate.
@@ -664,16 +649,13 @@ class SimulatedRobot:
         able = {
             item.sensor.name: item for item in self._instruments if output in item.sensor.topics
         }
-        if not able:
-            hint = "; Simulation(sensors=True) gives OneBot its sensors"
-            hint = "" if self._instruments else hint
-            raise OneBotError(f"no sensor of the robot measures {output}{hint}")
-        if not name and len(able) > 1:
-            text = f"{len(able)} sensors measure {output}: {listing(able)}"
-            raise OneBotError(f"{text}; name the one that is meant")
-        if name and name not in able:
-            raise OneBotError(f'no sensor "{name}" measures {output}{did_you_mean(name, able)}')
-        return able[name] if name else next(iter(able.values()))
+        if not name and len(able) == 1:
+            return next(iter(able.values()))
+        if name not in able:
+            none = "there is none; Simulation(sensors=True) gives OneBot its sensors"
+            names = listing(able) if able else none
+            raise OneBotError(f"name a sensor that measures {output}: {names}")
+        return able[name]
 
     def _measured(self, output: str, sensor: str) -> Any:
         """Measure one output now, with a named sensor or the only one that has this output."""
@@ -681,20 +663,15 @@ class SimulatedRobot:
         return instrument.measure(self._simulation._sensed_world(), {output})[output]
 
 
-class Joints(dict[str, JointState]):
-    """Joint states by name; an unknown name raises OneBotError."""
+class _Named(dict[str, V]):
+    """Values by name; an unknown name raises OneBotError."""
 
-    def __missing__(self, name: str) -> JointState:
-        """Raise a OneBotError that suggests a name."""
-        raise OneBotError(f'no joint "{name}" moves{did_you_mean(name, self)}')
+    def __init__(self, kind: str, values: Mapping[str, V] | Iterable[tuple[str, V]]) -> None:
+        super().__init__(values)
+        self._kind = kind
 
-
-class _Boxes(dict[str, RobotPose]):
-    """Poses of boxes by link; an unknown name raises OneBotError."""
-
-    def __missing__(self, name: str) -> RobotPose:
-        """Raise a OneBotError that suggests a name."""
-        raise OneBotError(f'no box "{name}" in the world{did_you_mean(name, self)}')
+    def __missing__(self, name: str) -> V:
+        raise OneBotError(f'no {self._kind} "{name}" can move{did_you_mean(name, self)}')
 
 
 def _pose(transform: Transform) -> RobotPose:
@@ -746,7 +723,8 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ConfigError: a given parameter has no effect in a Simulation.
     """
-    if problems := [Problem(name, _INSTEAD[name]) for name in parameters if name in _INSTEAD]:
+    text = "has no effect here; Simulation has arguments for what can be chosen"
+    if problems := [Problem(name, text) for name in parameters if name in _WITHOUT_EFFECT]:
         raise ConfigError(problems)
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
@@ -758,16 +736,3 @@ def _goal(positions: Mapping[str, float], seconds: float) -> TrajectoryGoal:
     zeros = (0.0,) * len(positions)
     point = Waypoint(seconds, tuple(map(float, positions.values())), zeros, zeros)
     return TrajectoryGoal(tuple(positions), (point,))
-
-
-def _checked_seed(seed: int) -> int:
-    if not 0 <= seed <= _LARGEST_SEED:
-        raise ValueError(f"seed {seed}: it can be 0 to 2^64 - 1")
-    return seed
-
-
-def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:
-    vector = np.asarray(values, float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"{name} must be three finite numbers, not {values!r}")
-    return vector

@@ -4,7 +4,6 @@ import contextlib
 import ctypes
 import logging
 import os
-import re
 import sys
 import threading
 import weakref
@@ -19,8 +18,6 @@ logger = logging.getLogger("onebot_control.physics")
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
 _LIBC = ctypes.CDLL(None)
-# Bullet's prefix of each warning, which names a line of its sources.
-_ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 
 @contextlib.contextmanager
@@ -50,7 +47,7 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
             _flush()
             restoring.close()
             file.seek(0)
-            lines += _lines(file.read().decode(errors="replace"))
+            lines += filter(None, file.read().decode(errors="replace").split("\n"))
 
 
 def log(lines: list[str]) -> None:
@@ -71,11 +68,6 @@ def _flush() -> None:
 def _restore(saved: int, descriptor: int) -> None:
     os.dup2(saved, descriptor)
     os.close(saved)
-
-
-def _lines(text: str) -> list[str]:
-    """Split the C code's output into messages; some of them do not end with a newline."""
-    return [line.strip() for line in _ORIGIN.sub("\n", text).splitlines() if line.strip()]
 
 
 class _Engine:

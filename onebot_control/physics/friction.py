@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
-from onebot_control.physics.engine import Bullet, engine, logger
+from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.elements.description import (
     Box,
@@ -31,7 +31,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 from onebot_description.model.rigid_bodies import Body, rigid_frames
@@ -51,7 +50,6 @@ _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 # up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 _TOUCHING = 1e-6
-_HOLDING = 1e6  # N, greatest force that holds the hub of a wheel on its axle
 # m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
 # indeterminate, and friction would decide which of them carry the robot.
 _SAG = 1e-4
@@ -208,32 +206,21 @@ def set_contact(
     robot: int,
     index: int,
     body: Body,
-    description: Description,
     settings: Settings,
     *,
     grasps: bool = False,
 ) -> None:
-    """Set the friction of a loaded body, and check that PyBullet has loaded all of its shapes.
+    """Set the friction of a loaded body.
 
     Args:
         bullet: the world.
         robot: PyBullet's index of the robot.
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
-        description: the robot's, for error messages.
         settings: of the physics.
         grasps: use friction anchors, so that a grasped object stays where it was touched as long
             as friction suffices. Without them it creeps, a box in a gripper by 0.4 mm in 10 s.
-
-    Raises:
-        OneBotError: PyBullet did not load a shape.
     """
-    count = len(bullet.getCollisionShapeData(robot, index))
-    if count < len(body.collisions):
-        raise OneBotError(
-            f"{description.source}: PyBullet loaded {count} of the {len(body.collisions)} "
-            f'collision shapes of link "{body.link}"; use box, cylinder, sphere or a simpler mesh'
-        )
     bullet.changeDynamics(
         robot,
         index,
@@ -256,8 +243,3 @@ def soften(
             contactStiffness=stiffness,
             contactDamping=2.0 * math.sqrt(stiffness * share),
         )
-
-
-def hold_hub(bullet: Bullet, robot: int, index: int) -> None:
-    """Hold the hub of a wheel that skids in the middle of its axle."""
-    bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, 0.0, force=_HOLDING)

@@ -68,22 +68,17 @@ def _joint_problems(description: Description) -> Iterator[str]:
             yield f"{where} is {joint.kind}; the simulation moves {moved} joints"
         if joint.kind in ("revolute", "prismatic") and joint.lower is None:
             yield f"{where} has no limits; the simulation needs lower and upper"
-        for name, value in (("damping", joint.damping), ("friction", joint.friction)):
-            if value < 0 and joint.kind in MOVING_KINDS:
-                yield f"{where} <dynamics> {name}: {value:g} must be 0 or more"
 
 
 def link_problems(description: Description) -> Iterator[str]:
     """Report links that cannot be simulated, although they can be published."""
     loose = frozenset(description.roots[1:])
     for link in description.links:
-        where = f'{link.where}: link "{link.name}"'
         if link.name in loose:
-            yield f'{where} is not connected with "{description.root_link}" by any joint'
-        if link.inertial is not None and link.inertial.mass < 0:
-            yield f"{where} <mass>: {link.inertial.mass:g} must be 0 or more"
-        if link.friction is not None and link.friction < 0:
-            yield f"{where} <lateral_friction>: {link.friction:g} must be 0 or more"
+            yield (
+                f'{link.where}: link "{link.name}" is not connected with '
+                f'"{description.root_link}" by any joint'
+            )
 
 
 def physics_urdf(
@@ -194,11 +189,9 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     """Return the principal moments (3,), kg m^2, and axes (3, 3) of a body."""
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
-        is_root = body.link == description.root_link
-        what = "is the root, and is fixed in the air" if is_root else "moves, and cannot be moved"
         raise OneBotError(
-            f"{where} {what} without a mass; give it (or a link fixed to it) an <inertial> with "
-            "mass and inertia"
+            f"{where} cannot be moved without a mass; give it (or a link fixed to it) an "
+            "<inertial> with mass and inertia"
         )
     largest = np.abs(body.inertia).max()
     diagonal = np.diag(np.diag(body.inertia))

@@ -1,11 +1,9 @@
 """Finds the pose of a robot at rest, on level ground or in a scene, by simulating it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from typing import NamedTuple
-
-import numpy as np
 
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.physics.engine import Bullet, logger
@@ -32,17 +30,16 @@ from onebot_description.geometry.poses import (
 
 # A robot that is faster than this after the settling time gets a warning, m/s and rad/s.
 _MAX_SPEED = 1e-3
-# A stable robot is at rest if it was slower than this (m/s and rad/s) for _RESTING_TIME (s).
+# A robot is at rest if it was slower than this (m/s and rad/s) for _RESTING_TIME (s).
 _RESTING = 1e-6
 _RESTING_TIME = 0.05
-_MIN_SUPPORT = 1e-3  # m, half width of the area that supports a stable robot
 _MAX_TILT = math.radians(45.0)
 
-_DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in what stands still
+_DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in the ground
 
 # In a scene.
-_STEP, _FINE = 0.01, 1e-4  # m; steps of the search for a height at which the robot is free
-_ABOVE = 1e-3  # m; the robot is released this far above what it stands on
+_STEP = 1e-3  # m; steps of the search for a height at which the robot is free
+_ABOVE = 1e-3  # m; the robot is released this far above it: it was in what it stands on by as much
 _SWIVELLING = 0.02  # m/s and rad/s; allowed speed, as of casters that still turn downhill
 _AWAY = 0.1  # m that a robot may slide before it rests
 
@@ -116,31 +113,18 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
     on_ground = description.root_link != WORLD_FRAME  # Gazebo does not lift a world link either
     rest_pose = RestPose(-lowest if on_ground else 0.0, (0.0, 0.0, 0.0, 1.0))
     robot.place(rest_pose.at(0.0, 0.0, 0.0))
-    _warn_of_obstacles(robot, description, {robot.ground: "the ground"})
-    return rest_pose
-
-
-def _warn_of_obstacles(
-    robot: LoadedBody, description: Description, obstacles: Mapping[int, str]
-) -> None:
-    """Warn of the moving link that starts deepest in something; ``obstacles`` are names by body."""
-    near = [
-        (-point[8], point[3], name)
-        for body, name in obstacles.items()
-        for point in robot.bullet.getClosestPoints(robot.body, body, 0.0)
-        if point[3] >= 0
-    ]
-    depth, index, obstacle = max(near, default=(0.0, -1, ""))
+    near = robot.bullet.getClosestPoints(robot.body, robot.ground, 0.0)
+    depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, -1))
     if depth > _DEEP:
         links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
         logger.warning(
-            '%s: link "%s" starts %.3g m deep in %s, which pushes it; give the joints other '
-            "initial_positions, or place the root link elsewhere",
+            '%s: link "%s" starts %.3g m deep in the ground, which pushes it; give the joints '
+            "other initial_positions, or place the root link elsewhere",
             description.source,
             links[index],
             depth,
-            obstacle,
         )
+    return rest_pose
 
 
 def _check_size(robot: LoadedBody, description: Description, lowest: float) -> None:
@@ -168,9 +152,7 @@ def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
         robot.bullet.stepSimulation()
         rested = rested + 1 if _fastest(robot) < _RESTING else 0
         if rested >= needed:
-            if _is_stable(robot):
-                return
-            rested = 0
+            return
 
 
 def _base_speed(robot: LoadedBody) -> float:
@@ -185,22 +167,6 @@ def _fastest(robot: LoadedBody) -> float:
     joints = robot.bullet.getJointStates(robot.body, list(robot.joints.values()))
     speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
     return max(speeds)
-
-
-def _is_stable(robot: LoadedBody) -> bool:
-    """Return whether an area supports the robot, not a point or line on which it balances.
-
-    At rest, the mean of the contact forces is below the centre of mass. Their smallest standard
-    deviation over all horizontal directions, from the smaller eigenvalue of their covariance,
-    measures the width of the area.
-    """
-    touching = robot.bullet.getContactPoints(robot.body, robot.ground)
-    forces = np.array([point[9] for point in touching])
-    if not forces.sum() > 0.0:
-        return False
-    places = np.array([point[6][:2] for point in touching])
-    covariance = np.cov(places.T, aweights=forces, bias=True)
-    return bool(np.linalg.eigvalsh(covariance)[0] > _MIN_SUPPORT**2)
 
 
 def _check_rest(
@@ -254,17 +220,15 @@ def pose_on(
     Raises:
         OneBotError: the robot cannot stand there.
     """
+    pose = rest.at(*where)
+    if spawn.fixed_base and spawn.description.root_link == WORLD_FRAME:
+        return pose
     with closing(Bullet()) as bullet:
         ground = make_world(bullet, settings)
         bodies = SceneBodies(scene)
         bodies.enter(bullet, ground, settings, free=False)
         robot = load_robot(bullet, ground, spawn, settings)
-        pose = rest.at(*where)
         robot.place(pose, positions)
-        if spawn.fixed_base and spawn.description.root_link == WORLD_FRAME:
-            walls = {b: f'link "{name}" of {scene.source}' for b, name in bodies.fixed.items()}
-            _warn_of_obstacles(robot, spawn.description, walls)
-            return pose
         links = _lift(bodies, robot, pose)
         if spawn.fixed_base:
             stands = _base_touches(robot, bodies)
@@ -284,20 +248,12 @@ def pose_on(
 def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
     """Lift the robot from ``pose`` until it is free; return the links that it was in."""
     (x, y, z), rotation = pose
-
-    def links_at(height: float) -> Mapping[int, str]:
-        robot.place(((x, y, z + height), rotation))
-        return scene.fixed_at(robot)
-
-    low = high = 0.0
     met: dict[str, None] = {}
-    while links := links_at(high):
+    while links := scene.fixed_at(robot):
         met.update(dict.fromkeys(links.values()))
-        low, high = high, high + _STEP
-    while high - low > _FINE:
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if links_at(middle) else (low, middle)
-    links_at(high + _ABOVE)
+        z += _STEP
+        robot.place(((x, y, z), rotation))
+    robot.place(((x, y, z + _ABOVE), rotation))
     return list(met)
 
 

@@ -1,7 +1,7 @@
 """One robot of a world: its motors, its state, and placing it."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -15,8 +15,6 @@ from onebot_control.physics.spawning import (
     checked_spawn_pose,
     load_robot,
 )
-from onebot_description.elements.description import Joint
-from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
@@ -84,7 +82,7 @@ class _World(Protocol):
     @property
     def scene(self) -> object | None: ...
 
-    def check_open(self) -> None: ...
+    def check(self) -> None: ...
 
     def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
 
@@ -121,16 +119,15 @@ class RobotBody:
         """Look up the joints; ``load`` adds the robot to its world.
 
         Raises:
-            ValueError: the start pose is not finite.
-            OneBotError: the start pose is too far from the origin, or a joint to drive is unknown,
-                named twice, or without effort limit.
+            OneBotError: the start pose is not finite, or too far from the origin.
         """
         self.world, self.spawn = world, spawn
         self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
-        self.joints = tuple(joint.name for joint in spawn.description.moving_joints)
+        moving = {joint.name: joint for joint in spawn.description.moving_joints}
+        self.joints = tuple(moving)
         self.driven, self.commanded = tuple(spawn.driven), tuple(spawn.commanded)
         self.starts = tuple([spawn.starts.get(name, 0.0) for name in self.joints])
-        motors = [*_motors(spawn)]
+        motors = [moving[name] for name in (*self.driven, *self.commanded)]
         self._motor_rows = [self.joints.index(joint.name) for joint in motors]
         count = len(self.driven)
         self._frictions = [0.0] * count + [joint.friction for joint in motors[count:]]
@@ -173,8 +170,7 @@ class RobotBody:
     @property
     def obstructed(self) -> bool:
         """Whether something other than the ground touches the robot."""
-        if len(self.world.robots) == 1 and self.world.scene is None:
-            return False
+        self.world.check()
         own_bodies = {self.parts.body, self.parts.ground}
         points = self.world.bullet.getContactPoints(self.parts.body)
         return any(not {point[1], point[2]} <= own_bodies for point in points)
@@ -187,18 +183,15 @@ class RobotBody:
                 clamped to the joints' limits.
 
         Raises:
-            ValueError: there are too few or too many, or one is not finite; then nothing has
-                changed.
+            ValueError: one is not finite; then nothing has changed.
         """
-        self.world.check_open()
+        self.world.check()
         # PyBullet keeps the targets; setting them takes as long as reading the joints.
         if list(velocities) != self._targets:
             self._drive(self.targets(velocities))
 
     def targets(self, velocities: Sequence[float]) -> list[float]:
         """Return velocities within the joints' limits; see ``turn``."""
-        if len(velocities) != len(self.driven):
-            raise ValueError(f"velocities must be {len(self.driven)} numbers, not {velocities!r}")
         if not all(map(math.isfinite, velocities)):
             # A single NaN would make the whole world NaN permanently.
             raise ValueError(f"velocities must be finite, not {velocities!r}")
@@ -228,7 +221,7 @@ class RobotBody:
 
     def state(self) -> tuple[JointStates, Pose, MassVelocity]:
         """Return the state of the joints, and the true pose and velocity of the root link."""
-        self.check()
+        self.world.check()
         return (
             JointStates(self.positions, self._velocities, self._efforts),
             Pose(*self.pose),
@@ -257,9 +250,9 @@ class RobotBody:
             yaw: heading of that frame, rad.
 
         Raises:
-            ValueError: a value is not finite.
-            OneBotError: the pose is too far from the origin to be exact, another robot is there, or
-                the scene leaves no place to stand there; then nothing has changed.
+            OneBotError: the pose is not finite, or too far from the origin to be exact, another
+                robot is there, or the scene leaves no place to stand there; then nothing has
+                changed.
         """
         self.world.stand({self: checked_spawn_pose(x, y, yaw)}, at_start=False)
 
@@ -289,15 +282,6 @@ class RobotBody:
         present = zip(other.joints, other.positions, strict=True)
         positions.update((name, at) for name, at in present if name in positions)
         self.put(self.pose, [positions.get(name, 0.0) for name in self.joints])
-
-    def check(self) -> None:
-        """Raise OneBotError if the world is closed, or the robot's last state was not finite."""
-        self.world.check_open()
-        if not self.finite:
-            raise OneBotError(
-                f"{self.spawn.description.source}: the simulation diverged: its state is no longer "
-                "finite; start it again"
-            )
 
     def record_efforts(self) -> None:
         """Sum up the motors' efforts after a physics step; ``read`` adds those of the last one."""
@@ -348,24 +332,3 @@ class RobotBody:
         root = *place, *turn, *linear, *angular
         joints = *self.positions, *self._velocities, *self._efforts
         self.finite = math.isfinite(sum(root) + sum(joints))
-
-
-def _motors(spawn: RobotSpawn) -> Iterable[Joint]:
-    """Check and yield the joints with a motor, the driven ones first."""
-    source = spawn.description.source
-    joints = {joint.name: joint for joint in spawn.description.moving_joints}
-    names = [*spawn.driven, *spawn.commanded]
-    if not (names or spawn.fixed_base):
-        raise OneBotError(f"{source}: the simulation has no driven joints")
-    for name in names:
-        if name not in joints:
-            hint = did_you_mean(name, joints, "joints that move")
-            raise OneBotError(f'{source}: there is no joint "{name}" to drive{hint}')
-        if names.count(name) > 1:
-            raise OneBotError(f'{source}: driven joint "{name}" is named twice')
-        if not joints[name].effort:
-            raise OneBotError(
-                f'{source}: driven joint "{name}" needs <limit effort="..." velocity="...">; '
-                "the effort (Nm, or N) of its motor must be above 0"
-            )
-        yield joints[name]

@@ -94,7 +94,7 @@ class SceneBodies:
         self.finite = True
 
     def _joint_problems(self) -> Iterator[str]:
-        """Report joints and boxes that are valid in a robot, but not in a scene."""
+        """Report joints that are valid in a robot, but not in a scene."""
         for joint in self.description.joints:
             where = f'{joint.where}: joint "{joint.name}"'
             if joint.kind not in ("fixed", "floating"):
@@ -102,19 +102,6 @@ class SceneBodies:
                     f'{where} is {joint.kind}; the joints of a world are type="fixed" (stands '
                     'still) or type="floating" (can be pushed)'
                 )
-            elif joint.kind == "floating":
-                links = self._part(joint.child).links
-                what = f'{where} is floating, so that link "{joint.child}" can be pushed'
-                if not any(link.inertial and link.inertial.mass > 0 for link in links):
-                    yield (
-                        f"{what}, but it has no mass; give it an <inertial> with mass and inertia, "
-                        'or write type="fixed" to have it stand still'
-                    )
-                if not any(link.collisions for link in links):
-                    yield (
-                        f"{what}, but it has no <collision> and would fall through the ground; "
-                        'give it one, or write type="fixed"'
-                    )
 
     def _part(self, first: str) -> Description:
         """Return the description of the movable body whose first link is ``first``."""
@@ -192,14 +179,6 @@ class SceneBodies:
     def _activate(self, part: LoadedBody, states: str) -> None:
         state = sum(getattr(engine, f"ACTIVATION_STATE_{name}") for name in states.split())
         self._bullet.changeDynamics(part.body, -1, activationState=state)
-
-    def check(self) -> None:
-        """Raise OneBotError if the last poses were not finite."""
-        if not self.finite:
-            raise OneBotError(
-                f"{self.description.source}: the simulation of the world diverged: its state is no "
-                "longer finite; start it again"
-            )
 
     def fixed_at(self, robot: LoadedBody) -> dict[int, str]:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""

@@ -8,16 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from onebot_control.physics.engine import Bullet, captured, engine, log
-from onebot_control.physics.friction import hold_hub, set_contact, soften
+from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
-from onebot_description.elements.description import Description, Link, Mesh, Mimic
+from onebot_description.elements.description import Description, Mesh, Mimic
 from onebot_description.elements.meshes import read_mesh
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.model.rigid_bodies import Body
 
@@ -25,6 +22,7 @@ from onebot_description.model.rigid_bodies import Body
 FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
+_HOLDING = 1e6  # N, greatest force that holds the hub of a skidding wheel on its axle
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -62,14 +60,12 @@ def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
     """Check the pose of a robot, m and rad, and return it as floats.
 
     Raises:
-        ValueError: a value is not finite.
-        OneBotError: the pose is too far from the origin to be exact.
+        OneBotError: a value is not finite, or the pose is too far from the origin to be exact.
     """
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise ValueError(f"x, y and yaw must be finite, not {x}, {y}, {yaw}")
-    if max(abs(x), abs(y)) > FARTHEST:
+    if not (math.isfinite(yaw) and abs(x) <= FARTHEST and abs(y) <= FARTHEST):
         raise OneBotError(
-            f"x {x:g} m, y {y:g} m: the simulation is exact up to {FARTHEST:g} m from the origin"
+            f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad must be finite; the simulation is exact up to "
+            f"{FARTHEST:g} m from the origin"
         )
     return float(x), float(y), float(yaw)
 
@@ -161,8 +157,8 @@ def load_robot(
     bodies = rigid_bodies(description)
     if not (spawn.fixed_base or any(body.collisions for body in bodies.values())):
         raise OneBotError(
-            f"{description.source}: no link has a <collision>, so the robot would fall through "
-            "the ground; give the wheels one"
+            f'{description.source}: "{description.root_link}" would fall through the ground: no '
+            "link has a <collision>"
         )
     robot = _load(bullet, description, bodies, fixed_base=spawn.fixed_base)
     moving = description.moving_joints
@@ -173,7 +169,7 @@ def load_robot(
         name = info[1].decode()
         if name.startswith(HUB):
             hubs.append(index)
-            hold_hub(bullet, robot, index)
+            bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, force=_HOLDING)
             continue
         row = int(name)
         joint = moving[row]
@@ -182,8 +178,8 @@ def load_robot(
         torque = joint.effort if joint.name in motors else info[7]
         bullet.setJointMotorControl2(robot, index, engine.VELOCITY_CONTROL, force=torque)
         grasps = joint.name in grasping
-        set_contact(bullet, robot, index, moved[row], description, settings, grasps=grasps)
-    set_contact(bullet, robot, -1, root, description, settings)
+        set_contact(bullet, robot, index, moved[row], settings, grasps=grasps)
+    set_contact(bullet, robot, -1, root, settings)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for name, mimic in spawn.gears.items():
         _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
@@ -221,7 +217,7 @@ def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mim
 def load_fixed(bullet: Bullet, description: Description, body: Body, settings: Settings) -> int:
     """Load a fixed body of a scene, with its frame at the origin; return PyBullet's index."""
     index = _load(bullet, description, {body.link: body}, fixed=True)
-    set_contact(bullet, index, -1, body, description, settings)
+    set_contact(bullet, index, -1, body, settings)
     return index
 
 
@@ -273,13 +269,14 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
         The path of each file, by the mesh's URI.
 
     Raises:
-        OneBotError: meshes cannot be read; each is named with its links.
+        OneBotError: a mesh cannot be read.
     """
-    meshes: dict[str, tuple[Mesh, list[Link]]] = {}
-    for body in bodies:
-        for shape, _, link in body.collisions:
-            if isinstance(shape, Mesh):
-                meshes.setdefault(shape.uri, (shape, []))[1].append(link)
+    meshes = {
+        shape.uri: (shape, link)
+        for body in bodies
+        for shape, _, link in body.collisions
+        if isinstance(shape, Mesh)
+    }
     if not meshes:
         yield {}
         return
@@ -287,25 +284,16 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     from tempfile import TemporaryDirectory
 
     written: dict[str, str] = {}
-    failures: dict[str, list[Link]] = {}  # reason to links
     with TemporaryDirectory() as folder:
-        for uri, (mesh, links) in meshes.items():
-            try:
-                text = _as_obj(mesh, convex)
-            except OneBotError as error:
-                failures.setdefault(str(error), []).extend(links)
-                continue
+        for uri, (mesh, link) in meshes.items():
             file = Path(folder) / f"{len(written)}.obj"
-            file.write_text(text, encoding="utf-8")
+            try:
+                file.write_text(_as_obj(mesh, convex), encoding="utf-8")
+            except OneBotError as error:
+                raise OneBotError(
+                    f'{link.where}: link "{link.name}": collision mesh {error}'
+                ) from None
             written[uri] = str(file)
-        if failures:
-            raise OneBotError(
-                "\n".join(
-                    f"{links[0].where}: link {listing(link.name for link in links)}: "
-                    f"collision mesh {reason}"
-                    for reason, links in failures.items()
-                )
-            )
         yield written
 
 
@@ -313,22 +301,11 @@ def _as_obj(mesh: Mesh, convex: bool) -> str:
     """Return a mesh, or its convex hull, in metres, as text of a Wavefront OBJ file."""
     corners, faces = read_mesh(mesh)
     if convex:
-        faces = _hull(corners)
-    used, faces = np.unique(faces, return_inverse=True)
-    lines = ["v " + " ".join(map(repr, corner)) for corner in corners[used].tolist()]
-    lines += ["f " + " ".join(map(str, face)) for face in (faces.reshape(-1, 3) + 1).tolist()]
+        # PyBullet uses the hull anyway, but may take minutes to compute it.
+        from trimesh.convex import convex_hull
+
+        hull = convex_hull(corners, repair=False)
+        corners, faces = hull.vertices, hull.faces
+    lines = ["v " + " ".join(map(repr, corner)) for corner in corners.tolist()]
+    lines += ["f " + " ".join(map(str, face)) for face in (faces + 1).tolist()]
     return "\n".join(lines) + "\n"
-
-
-def _hull(corners: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the faces (N, 3) of the convex hull of (M, 3) corners.
-
-    PyBullet uses the hull anyway, but may take minutes to compute it.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(ConvexHull(corners).simplices, np.intp)
-    except QhullError:  # it is flat: any faces will do, as only the corners count
-        count = len(corners)
-        return np.arange(3 * -(-count // 3), dtype=np.intp).reshape(-1, 3) % count

@@ -1,7 +1,8 @@
 """Worlds in which robots move on the same ground, among the same walls."""
 
+import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 from onebot_control.physics.engine import Bullet
 from onebot_control.physics.physics_settings import Settings
@@ -19,7 +20,7 @@ from onebot_description.geometry.poses import Transform
 _RESIDUAL = 1e-12
 
 
-class World:
+class World(AbstractContextManager["World"]):
     """Simulates robots on the same ground, which can collide.
 
     Time advances only in ``step``, for all robots. The same calls give identical results in any
@@ -31,7 +32,6 @@ class World:
         bullet: the world of PyBullet, for direct calls.
         robots: the robots in the given order.
         scene: bodies around the robots; None on bare ground.
-        is_open: False after ``close``.
     """
 
     def __init__(
@@ -51,38 +51,32 @@ class World:
             at_start: place each robot at its start; otherwise the caller has to place them.
 
         Raises:
-            ValueError: a start pose is not finite.
-            OneBotError: a robot or the scene cannot be simulated, two robots overlap, or a robot
-                cannot stand at its start.
+            OneBotError: a start pose is not finite, a robot or the scene cannot be simulated, two
+                robots overlap, or a robot cannot stand at its start.
         """
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
-        self.robots = tuple(RobotBody(self, spawn) for spawn in spawns)
+        # Without a circle of references, a world that is forgotten, or refused, is freed at once.
+        self.robots = tuple(RobotBody(weakref.proxy(self), spawn) for spawn in spawns)
         self._arms = [robot for robot in self.robots if robot.commanded]
-        self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
         if not self._alone:
             self._find_rest_poses()
         self.bullet = Bullet()
-        self.is_open = True
-        try:
-            self._build()
-            if at_start:
-                self._start()
-        except BaseException:
-            self.close()
-            raise
+        self._problem = ""  # why it can no longer be used
+        self._build()
+        if at_start:
+            self._start()
 
     def step(self, duration: float) -> None:
-        """Advance by ``duration`` seconds, a whole number of physics steps.
+        """Advance by ``duration`` seconds, rounded to whole physics steps.
 
         Raises:
-            ValueError: the duration is not a whole number of steps.
             OneBotError: the world is closed, or its state is no longer finite.
         """
         count = self.settings.steps(duration)
-        self.check_usable()
+        self.check()
         bullet, robots, arms = self.bullet, self.robots, self._arms
         for number in range(count):
             for robot in arms:
@@ -95,7 +89,7 @@ class World:
             robot.read(count)
         if self.scene is not None:
             self.scene.read()
-        self.check_usable()
+        self._check_finite()
 
     def restart(self) -> None:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
@@ -130,7 +124,7 @@ class World:
             OneBotError: the world is closed or has diverged, a robot cannot stand there, or
                 another one is there; then nothing has changed.
         """
-        self.check_usable()
+        self.check()
         stances: dict[RobotBody, tuple[Transform, Sequence[float]]] = {}
         with self._undone_if_refused():
             if len(self.robots) == len(places) and (at_start or self.scene is None):
@@ -182,39 +176,37 @@ class World:
         spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
         around = self.scene.description if self.scene else None
         world = World(spawns, settings, around, at_start=False)
-        try:
-            if self.scene is not None and world.scene is not None:
-                world.scene.put(self.scene.poses)
-            for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
-                if index == row:
-                    new.continue_joints(old)
-                else:
-                    new.continue_from(old)
-            world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
-        except BaseException:
-            world.close()
-            raise
+        if self.scene is not None and world.scene is not None:
+            world.scene.put(self.scene.poses)
+        for index, (new, old) in enumerate(zip(world.robots, self.robots, strict=True)):
+            if index == row:
+                new.continue_joints(old)
+            else:
+                new.continue_from(old)
+        world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
         return world
 
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
-        self.is_open = False
+        self._problem = "this simulation has been closed; make a new one"
         self.bullet.close()
 
-    def check_open(self) -> None:
-        """Raise OneBotError if the world has been closed."""
-        if not self.is_open:
-            raise OneBotError("this simulation has been closed; make a new one")
-
-    def check_usable(self) -> None:
+    def check(self) -> None:
         """Raise OneBotError if the world has been closed, or its state is not finite."""
-        for robot in self.robots:
-            robot.check()
-        if self.scene is not None:
-            self.scene.check()
+        if self._problem:
+            raise OneBotError(self._problem)
 
-    def __enter__(self) -> "World":
-        return self
+    def _check_finite(self) -> None:
+        """Raise OneBotError, from now on, if the state last read is not finite."""
+        diverged = [robot.spawn.description for robot in self.robots if not robot.finite]
+        if self.scene is not None and not self.scene.finite:
+            diverged.append(self.scene.description)
+        if diverged:
+            self._problem = (
+                f"{diverged[0].source}: the simulation diverged: its state is no longer finite; "
+                "start it again"
+            )
+        self.check()
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -248,9 +240,10 @@ class World:
 
     def _start(self) -> None:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
+        self._problem = ""
         for robot, pose in zip(self.robots, self._place_at_starts(), strict=True):
             robot.put(pose)
-        self.check_usable()
+        self._check_finite()
 
     def _place_at_starts(self) -> list[Transform]:
         """Place the bodies of all robots as at the start, and return their poses.
@@ -278,17 +271,14 @@ class World:
             return pose
         robot.parts.place(pose, positions)
         if self.scene.fixed_at(robot.parts):
-            key = robot, where, tuple(positions)
-            if key not in self._on_scene:
-                self._on_scene[key] = pose_on(
-                    self.scene.description,
-                    robot.spawn,
-                    self.settings,
-                    robot.rest_pose,
-                    where,
-                    positions,
-                )
-            pose = self._on_scene[key]
+            pose = pose_on(
+                self.scene.description,
+                robot.spawn,
+                self.settings,
+                robot.rest_pose,
+                where,
+                positions,
+            )
             robot.parts.place(pose)
         return pose
 

@@ -49,9 +49,8 @@ def camera_rays(camera: Camera) -> Rays:
     # Each pixel's coordinate by the camera matrix K, with the principal point in the middle.
     across = (camera.width / 2.0 - np.arange(camera.width)) / focal
     up = (camera.height / 2.0 - np.arange(camera.height)) / focal
-    rows = np.stack([np.ones_like(up), np.zeros_like(up), up], axis=1)
-    columns = np.stack([np.zeros_like(across), across, np.zeros_like(across)], axis=1)
-    return Rays((rows[:, None] + columns).reshape(-1, 3), (rows, columns))
+    z, y = np.meshgrid(up, across, indexing="ij")
+    return Rays(np.stack([np.ones_like(y), y, z], axis=-1).reshape(-1, 3))
 
 
 def reach(camera: Camera) -> float:

@@ -1,6 +1,5 @@
 """Measures with IMUs: from two motions of the sensor, and its orientation."""
 
-import math
 from collections.abc import Sequence, Set
 from typing import Any, NamedTuple
 
@@ -16,7 +15,6 @@ from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Quaternion, multiply, rotate, scaled
 
-_LEAP = 0.01  # m; a sensor that has moved this much farther than by its speed was teleported
 _STEP = 1e-5  # s; poses this much before and after a moment give the velocity in it
 
 
@@ -48,27 +46,20 @@ def _spin(turned: Floats, seconds: float) -> Floats:
     return np.array([x, y, z]) / (2.0 * seconds)
 
 
-def measure(
-    before: Motion | None, now: Motion, period: float, gravity: float
-) -> tuple[Floats, Floats]:
+def measure(before: Motion, now: Motion, period: float, gravity: float) -> tuple[Floats, Floats]:
     """Return angular velocity (3,), rad/s, and linear acceleration (3,), m/s^2, in a sensor's axes.
 
     An accelerometer also measures the reaction to gravity (REP-145): R^T (a - g). The acceleration
     is the mean over a period, dv/dt + w x v with velocities v in the sensor's axes, which is exact
-    in a steady turn.
+    in a steady turn. A robot that is teleported stops: that is measured, but not where it is put.
 
     Args:
-        before: motion one period ago; None if unknown, which counts as unchanged.
+        before: motion one period ago; ``now`` if it is unknown.
         now: current motion.
         period: between both, s.
         gravity: downwards, m/s^2.
     """
-    spin = now.angular
-    if before is None:
-        before = now
-    else:
-        # Mean angular velocity from the actual rotation; the mean of both velocities is not exact.
-        spin = _spin(before.rotation.T @ now.rotation, period)
+    spin = (before.angular + now.angular) / 2.0
     acceleration = (now.linear - before.linear) / period
     acceleration += np.cross(spin, (before.linear + now.linear) / 2.0)
     return now.angular, acceleration + gravity * now.rotation[2]
@@ -106,8 +97,7 @@ class ImuInstrument(Instrument[Imu]):
         frame, row = world.frame, self.row
         snapshot = frame.snapshots[row]
         last_snapshot = frame.before[row] if frame.before else snapshot
-        last, now = self._motions(world, [last_snapshot, snapshot])
-        before = None if frame.before is None or _was_put(last, now, world.period) else last
+        before, now = self._motions(world, [last_snapshot, snapshot])
         angular, linear = measure(before, now, world.period, world.gravity)
         # As all velocities, it is per second of the clock; the acceleration is the one simulated.
         values = np.concatenate([angular * snapshot.pace, linear])
@@ -141,10 +131,3 @@ def _around(snapshot: Snapshot) -> list[RobotState]:
         )
         for dt in (-_STEP, 0.0, _STEP)
     ]
-
-
-def _was_put(before: Motion, now: Motion, period: float) -> bool:
-    """Return whether a sensor was teleported between two cycles, which it does not feel."""
-    shift = math.dist(now.position, before.position)
-    speed = max(np.linalg.norm(motion.linear) for motion in (before, now))
-    return bool(shift > 2.0 * speed * period + _LEAP)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.sensing.solids import Integers, Rounds, Solid
+from onebot_control.sensing.solids import Integers, Solid
 from onebot_description.arrays import Floats, Singles
 
 HAS_EMBREE = find_spec("embreex") is not None  # some processors have no wheel
@@ -22,8 +22,6 @@ NOTHING, GROUND = -2, -1  # instead of the index of a surface
 # From this number of rays on, this many form a bundle. Smaller bundles select fewer rays, but take
 # longer to test.
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
-_PASSES = 64  # facets of round shapes that a ray may hit while it misses the shapes themselves
-_ASIDE = 1e-5  # m; a ray that has passed a facet continues this far behind it
 _RAYS_A_CALL = 16_000  # PyBullet's limit
 
 
@@ -85,15 +83,9 @@ class Rays:
         bundles: cones around neighbours.
     """
 
-    def __init__(self, directions: Floats, grid: tuple[Floats, Floats] | None = None) -> None:
-        """Bundle rays.
-
-        Args:
-            directions: (N, 3), row by row.
-            grid: vectors (R, 3) and (C, 3) whose sums are the directions, if there are such; they
-                make ``turned`` faster.
-        """
-        self.singles, self._grid = directions.astype(np.float32), grid
+    def __init__(self, directions: Floats) -> None:
+        """Bundle rays by their directions (N, 3), row by row."""
+        self.singles = directions.astype(np.float32)
         self._count = count = len(directions)
         self._size = next(size for least, size in _BUNDLES if count >= least)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
@@ -104,14 +96,7 @@ class Rays:
 
     def turned(self, rotation: Floats) -> Singles:
         """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
-        if self._grid is None:
-            directions: Singles = self.singles @ rotation.T.astype(np.float32)
-        else:
-            rows, columns = ((part @ rotation.T).astype(np.float32) for part in self._grid)
-            # Add whole rows of an image: adding vectors of three numbers would take twice as long.
-            sums = np.tile(rows, (1, len(columns)))
-            sums += columns.ravel()
-            directions = sums.reshape(-1, 3)
+        directions: Singles = self.singles @ rotation.T.astype(np.float32)
         return directions
 
     def near(self, centers: Floats, radii: Floats, reach: float) -> NDArray[np.bool_]:
@@ -288,9 +273,6 @@ class Surface:
     def __init__(self, solid: Solid) -> None:
         """Build Embree's or PyBullet's scene of the solid."""
         self.solid = solid
-        self._rounds = solid.rounds if HAS_EMBREE else Rounds.of([])
-        # A miss is face -1, the last one.
-        self._round_of = np.append(solid.round_of, -1)
         self._caster: _Caster | None = None
         if len(solid.faces):
             self._caster = _embree(solid) if HAS_EMBREE else _BulletRays(solid)
@@ -315,49 +297,8 @@ class Surface:
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)
             return _Found(np.full(len(directions), -1, np.int32), none, none.copy())
-        refined = len(self._rounds.radii) > 0
-        hit_distances = distances.copy() if refined else distances
-        hits = self._caster.run(origins, directions, dists=hit_distances, output=True)
-        faces: Integers = hits["primID"]
-        if refined:
-            self._refine(origins, directions, distances, hit_distances, faces)
-            nearer = (faces >= 0) & (hit_distances < distances)
-            distances[nearer] = hit_distances[nearer]
-            faces[~nearer] = -1
-        return _Found(faces, hits["u"], hits["v"])
-
-    def _refine(
-        self,
-        origins: Singles,
-        directions: Singles,
-        limits: Singles,
-        distances: Singles,
-        faces: Integers,
-    ) -> None:
-        """Replace hits on the facets around round shapes by hits on the shapes themselves."""
-        caster = self._caster
-        assert caster is not None
-        rows = np.flatnonzero(self._round_of[faces] >= 0)
-        for _ in range(_PASSES):
-            if not len(rows):
-                return
-            exact = self._rounds.distances(
-                self._round_of[faces[rows]], origins[rows], directions[rows].astype(float)
-            )
-            reached = np.isfinite(exact)
-            passed = rows[~reached]
-            starts = distances[passed] * np.float32(1 + 1e-6) + np.float32(_ASIDE)
-            distances[rows[reached]] = exact[reached]
-            if not len(passed):
-                return
-            onward = directions[passed]
-            left = limits[passed] - starts
-            ahead = origins[passed] + starts[:, None] * onward
-            hits = caster.run(ahead, onward, dists=left, output=True)
-            faces[passed] = hits["primID"]
-            distances[passed] = starts + left
-            rows = passed[self._round_of[faces[passed]] >= 0]
-        faces[rows] = -1
+        hits = self._caster.run(origins, directions, dists=distances, output=True)
+        return _Found(hits["primID"], hits["u"], hits["v"])
 
 
 def _embree(solid: Solid) -> _Caster:

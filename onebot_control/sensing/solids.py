@@ -1,11 +1,10 @@
 """Solids: the visual shapes of links as triangles with colours.
 
-Cylinders and spheres are enclosed by facets, which select the rays that may hit them; ``Rounds``
-computes the exact hits.
+Cylinders and spheres have so many facets that each is within 0.03 % of the radius of the surface.
 """
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,52 +30,7 @@ from onebot_description.model.robot_model import RobotModel
 Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
-_SECTIONS, _SUBDIVISIONS = 64, 3  # facets around cylinders and spheres
-
-
-class Rounds(NamedTuple):
-    """Exact cylinders and spheres, for intersection with rays."""
-
-    rotations: Floats  # (K, 3, 3), from the solid's frame to theirs
-    centers: Floats  # (K, 3)
-    radii: Floats  # (K,)
-    halves: Floats  # (K,), half the length along z; infinite for a sphere
-
-    @classmethod
-    def of(cls, shapes: Sequence[tuple[Floats, float, float]]) -> "Rounds":
-        """Collect shapes, each given by pose (4, 4), radius and half length (m)."""
-        poses = np.array([pose for pose, _, _ in shapes]).reshape(-1, 4, 4)
-        radii, halves = np.array([shape[1:] for shape in shapes]).reshape(-1, 2).T
-        return cls(poses[:, :3, :3].transpose(0, 2, 1), poses[:, :3, 3], radii, halves)
-
-    def distances(self, which: Integers, origins: Singles, directions: Floats) -> Floats:
-        """Return the distance (N,) from each ray's origin to its shape; infinite where it misses.
-
-        Args:
-            which: (N,), index of the shape for each ray.
-            origins: (N, 3), in the solid's frame.
-            directions: (N, 3), in the solid's frame; distances are in their lengths.
-        """
-        turn = self.rotations[which]
-        o = np.einsum("nij,nj->ni", turn, origins - self.centers[which])
-        d = np.einsum("nij,nj->ni", turn, directions)
-        radius, half = self.radii[which], self.halves[which]
-        # Solve |o + t d|^2 = r^2 for t; for a cylinder, without z.
-        across = np.where(np.isinf(half)[:, None], 1.0, (1.0, 1.0, 0.0))
-        a = (across * d * d).sum(axis=1)
-        b = (across * o * d).sum(axis=1)
-        c = (across * o * o).sum(axis=1) - radius * radius
-        with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.sqrt(b * b - a * c)
-            sides = np.stack([(-b - root) / a, (-b + root) / a])
-            sides[~(np.abs(o[:, 2] + sides * d[:, 2]) <= half)] = np.inf
-            caps = np.stack([(-half - o[:, 2]) / d[:, 2], (half - o[:, 2]) / d[:, 2]])
-            x, y = (o[:, axis] + caps * d[:, axis] for axis in (0, 1))
-            caps[~(x * x + y * y <= radius * radius)] = np.inf
-        candidates = np.concatenate([sides, caps])
-        candidates[~(candidates > 0.0)] = np.inf
-        nearest: Floats = candidates.min(axis=0)
-        return nearest
+_SECTIONS, _SUBDIVISIONS = 256, 5  # facets around cylinders and spheres
 
 
 class Texture(NamedTuple):
@@ -88,13 +42,11 @@ class Texture(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Triangles with colours, round shapes and textures, in one frame."""
+    """Triangles with colours and textures, in one frame."""
 
     corners: Singles  # (N, 3), m
     faces: Integers  # (F, 3)
     colors: Singles  # (F, 3), sRGB, 0 to 1
-    round_of: Integers  # (F,), index in ``rounds`` of the shape that a face encloses; -1: none
-    rounds: Rounds
     textures: tuple[Texture, ...]
 
     @property
@@ -114,7 +66,6 @@ class _Part(NamedTuple):
     corners: Floats
     faces: NDArray[np.intp]
     colors: Floats | None = None  # (F, 3) or (3,); None: the visual's
-    round: tuple[float, float] | None = None  # radius and half length of what it is around
     texture: tuple[Floats, NDArray[np.uint8]] | None = None
 
 
@@ -124,22 +75,17 @@ def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
     Args:
         geometries: visuals, each with the pose (4, 4) of its link.
     """
-    corners, faces, colors, round_of = [], [], [], []
-    rounds: list[tuple[Floats, float, float]] = []
+    corners, faces, colors = [], [], []
     textures: list[Texture] = []
     corner_count = face_count = 0
     for geometry, link in geometries:
         color = geometry.color or _PLAIN
-        for part, height in _parts(geometry) if color[3] > 0.0 else ():  # 0: hidden on purpose
+        for part in _parts(geometry) if color[3] > 0.0 else ():  # 0: hidden on purpose
             pose = link @ matrices.of_origin(geometry.origin)
-            pose[:3, 3] += height * pose[:3, 2]
             corners.append(matrices.transformed(part.corners, pose))
             faces.append(part.faces + corner_count)
             look = np.array(color[:3]) if part.colors is None else part.colors
             colors.append(np.broadcast_to(look, (len(part.faces), 3)))
-            round_of.append(np.full(len(part.faces), -1 if part.round is None else len(rounds)))
-            if part.round is not None:
-                rounds.append((pose, *part.round))
             if part.texture is not None:
                 places, image = part.texture
                 textures.append(Texture(face_count, places[part.faces].astype(np.float32), image))
@@ -149,8 +95,6 @@ def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
         np.concatenate([np.empty((0, 3)), *corners]).astype(np.float32),
         np.concatenate([np.empty((0, 3), int), *faces]).astype(np.int32),
         np.concatenate([np.empty((0, 3)), *colors]).astype(np.float32),
-        np.concatenate([np.empty(0, int), *round_of]).astype(np.int32),
-        Rounds.of(rounds),
         tuple(textures),
     )
 
@@ -165,41 +109,38 @@ def robot_solid(robot: Description) -> Solid:
     )
 
 
-def _parts(geometry: Geometry) -> list[tuple[_Part, float]]:
-    """Return the parts of a visual, each with its height (z) in the visual's frame."""
+def _parts(geometry: Geometry) -> list[_Part]:
+    """Return the parts of a visual."""
     shape = geometry.shape
     if isinstance(shape, Mesh):
         try:
             state = shape.path and shape.path.stat()
             parts = _mesh(shape, state and (state.st_mtime_ns, state.st_size))
-            return [(part, 0.0) for part in parts if len(part.faces)]
+            return [part for part in parts if len(part.faces)]
         except (OneBotError, OSError) as error:
             logger.warning("%s: sensors do not see this mesh: %s", geometry.where, error)
             return []
-    if isinstance(shape, Capsule):
-        end, half = _primitive(Sphere(shape.radius)), shape.length / 2.0
-        tube = _primitive(Cylinder(shape.radius, shape.length))
-        return [(tube, 0.0), (end, half), (end, -half)]
-    return [(_primitive(shape), 0.0)]
+    return [_primitive(shape)]
 
 
 @functools.lru_cache(maxsize=256)
-def _primitive(shape: Box | Cylinder | Sphere) -> _Part:
-    """Return a box, or facets that enclose a cylinder or sphere and touch it."""
+def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
+    """Return a box, or facets that are as far inside of a cylinder or sphere as outside of it."""
     from trimesh import creation
 
     if isinstance(shape, Box):
         box = creation.box(shape.size)
         return _Part(box.vertices, box.faces)
     if isinstance(shape, Sphere):
-        ball = creation.icosphere(_SUBDIVISIONS, shape.radius)
+        ball = creation.icosphere(_SUBDIVISIONS)
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
-        return _Part(
-            ball.vertices * (shape.radius / nearest), ball.faces, round=(shape.radius, np.inf)
-        )
-    wider = shape.radius / np.cos(np.pi / _SECTIONS)
+        return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
+    wider = 2.0 * shape.radius / (1.0 + np.cos(np.pi / _SECTIONS))
+    if isinstance(shape, Capsule):
+        capsule = creation.capsule(shape.length, wider, count=[_SECTIONS // 2, _SECTIONS // 4])
+        return _Part(capsule.vertices - capsule.bounds.mean(axis=0), capsule.faces)
     tube = creation.cylinder(wider, shape.length, sections=_SECTIONS)
-    return _Part(tube.vertices, tube.faces, round=(shape.radius, shape.length / 2.0))
+    return _Part(tube.vertices, tube.faces)
 
 
 @functools.lru_cache(maxsize=256)
@@ -217,7 +158,7 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
         # A mirrored triangle is wound the other way about.
         faces = np.asarray(surface.faces, np.intp)[:, :: -1 if np.prod(mesh.scale) < 0.0 else 1]
         colors, texture = _look(surface.visual) if has_own_colors else (None, None)
-        parts.append(_Part(corners, faces, colors, None, texture))
+        parts.append(_Part(corners, faces, colors, texture))
     return tuple(parts)
 
 

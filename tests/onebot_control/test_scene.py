@@ -217,11 +217,11 @@ def test_meshes_that_stand_still_are_not_filled(tmp_path):
         ),
         (
             [part("box", kind="floating")],
-            ['joint "to_box" is floating, so that link "box" .* no mass; give it an <inertial>'],
+            ['link "box" cannot be moved without a mass; .* an <inertial>'],
         ),
         (
             [part("box", kind="floating", mass=1.0).replace("collision", "visual")],
-            ['link "box" .* no <collision>'],
+            ['"box" would fall through the ground: no link has a <collision>'],
         ),
         (
             [BOX.replace("0.5 0 0.1", "0.5 0 0")],

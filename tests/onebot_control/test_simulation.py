@@ -110,11 +110,9 @@ def test_rays():
         assert 0.6 < world.ray((0, 0, 0.06), (-1, 0, 0)) < 1.0  # the robot
         # A robot without a lidar looks along x of its root link, and not at itself.
         assert world.robot.distance_ahead() == pytest.approx(3.5, abs=1e-3)
-        for wrong in ((0, 0), (0, math.nan, 0), (math.inf, 0, 0)):
+        for wrong in ((0, 0, 0), (0, math.nan, 0), (math.inf, 0, 0)):
             with pytest.raises(ValueError, match="three finite numbers"):
-                world.ray(wrong, (1, 0, 0))
-        with pytest.raises(ValueError, match="zero"):
-            world.ray((0, 0, 1), (0, 0, 0))
+                world.ray((0, 0, 1), wrong)
 
 
 def test_boxes():
@@ -129,7 +127,7 @@ def test_boxes():
         pushed = world.boxes["crate"]
         assert (pushed.x, pushed.y, pushed.z) == pytest.approx((2.68, 0.0, 0.1), abs=5e-3)
         assert (pushed.roll, pushed.pitch) == pytest.approx((0.0, 0.0), abs=1e-3)
-        with pytest.raises(OneBotError, match='no box "crates" in the world .did you mean "crate"'):
+        with pytest.raises(OneBotError, match='no box "crates" can move .did you mean "crate"'):
             world.boxes["crates"]
         world.reset()
         assert world.boxes["crate"] == crate
@@ -213,9 +211,7 @@ def test_any_robot(tmp_path: Path):
         ({"world": "maize"}, 'no world "maize" (did you mean "maze"?'),
         ({"model": "nowhere.urdf"}, "nowhere.urdf: no such file"),
         ({"arguments": {"mesh": "false"}}, "mesh_enabled"),
-        ({"parameters": {"world": "maze"}}, "world: is an argument of Simulation"),
-        ({"parameters": {"sensor_noise": False}}, "argument noise of Simulation"),
-        ({"parameters": {"real_time_factor": 2.0}}, "has no effect here"),
+        ({"parameters": {"world": "maze"}}, "world: has no effect here"),
         ({"model": DIFF_DRIVE, "sensors": True}, "no sensor found"),
         ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
         ({"x": math.nan}, "finite"),
@@ -235,21 +231,12 @@ def test_a_mistake_of_a_running_simulation_changes_nothing():
         for wrong in (math.nan, math.inf):
             with pytest.raises(ValueError, match="finite"):
                 robot.drive(0.1, wrong)
-        with pytest.raises(OneBotError, match="2 sensors measure points: camera, lidar; name"):
+        with pytest.raises(OneBotError, match="name a sensor that measures points: camera, lidar$"):
             robot.points()
-        with pytest.raises(
-            OneBotError, match='no sensor "lidat" measures scan .did you mean "lidar"'
-        ):
+        with pytest.raises(OneBotError, match="name a sensor that measures scan: lidar$"):
             robot.scan("lidat")
-        with pytest.raises(OneBotError, match='no joint "left_wheel" moves .did you mean'):
+        with pytest.raises(OneBotError, match='no joint "left_wheel" can move .did you mean'):
             robot.joints["left_wheel"]
-        with pytest.raises(OneBotError, match="no sensor of the robot measures range"):
-            robot.range()
-        with pytest.raises(ValueError, match="seed"):
-            world.reset(seed=-1)
-        for seconds, rate in ((-1.0, 5.0), (math.inf, 5.0), (1.0, 0.0), (1.0, math.nan)):
-            with pytest.raises(ValueError, match="finite"):
-                world.keep(seconds, rate)
         world.run(1.0)
         assert robot.twist.linear == pytest.approx(0.2, abs=1e-3)
     with pytest.raises(OneBotError, match="closed"):

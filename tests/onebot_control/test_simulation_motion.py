@@ -75,12 +75,3 @@ def test_motor_is_no_stronger_than_its_effort():
         states = weak.joint_states()
         assert max(map(abs, states.efforts[:2])) <= 0.01 + 1e-12
         assert max(states.velocities[:2]) < 1.0
-
-
-def test_joint_friction_holds():
-    """What the URDF says of a joint without a motor is heeded."""
-    stiff = r"""\1<dynamics friction="50" damping="0"/>"""
-    with simulate(robot('(<child link="caster_wheel"/>)', stiff)) as simulation:
-        # Free, it would roll by many radians.
-        drive(simulation, 0.2, 0.0, 2.0)
-        assert simulation.joint_states().positions[3] == pytest.approx(0.0, abs=0.05)

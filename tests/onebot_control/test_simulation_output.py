@@ -14,16 +14,14 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 def test_catches_what_c_prints(capfd, caplog):
-    """In lines, without the places in Bullet's sources; what is buffered before passes."""
+    """In lines; what is buffered before passes."""
     _LIBC.printf(b"of C;")
     sys.stdout.write("of Python;")
     with captured() as lines:
-        _LIBC.printf(b"b3Warning[examples/some/file.cpp,126]:\nno inertia for link")
+        _LIBC.puts(b"no inertia for link\n")
         _LIBC.puts(b"b3Printf: second")
     print("after")
-    assert lines == ["no inertia for link", "b3Printf: second"] or lines == [
-        "no inertia for linkb3Printf: second"
-    ]
+    assert lines == ["no inertia for link", "b3Printf: second"]
     assert {*capfd.readouterr().out.split(";")} == {"of C", "of Python", "after\n"}
     log(["100 % sure"])
     assert caplog.messages == ["PyBullet: 100 % sure"]
@@ -58,10 +56,6 @@ def test_catches_only_the_descriptors_asked_for(capfd):
         os.write(1, b"three\n")
         os.write(2, b"four\n")
     assert lines == ["four"]
-    with captured(1, 2) as lines:
-        os.write(1, b"five\n")
-        os.write(2, b"six\n")
-    assert lines == ["five", "six"]
     assert tuple(capfd.readouterr()) == ("three\n", "two\n")
 
 

@@ -157,14 +157,11 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
     It is at rest once nothing moves, wherever the caster stands then.
     """
     description = robot('<origin xyz="-0.22 0 0"/>', '<origin xyz="-0.22 0.02 0.01"/>')
+    steps, step = [], engine.stepSimulation
+    monkeypatch.setattr(engine, "stepSimulation", lambda **world: steps.append(step(**world)))
     with simulate(description) as one:
         assert one.joint_states().positions == (0.0,) * 4
-    assert 40 < _steps_to_settle(description, monkeypatch, DRIVEN) < 300
-
-
-def test_a_robot_almost_without_weight_stands():
-    with simulate(settings=Settings(gravity=1e-7)) as one:
-        assert one.base_pose().translation == pytest.approx([0.0, 0.0, 0.06], abs=1e-3)
+    assert 40 < len(steps) < 300
 
 
 def test_the_ground_is_level_at_zero_with_friction_and_gravity():
@@ -211,57 +208,3 @@ def test_a_robot_in_free_flight_is_not_slowed_down():
         linear, angular = bullet.getBaseVelocity(body)
         assert np.linalg.norm(linear) == pytest.approx(3.0, rel=1e-3)
         assert angular[2] == pytest.approx(0.5, rel=1e-2)
-
-
-def _spheres(places, offset):
-    """A robot on spheres at these places (x, y) about a middle, its mass above it but for this."""
-    middle = np.array([1.0, -2.0])
-    ball = '<geometry><sphere radius="0.05"/></geometry>'
-    shapes = "".join(
-        f'<collision><origin xyz="{x!r} {y!r} 0"/>{ball}</collision>'
-        for x, y in (middle + places).tolist()
-    )
-    x, y = (middle + offset).tolist()
-    tiny = _INERTIA.replace("0.01", "1e-9")
-    return parse_description(
-        f'<robot name="r"><link name="base"><inertial><origin xyz="{x!r} {y!r} 0.05"/>'
-        f'<mass value="1"/>{_INERTIA}</inertial>{shapes}</link><link name="arm"><inertial>'
-        f'<mass value="1e-9"/>{tiny}</inertial></link><joint name="j" type="continuous">'
-        '<parent link="base"/><child link="arm"/><origin xyz="1 -2 0"/>'
-        '<limit effort="1" velocity="1"/></joint></robot>',
-        "spheres.urdf",
-    )
-
-
-@pytest.mark.parametrize("along", [(0.2, 0.0), (0.2, -0.2), (0.0, 0.0)])
-def test_a_robot_balanced_on_a_line_is_watched_until_it_tips(caplog, along):
-    """In whatever direction the line runs, far from the root link's frame; also on a point."""
-    x, y = along
-    across = (-y, x) if x or y else (1.0, 0.0)
-    offset = 1e-8 * np.array(across) / math.hypot(*across)
-    places = np.array([along, (-x, -y)] if x or y else [along])
-    with caplog.at_level(logging.WARNING), _stand(_spheres(places, offset), Settings()):
-        assert "has not come to rest" in caplog.text
-
-
-def _steps_to_settle(description, monkeypatch, driven=("j",)):
-    """Physics steps until a robot is taken to rest; at most 400."""
-    steps, step = [], engine.stepSimulation
-    with monkeypatch.context() as patch:
-        patch.setattr(engine, "stepSimulation", lambda **world: steps.append(step(**world)))
-        simulate(description, driven).close()
-    return len(steps)
-
-
-@pytest.mark.parametrize("turn", [90.0, 45.0])
-def test_a_robot_on_three_points_rests_at_once(monkeypatch, turn):
-    """However its three points lie; when two of them are 2.6 mm apart it is balanced on a line."""
-    turned = Rotation.from_euler("z", turn, degrees=True).as_matrix()[:2, :2]
-    places = np.array([(0.2, 0.0), (-0.2, 1.0), (-0.2, -1.0)])
-    steps = {}
-    for width in (1.3e-3, 0.03, 0.2):
-        narrow = (places * (1.0, width)) @ turned.T
-        steps[width] = _steps_to_settle(_spheres(narrow, np.zeros(2)), monkeypatch)
-    assert steps[1.3e-3] == 400
-    # It is at rest once it has been for 0.05 s, which are 10 steps.
-    assert 10 <= steps[0.2] <= steps[0.03] < 30

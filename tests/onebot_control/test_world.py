@@ -1,15 +1,11 @@
 """Several robots in one world: each as if alone, all at the same time, and in each other's way."""
 
-import math
-
 import numpy as np
-import pytest
 
 from onebot_control.physics import RobotSpawn, World
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     bits,
-    planar,
     robot,
     simulate,
     wheels,
@@ -51,19 +47,3 @@ def test_efforts_are_of_the_last_step_whether_or_not_a_speed_is_given_again():
             told_again.step(0.1)
         for once, again in zip(told_once.robots, told_again.robots, strict=True):
             assert bits(once) == bits(again)
-
-
-def test_one_is_put_elsewhere_and_the_others_drive_on():
-    with _world() as world:
-        moved, other, _ = world.robots
-        other.turn(wheels(0.2, 0.0))
-        world.step(0.5)
-        before = planar(other)
-        moved.teleport(-5.0, 6.0, 2.5)
-        assert planar(moved) == pytest.approx((-5.0, 6.0, 2.5), abs=1e-13)
-        assert planar(other) == before
-        world.step(0.5)
-        assert math.dist(planar(other)[:2], before[:2]) > 0.08
-        moved.reset()
-        assert planar(moved) == pytest.approx(STARTS[0], abs=1e-13)
-        assert not any(moved.positions)
