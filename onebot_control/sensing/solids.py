@@ -1,9 +1,11 @@
 """Solids: the visual shapes of links as triangles with colours.
 
-Cylinders and spheres have so many facets that each is within 0.03 % of the radius of the surface.
+Round shapes have so many facets that sensors see them to a tenth of a millimetre: only a ray that
+touches an edge may miss it by more.
 """
 
 import functools
+import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -30,7 +32,10 @@ from onebot_description.model.robot_model import RobotModel
 Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
-_SECTIONS, _SUBDIVISIONS = 256, 5  # facets around cylinders and spheres
+_SECTIONS = 256  # facets around cylinders
+_HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
+_ICOSAHEDRON = 0.292  # the same of a ball of radius 1 with few facets; 4 times as many quarter it
+_LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
 
 
 class Texture(NamedTuple):
@@ -132,7 +137,8 @@ def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
         box = creation.box(shape.size)
         return _Part(box.vertices, box.faces)
     if isinstance(shape, Sphere):
-        ball = creation.icosphere(_SUBDIVISIONS)
+        wanted = math.ceil(math.log(_ICOSAHEDRON * shape.radius / _HIGH, 4.0))
+        ball = creation.icosphere(min(max(wanted, 0), _LARGEST_BALL))
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
         return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
     wider = 2.0 * shape.radius / (1.0 + np.cos(np.pi / _SECTIONS))

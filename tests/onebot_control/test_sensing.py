@@ -102,10 +102,7 @@ def to_round(o, d, radius, half=np.inf):
 
 
 def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
-    """Over 1,000 random poses; each shape once standing still and once as a body that moves.
-
-    A ray that only just touches a round shape, one of 10,000, is right to 2 mm.
-    """
+    """Over 1,000 random poses; each shape once standing still and once as a body that moves."""
     rng = np.random.default_rng(20)
     kinds = {
         '<box size="0.6 0.4 1.0"/>': lambda o, d: to_box(o, d, np.array([0.3, 0.2, 0.5])),
@@ -146,9 +143,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
     true[true > 30.0] = np.inf
     measured = np.concatenate(scans)
     assert np.isfinite(true).sum() > 15_000
-    np.testing.assert_allclose(measured, true, rtol=0.0, atol=2e-3)
-    graze = ~np.isclose(measured, true, rtol=0.0, atol=1e-3)
-    assert graze.mean() < 1e-4
+    np.testing.assert_allclose(measured, true, rtol=0.0, atol=1e-3)
 
 
 def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
