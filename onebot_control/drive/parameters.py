@@ -233,13 +233,6 @@ class ControlConfig(SimulationConfig):
         for name in sorted(set(left) & set(right)):
             yield Problem("right_wheel_names", f'"{name}" is in left_wheel_names too')
 
-    def surprises(self) -> Iterator[Problem]:
-        """Report limits that have no effect."""
-        for axis, limits in (("linear.x", self.linear), ("angular.z", self.angular)):
-            for name, needed in limits.idle():
-                text = f"limits nothing while {axis}.{needed} is not given"
-                yield Problem(f"{axis}.{name}", text)
-
     def world_frame(self, *, in_scene: bool) -> str:
         """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""
         return self.world_frame_id or (WORLD_FRAME if in_scene else "")

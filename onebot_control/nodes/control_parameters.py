@@ -70,11 +70,6 @@ class ControlParameters:
         }
         self.config = read(ControlConfig, self.values, self.places)
 
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings about parameters that have no effect, each with its place."""
-        return [problem.message(self.places) for problem in self.config.surprises()]
-
     def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
         """Return the configuration with these parameters set; nothing changes yet.
 

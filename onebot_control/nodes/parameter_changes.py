@@ -55,11 +55,8 @@ class ParameterChanges:
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         settings, robot = self._settings, self._robot
-        previous_config, warned = settings.config, settings.warnings
+        previous_config = settings.config
         settings.accept(parameters)
-        for warning in settings.warnings:
-            if warning not in warned:
-                robot.node.get_logger().warning(warning)
         config = settings.config
         if config == previous_config:
             return

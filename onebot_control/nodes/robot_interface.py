@@ -126,12 +126,10 @@ class RobotInterface:
         )
 
     @property
-    def warnings(self) -> list[str]:
-        """Warnings about the description and the parameters."""
+    def notices(self) -> Sequence[str]:
+        """Notices of its description that robot_state_publisher has not logged already."""
         assert self.description is not None
-        # robot_state_publisher has logged the notices of its description.
-        notices = self.description.notices if self.description.files else ()
-        return [*notices, *self.settings.warnings]
+        return self.description.notices if self.description.files else ()
 
     # The control loop --------------------------------------------------------------------------
 

@@ -153,7 +153,7 @@ class WorldInterface:
             self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
-        warnings += [text for robot in self.robots for text in robot.warnings]
+        warnings += [notice for robot in self.robots for notice in robot.notices]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_moved_text(fleet))

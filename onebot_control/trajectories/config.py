@@ -168,22 +168,6 @@ class TrajectoryConfig:
             text = "only false: a point with velocities needs positions, too"
             yield Problem("allow_integration_in_goal_trajectories", text)
 
-    def surprises(self, constraints: Mapping[str, JointConstraint]) -> Iterator[Problem]:
-        """Report parameters that have no effect, given the result of ``joint_constraints``."""
-        if self.cmd_timeout and not self.timeout:
-            text = (
-                f"does nothing unless above constraints.goal_time, {self.constraints.goal_time:g}"
-            )
-            yield Problem("cmd_timeout", text)
-        if self.constraints.decelerate_on_cancel:
-            if "velocity" not in self.state_interfaces:
-                text = "does nothing unless state_interfaces has velocity"
-                yield Problem("constraints.decelerate_on_cancel", text)
-            for name, constraint in constraints.items():
-                if not constraint.max_deceleration_on_cancel:
-                    text = "is not given, so constraints.decelerate_on_cancel does nothing"
-                    yield Problem(f"{_CONSTRAINTS}{name}.max_deceleration_on_cancel", text)
-
     @property
     def timeout(self) -> float:
         """The parameter cmd_timeout, s; 0 if it has no effect."""

@@ -122,17 +122,6 @@ def test_wrong_values(values: dict[str, Any], said: str) -> None:
     assert said in problem(**values)
 
 
-def test_a_limit_that_does_nothing_is_surprising() -> None:
-    values = {"linear.x.min_velocity": -0.1, "angular.z.max_deceleration": -1.0}
-    config = ControlConfig.from_parameters({**WHEELS, **values})
-    assert [problem.message() for problem in config.surprises()] == [
-        "linear.x.min_velocity: limits nothing while linear.x.max_velocity is not given",
-        "angular.z.max_deceleration: limits nothing while angular.z.max_acceleration is not given",
-    ]
-    values |= {"linear.x.max_velocity": 0.1, "angular.z.max_acceleration": 1.0}
-    assert not list(ControlConfig.from_parameters({**WHEELS, **values}).surprises())
-
-
 @pytest.mark.parametrize(
     "values",
     [

@@ -257,7 +257,6 @@ def test_a_file_of_the_original() -> None:
     assert (config.joints, config.timeout, config.constraints.goal_time) == (NAMES, 2.0, 1.0)
     constraints = joint_constraints(values, NAMES)
     assert constraints == {"shoulder": JointConstraint(0.2, 0.1), "elbow": JointConstraint()}
-    assert not list(config.surprises(constraints))
 
 
 def problem(values: dict[str, Any]) -> str:
@@ -317,23 +316,3 @@ def test_wrong_parameters(values: dict[str, Any], expected: str) -> None:
     assert problem(values) == expected
     names = [problem.key for problem in unknown_trajectory_parameters(values)]
     assert names == [name for name in values if "no such parameter" in expected]
-
-
-def test_parameters_that_do_nothing() -> None:
-    constraints = {"elbow": JointConstraint(), "wrist": JointConstraint(0.0, 0.0, 1.0)}
-
-    def surprises(**values: Any) -> list[str]:
-        dotted = {name.replace("__", "."): value for name, value in values.items()}
-        config = TrajectoryConfig.from_parameters(dotted)
-        return [problem.message() for problem in config.surprises(constraints)]
-
-    assert not surprises(cmd_timeout=1.1, constraints__goal_time=1.0)
-    assert surprises(cmd_timeout=1.0, constraints__goal_time=1.0) == [
-        "cmd_timeout: does nothing unless above constraints.goal_time, 1"
-    ]
-    lines = surprises(constraints__decelerate_on_cancel=True, state_interfaces=["position"])
-    assert lines == [
-        "constraints.decelerate_on_cancel: does nothing unless state_interfaces has velocity",
-        "constraints.elbow.max_deceleration_on_cancel: is not given, "
-        "so constraints.decelerate_on_cancel does nothing",
-    ]
