@@ -16,13 +16,10 @@ from unittest.mock import patch
 import rclpy
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.event_handler import EventHandler
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.experimental.events_executor import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.waitable import NumberOfEntities
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
@@ -38,13 +35,11 @@ from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.topic_qos import is_transient_local
-from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _WAIT = 0.005  # s between checks whether topics are connected
-_KINDS = ("subscription", "timer", "client", "service")
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
 _PATIENCE = 10.0  # s to wait for topics to be connected
 
@@ -163,8 +158,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         deadline = time.monotonic() + timeout
         while apart := sorted({*self._unconnected()}):
             if time.monotonic() > deadline:
-                text = "\n".join(f"{topic}: {self._difference(topic)}" for topic in apart)
-                raise OneBotError(f"not connected with the robot in {timeout:g} s:\n{text}")
+                text = f"not connected with the robot in {timeout:g} s: {listing(apart)}"
+                raise OneBotError(f"{text}; type or QoS differ from the robot's")
             self._interface.poll()
             self.settle()
             time.sleep(_WAIT)
@@ -190,13 +185,13 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         Within a process, Fast DDS delivers a message before ``publish`` returns: if no node has a
         callback after the robots ran all of theirs, nothing is on its way.
         """
-        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+        executors = [each for each in (self._arms, self._executor) if each.get_nodes()]
         for executor in executors:
             executor.take_time()
         while True:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            if not any([executor.run_ready() for executor in executors if not executor.is_idle()]):
+            if not any([executor.run_ready() for executor in executors]):
                 return
 
     def close(self) -> None:
@@ -220,21 +215,6 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     @property
     def _robot_nodes(self) -> list[Node]:
         return [*self._nodes, *self._arm_nodes]
-
-    def _difference(self, topic: str) -> str:
-        """Return why a node and a robot are not connected on a topic."""
-        ours, theirs = (
-            {
-                type_name(end.msg_type)
-                for node in nodes
-                for end in (*node.publishers, *node.subscriptions)
-                if end.topic_name == topic
-            }
-            for nodes in (self._robot_nodes, self._added)
-        )
-        if ours == theirs:
-            return f"its QoS does not go with the robot's ({listing(ours)})"
-        return f"the node has {listing(theirs)}, the robot {listing(ours)}"
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log subscriptions without publishers, with the robots' most similar topic."""
@@ -263,11 +243,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
 
 
 class _Executor(SingleThreadedExecutor):
-    """Runs all callbacks that are ready; it sees sooner than rclpy's own that none is.
-
-    In a control cycle hardly any callback is ready, and making sure of that took rclpy as long as
-    the physics.
-    """
+    """Runs all callbacks that are ready."""
 
     def take_time(self) -> None:
         """Pass /clock on to the nodes' clocks, which takes ten times as long by a wait."""
@@ -291,47 +267,6 @@ class _Executor(SingleThreadedExecutor):
                     raise error
                 ran |= handler.done() or handler not in suspended
         return ran
-
-    def is_idle(self) -> bool:
-        """Return whether no callback is ready."""
-        nodes = self.get_nodes()
-        if not nodes:
-            return True  # rcl refuses to wait for nothing
-        if any(guard for node in nodes for guard in node.guards):
-            return False  # waiting would take their trigger from rclpy
-        if any(not task.done() for task, _, _ in self._tasks):
-            return False
-        # Events, of QoS, can wait until a message comes.
-        waitables = [waitable for node in nodes for waitable in node.waitables]
-        actions = [action for action in waitables if not isinstance(action, EventHandler)]
-        handles = {
-            kind: [entity.handle for node in nodes for entity in getattr(node, f"{kind}s")]
-            for kind in _KINDS
-        }
-        wait_set = self._wait_set([len(handles[kind]) for kind in _KINDS], actions)
-        for kind in _KINDS:
-            add = getattr(wait_set, f"add_{kind}")
-            for handle in handles[kind]:
-                add(handle)
-        for action in actions:
-            action.add_to_wait_set(wait_set)
-        wait_set.wait(0)
-        if any(map(wait_set.get_ready_entities, _KINDS)):
-            return False
-        return not any(action.is_ready(wait_set) for action in actions)
-
-    def _wait_set(self, numbers: Sequence[int], actions: Sequence[Any]) -> Any:
-        """Return an empty wait set for so many entities of each of ``_KINDS``, and for actions."""
-        subscriptions, timers, clients, services = numbers
-        counts = NumberOfEntities(subscriptions, 0, timers, clients, services)
-        for action in actions:
-            counts += action.get_num_entities()
-        wait_set = rclpy_implementation.WaitSet(
-            *(counts.num_subscriptions, counts.num_guard_conditions, counts.num_timers),
-            *(counts.num_clients, counts.num_services, counts.num_events, self.context.handle),
-        )
-        wait_set.clear_entities()
-        return wait_set
 
 
 class SteppedLoop(ControlLoop):
