@@ -62,7 +62,7 @@ Services:
         published and, with step_topics, answered by a command.
 
 If several robots share a world, ~/pause, ~/step and real_time_factor of any node apply to all of
-them; update_rate, use_sim_time, world and paused must be the same for all.
+them; update_rate must be the same for all; use_sim_time, world and paused are the first robot's.
 
 Parameters are those of diff_drive_controller, joint_state_broadcaster and the simulation. A change
 takes effect at once, or is rejected with the reason.

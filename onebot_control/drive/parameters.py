@@ -201,11 +201,6 @@ class ControlConfig(SimulationConfig):
     REMEDIES: ClassVar[Mapping[str, str]] = {
         "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
         "wheels_per_side": "leave it out, the names are counted",
-        "left_wheel": "write left_wheel_names: [...]",
-        "right_wheel": "write right_wheel_names: [...]",
-        "wheel_radius_multiplier": "write left_ and right_wheel_radius_multiplier",
-        "allow_multiple_cmd_vel_publishers": "leave it out, several publishers are allowed",
-        "velocity_rolling_window": "write velocity_rolling_window_size",
     }
 
     @classmethod

@@ -111,11 +111,6 @@ class CommandSubscription:
         self._subscription.update(self._wanted, _QOS)
 
     @property
-    def kind(self) -> str:
-        """The type subscribed to, "Twist" or "TwistStamped"."""
-        return self._wanted.removeprefix(_PACKAGE)
-
-    @property
     def connected(self) -> bool:
         """Whether a publisher of the subscribed type is connected."""
         return self._subscription.publishers > 0
@@ -135,16 +130,10 @@ class CommandSubscription:
             self._wanted = f"{_PACKAGE}{self._choice}"
         else:
             self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
-        is_new = self._subscription.type is None
         self._subscription.update(self._wanted, _QOS)
-        if is_new:
-            self._node.get_logger().info(f"commands are {self.kind} now")
-        ignored = sorted(published - {self._wanted})
-        if ignored:
-            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            types = ", ".join(ignored)
-            text = f"{_TOPIC} is also published as {types}, which is ignored"
-            self._warn("type", f"{text}{hint}; {self.kind} is subscribed to")
+        if ignored := sorted(published - {self._wanted}):
+            text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
+            self._warn("type", f"{text}; {self._wanted} is subscribed to (see cmd_vel_type)")
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual

@@ -87,8 +87,6 @@ class ControlParameters:
     def accept(self, parameters: Sequence[Parameter]) -> None:
         """Apply parameters that ``changed`` has accepted."""
         self.values.update(_own(parameters))
-        for new_parameter in parameters:  # no longer as the file has it
-            self.places.pop(new_parameter.name, None)
         self.config = read(ControlConfig, self.values)
 
 

@@ -84,7 +84,6 @@ class ControllerNode(Generic[F]):
         """
         self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
         self._refused, self._clock = refused, clock
-        self._warn = Throttled(node.get_logger().warning, _IGNORED_EVERY)
         self._error = Throttled(lambda text: node.get_logger().error(text), _IGNORED_EVERY)
         self._stamp = 0  # the last cycle's, ns
         self._values = self._declare()

@@ -1,6 +1,5 @@
 """forward_command_controller's ROS interface: the topic of one controller."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,8 +23,7 @@ class ForwardCommands(ControllerNode[PositionForwarder]):
     def _on_commands(self, message: Float64MultiArray) -> None:
         arm, positions = self._arm, list(message.data)
         if problems := arm.problems(positions):
-            log = self._error if all(map(math.isfinite, positions)) else self._warn
-            log("refused", f"~/commands is ignored: {first_lines(problems)}")
+            self._error("refused", f"~/commands is ignored: {first_lines(problems)}")
         else:
             self._loop.post(lambda: self._command(arm, positions))
 

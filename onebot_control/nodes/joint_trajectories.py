@@ -28,7 +28,7 @@ from onebot_control.trajectories.tolerances import (
 )
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
+from onebot_description.ros.parameters.reader import declare
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
@@ -163,14 +163,10 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
         single = {f"constraints.{joint}.{tolerance}": 0.0 for joint in names for tolerance in _OWN}
         single_values = {n: v for n, v in values.items() if n in single}
-        declared = {
-            **declare(self.node, TrajectoryConfig, {"joints": list(names)}, common),
+        return {
+            **declare(self.node, TrajectoryConfig, common, fixed={"joints": list(names)}),
             **declare(self.node, JointParameters, single, single_values),
         }
-        if list(declared["joints"]) != list(names):
-            text = "cannot be given by -p; write it in a parameter file"
-            raise ConfigError([Problem(f"{self.node.get_name()}.joints", text)])
-        return declared
 
     def _configured(self, parameters: Sequence[Parameter] = ()) -> TrajectoryController:
         joints = self._controller.joints

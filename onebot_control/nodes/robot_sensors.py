@@ -40,11 +40,6 @@ class RobotSensors:
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
 
-    @property
-    def topics(self) -> list[str]:
-        """Names of all sensor topics, absolute."""
-        return sorted({publisher.topic_name for publisher in self._publishers.values()})
-
     def publisher(self, topic: str) -> Publisher | None:
         """Return the publisher of a topic; None if there is none."""
         return next((p for p in self._publishers.values() if p.topic_name == topic), None)

@@ -27,13 +27,9 @@ from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.reader import ConfigError, Problem
 from onebot_description.ros.steady_timer import steady_timer
 
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
-
-# Parameters of the world, with one value for all robots.
-_WORLD_PARAMETERS = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
 
 
 class WorldInterface:
@@ -106,8 +102,9 @@ class WorldInterface:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
         settings = list(map(ControlParameters, nodes, arguments))
-        scene = load_scene(settings[0].config.world)
-        interface = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
+        config = settings[0].config  # what concerns the world is the first robot's
+        simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
+        interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
         try:
             # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
@@ -265,24 +262,6 @@ class NodeLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._logger.warning(record.getMessage())
-
-
-def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
-    """Return whether the world runs on simulated time.
-
-    Raises:
-        ConfigError: the nodes differ in a parameter of the world.
-    """
-    first_name, *names = [node.get_fully_qualified_name() for node in nodes]
-    for parameter in _WORLD_PARAMETERS:
-        first, *values = [node.get_parameter(parameter).value for node in nodes]
-        for name, value in zip(names, values, strict=True):
-            if value != first:
-                text = f"{value}, but {first} of {first_name}"
-                problem = f"{text}; it is the same for all robots of a world"
-                raise ConfigError([Problem(f"{name}: {parameter}", problem)])
-    factor = settings[0].config.real_time_factor
-    return bool(nodes[0].get_parameter("use_sim_time").value) or factor != 1.0
 
 
 def _moved_text(fleet: Fleet) -> str:

@@ -189,7 +189,7 @@ def test_a_chosen_type_of_commands_follows_nobody(
         return "TwistStamped, which is ignored" in log
 
     wait_for(warned, "the warning of the other type")
-    assert "ignored (cmd_vel_type is Twist); Twist is subscribed to" in log
+    assert "ignored; geometry_msgs/msg/Twist is subscribed to (see cmd_vel_type)" in log
     assert stepped.set_parameters(NODE, cmd_vel_type="TwistStamped")[0].successful
     wait_for(lambda: received() > 0.0, "the commands")
     assert stepped.set_parameters(NODE, cmd_vel_type="auto")[0].successful
