@@ -52,20 +52,12 @@ class BroadcasterConfig:
     )
     extra_joints: tuple[str, ...] = parameter((), "joints published as well, at 0", unique=True)
     frame_id: str = parameter("base_link", "frame_id of the message's header")
-    use_local_topics: bool = parameter(
-        False, "only false: joint_states is in the robot's namespace"
-    )
+    use_local_topics: bool = ignored(False, "joint_states is in the robot's namespace")
     use_urdf_to_filter: bool = ignored(True, "all joints are of the URDF")
     publish_dynamic_joint_states: bool = ignored(True, "there is no topic dynamic_joint_states")
     map_interface_to_joint_state: InterfaceNames = group(InterfaceNames)
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
-
-    def check(self) -> Iterator[Problem]:
-        """Report a value that joint_state_broadcaster supports and this one does not."""
-        if self.use_local_topics:
-            text = "only false: joint_states is in the robot's namespace; remap it instead"
-            yield Problem("use_local_topics", text)
 
 
 def _wheels() -> Any:
@@ -216,17 +208,11 @@ class ControlConfig(SimulationConfig):
         return read(cls, values)
 
     def check(self) -> Iterator[Problem]:
-        """Report wheel names that do not make two equal sides."""
+        """Report sides with different numbers of wheels."""
         left, right = self.left_wheel_names, self.right_wheel_names
-        for side, names, opposite_names in (("left", left, right), ("right", right, left)):
-            if opposite_names and not names:
-                text = f"is empty; name joints: [{side}_wheel_joint]"
-                yield Problem(f"{side}_wheel_names", text)
-        if left and right and len(left) != len(right):
+        if len(left) != len(right):
             text = f"{len(right)} wheels, but left_wheel_names has {len(left)}; name as many"
             yield Problem("right_wheel_names", text)
-        for name in sorted(set(left) & set(right)):
-            yield Problem("right_wheel_names", f'"{name}" is in left_wheel_names too')
 
     def world_frame(self, *, in_scene: bool) -> str:
         """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""

@@ -183,9 +183,7 @@ class ControlLoop:
         self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
-        # Held while the loop runs: waiting for a lock is much cheaper than for an Event.
-        self._running = threading.Lock()
-        self._running.acquire()
+        self._woke = wake.check()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     def start(self) -> None:
@@ -195,15 +193,13 @@ class ControlLoop:
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
-        self._woke = self.wake.check()
         self._thread.start()
 
     def stop(self) -> None:
         """End the loop after its current cycle, and wait for the end."""
         if not self._stopped:
             self._stopped = True
-            self._running.release()
-            self.post(lambda: None)  # wakes a wait for the inbox
+            self.post(lambda: None)  # wakes the loop
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
@@ -331,11 +327,14 @@ class ControlLoop:
         self._publish(snapshots, stamp)
         self.fleet.finish()
 
-    def _call_posted(self) -> None:
+    def _brake_if_woken(self) -> None:
         if self.wake.check() > self._woke:
             self._woke = self.wake.woke
             for robot in self.fleet.robots:
                 robot.accept(0.0, 0.0)
+
+    def _call_posted(self) -> None:
+        self._brake_if_woken()
         while not self._inbox.empty():
             self._inbox.get()()
 
@@ -344,28 +343,21 @@ class ControlLoop:
         try:
             function = self._inbox.get(timeout=timeout)
         except Empty:
-            return
-        function()
+            function = None
+        self._brake_if_woken()
+        if function is not None:
+            function()
 
-    def _wait(self, seconds: float) -> None:
-        if self.paused:
-            self._wait_paused(max(seconds, _LONGEST_WAIT if self.simulated else _PAUSED_WAIT))
-            seconds = self._pacer.left
-        while seconds > _LONGEST_WAIT and not self._stopped:
-            self._sleep(_LONGEST_WAIT)
-            self._call_posted()
-            seconds = self._pacer.left
-        self._sleep(seconds)
-
-    def _wait_paused(self, seconds: float) -> None:
-        """Wait, but call posted functions at once, so that a step takes only its cycle's time."""
-        end = time.monotonic() + seconds
-        while self.paused and not self._stopped and (left := end - time.monotonic()) > 0.0:
+    def _wait(self, _: float) -> None:
+        """Wait until the next cycle is due, but call posted functions at once."""
+        until = time.monotonic() + (_LONGEST_WAIT if self.simulated else _PAUSED_WAIT)
+        while not self._stopped:
+            left = self._pacer.left
+            if self.paused:
+                left = max(left, until - time.monotonic())
+            if left <= 0.0:
+                return
             self._call_next(min(left, _LONGEST_WAIT))
-
-    def _sleep(self, seconds: float) -> None:
-        if self._running.acquire(timeout=seconds):
-            self._running.release()
 
 
 class LoopSlot:

@@ -42,7 +42,7 @@ class GoalFollower(JointFollower, Protocol):
         active: the handle of the goal; None if there is none.
     """
 
-    active: object | None
+    active: Any
 
     def cancel(self) -> None:
         """Cancel the goal, and stop."""
@@ -168,7 +168,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         kind, name = self.action
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
-        self._active: Any = None  # the handle of the goal that is followed
         self._arm.active = None  # an earlier node's goal has no client any more
         self._action = _Action(
             self.node,
@@ -249,8 +248,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         handle.execute()
         if fault := self._fault(lambda: self._start(arm, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
-        else:
-            self._active = handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         """Cancel a goal, and always accept.
@@ -266,7 +263,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         """Send feedback, and the results of goals that have ended."""
         while self._ended:
             self._end(*self._ended.popleft())
-        if (handle := self._active) is not None:
+        if (handle := self._arm.active) is not None:
             with suppress(OneBotError):  # the loop has just ended
                 handle.publish_feedback(self._loop.call(self._feedback))
 
@@ -275,8 +272,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
             self._log(ended)
         if ended.goal is None:
             return
-        if ended.goal is self._active:
-            self._active = None
         self._action.finish(ended.goal, partial(_ended_handle, ended, result))
 
     def _log(self, outcome: Outcome) -> None:

@@ -65,11 +65,8 @@ class ParameterChanges:
         if commands is not None and config.cmd_vel_type != previous_config.cmd_vel_type:
             commands.choose(config.cmd_vel_type)
         if (loop := robot.slot.loop) is not None:
-            # When many robots follow one, do not wait for a cycle each.
-            follows = config == replace(previous_config, real_time_factor=self._world.factor)
-            run = loop.post if follows else loop.call
             try:
-                run(lambda: self._configure(config))
+                loop.call(lambda: self._configure(config))
             except OneBotError as error:  # raised from this callback, it would end the process
                 robot.refuse("parameters", f"parameters not applied, {GOES_ON}: {error}")
         if config.real_time_factor != self._world.factor:

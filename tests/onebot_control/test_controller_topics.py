@@ -142,12 +142,9 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         assert not result.successful and reason in result.reason
     for wanted in (False, True):
         assert given(publish_limited_velocity=wanted)
-        topics = {publisher.topic_name for publisher in stepped.ros._nodes[0].publishers}
-        assert (OUT in topics) == wanted
-    limited.clear()
-    stepped.ros.add()
-    stepped.simulation.run(0.1)
-    assert len(limited) == 10
+        limited.clear()
+        stepped.simulation.run(0.1)
+        assert len(limited) == (10 if wanted else 0)
 
 
 def test_odometry_that_drifts_from_the_truth_is_warned_of_once(

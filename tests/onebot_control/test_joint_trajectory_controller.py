@@ -352,7 +352,6 @@ def test_a_wrong_parameter_is_refused(arm: SteppedArm) -> None:
         (own, -1.0, "constraints.base_link__link_01.goal out of range Min: 0.0"),
         ("constraints.elbow.goal", 0.1, "constraints.elbow.goal: no such parameter"),
         ("joints", ["elbow"], "Trying to set a read-only parameter: joints."),
-        ("allow_integration_in_goal_trajectories", True, "needs positions, too"),
     ):
         before = arm.call(GetParameters, f"{CONTROLLER}/get_parameters", names=[name]).values
         result = arm.set_parameter(CONTROLLER, name, value)

@@ -395,16 +395,6 @@ def test_the_goal_tolerance_and_goal_time(name: str | None, text: str) -> None:
     assert arm.follower.reference(PERIOD) == pytest.approx([1.03, 1.03])
 
 
-def test_velocities_are_not_compared() -> None:
-    """The arm may pass the goal: only positions are commanded."""
-    arm = Arm(TOLERANT, **{"constraints.stopped_velocity_tolerance": 0.01})
-    tolerances = TolerancesGiven(goal=(ToleranceGiven("elbow", 0.0, velocity=0.01),))
-    arm.follower.start(ramp(), "mine", tolerances)
-    arm.cycles(100)
-    arm.measured = arm.measured._replace(velocities=(9.0, 9.0))
-    assert arm.cycle() == [("mine", *SUCCESS)]
-
-
 def test_tolerances_of_a_goal() -> None:
     """They count for the goal, and for the topic's trajectories after it, until the next goal."""
     arm = Arm(TOLERANT)

@@ -268,16 +268,6 @@ def problem(values: dict[str, Any]) -> str:
 
 
 _COMMANDED = "command_interfaces: only position, no other kind of command; write [position]"
-_INCOMPLETE = (
-    "state_interfaces: is incomplete; "
-    "write [position], [position, velocity] or [position, velocity, acceleration]"
-)
-_SAME = "command_joints: only the same as joints; leave it out"
-
-
-def test_command_joints_may_be_the_joints() -> None:
-    values = {"joints": ["a", "b"], "command_joints": ["a", "b"]}
-    assert TrajectoryConfig.from_parameters(values).command_joints == ("a", "b")
 
 
 @pytest.mark.parametrize(
@@ -285,16 +275,6 @@ def test_command_joints_may_be_the_joints() -> None:
     [
         ({"command_interfaces": ["position", "velocity"]}, _COMMANDED),
         ({"command_interfaces": ["effort"]}, _COMMANDED),
-        ({"state_interfaces": []}, _INCOMPLETE),
-        ({"state_interfaces": ["velocity"]}, _INCOMPLETE),
-        ({"state_interfaces": ["position", "acceleration"]}, _INCOMPLETE),
-        ({"joints": ["a", "b"], "command_joints": ["a"]}, _SAME),
-        ({"command_joints": ["a"]}, _SAME),
-        (
-            {"allow_integration_in_goal_trajectories": True},
-            "allow_integration_in_goal_trajectories: only false: "
-            "a point with velocities needs positions, too",
-        ),
         (
             {"constraints.elbo.goal": 0.1},
             "constraints.elbo: no joint of the controller "
