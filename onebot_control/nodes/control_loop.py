@@ -5,7 +5,6 @@ of the system clock.
 """
 
 import ctypes
-import math
 import sys
 import threading
 import time
@@ -28,7 +27,7 @@ T = TypeVar("T")
 _DRIFT = 2_000_000
 _COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one is used
 _SET_BACK = NS_PER_S  # ns; if the system clock goes back by this much or more, somebody has set it
-_PATIENCE = 10.0  # s to wait for an answer of the loop
+_PATIENCE = 10.0  # s to wait for the end of the loop
 _LONGEST_WAIT = 0.1  # s between checks whether anything was posted
 _PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
 # From Linux's <sys/prctl.h>.
@@ -103,7 +102,7 @@ class SystemStamps:
     clock is set or has drifted, the stamps follow it.
 
     Stamps do not go back, unless the system clock is set back by a second or more: when it goes
-    back by less, they advance at half speed until it has caught up.
+    back by less, they nearly stand still until it has caught up.
     """
 
     def __init__(
@@ -114,19 +113,17 @@ class SystemStamps:
         self._monotonic, self._system = monotonic_ns, system_ns
         comparisons = [self._compare() for _ in range(_COMPARISONS)]
         self._offset, _ = min(comparisons, key=itemgetter(1))
-        self._last_due = self._last = 0  # 1970, before every stamp
+        self._last = 0  # 1970, before every stamp
 
     def at(self, due: float) -> int:
         """Return the system time, ns, of the monotonic time ``due``, s."""
         offset, uncertainty = self._compare()
         if uncertainty <= _DRIFT < abs(offset - self._offset):
             self._offset = offset
-        due_ns = round(due * NS_PER_S)
-        stamp = due_ns + self._offset
-        least = self._last + (due_ns - self._last_due) // 2
-        if least - _SET_BACK < stamp:
-            stamp = max(stamp, least)
-        self._last_due, self._last = due_ns, stamp
+        stamp = round(due * NS_PER_S) + self._offset
+        if self._last - _SET_BACK < stamp:
+            stamp = max(stamp, self._last + 1)
+        self._last = stamp
         return stamp
 
     def _compare(self) -> tuple[int, int]:
@@ -207,15 +204,11 @@ class ControlLoop:
         """Call ``function`` in the loop's thread, before the next cycle."""
         self._inbox.put(function)
 
-    def call(self, function: Callable[[], T], patience: float | None = _PATIENCE) -> T:
+    def call(self, function: Callable[[], T]) -> T:
         """Call ``function`` in the loop's thread, before the next cycle; return its result.
 
-        Args:
-            function: to call.
-            patience: seconds to wait for the result; None: as long as the loop runs.
-
         Raises:
-            OneBotError: the function raised it, or the loop does not answer.
+            OneBotError: the function raised it, or the loop has ended.
         """
         answer = futures.Future[T]()
 
@@ -229,14 +222,12 @@ class ControlLoop:
                 raise
 
         self.post(call)
-        deadline = math.inf if patience is None else time.monotonic() + patience
         while True:
             try:
                 return answer.result(_LONGEST_WAIT)
             except futures.TimeoutError:
-                ended = not (self._thread.is_alive() or answer.done())
-                if ended or time.monotonic() > deadline:
-                    raise OneBotError("the control loop does not answer") from None
+                if not (self._thread.is_alive() or answer.done()):
+                    raise OneBotError("the control loop has ended") from None
 
     @property
     def left(self) -> float:

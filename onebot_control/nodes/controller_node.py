@@ -19,14 +19,11 @@ from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, condensed
 from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.interfaces import load_interface
-
-MOST_PROBLEMS = 5
-"""Greatest number of problems of one goal that are logged."""
 
 _IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
 # Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
@@ -109,7 +106,7 @@ class ControllerNode(Generic[F]):
         try:
             self._loop.call(action)
         except OneBotError as error:
-            return first_lines(str(error).splitlines())
+            return str(error)
         return ""
 
     # Parameters --------------------------------------------------------------------------------
@@ -132,12 +129,6 @@ class ControllerNode(Generic[F]):
         """Return the controller with the values in force, and ``parameters`` set."""
         values = {**self._values, **self._changed(parameters)}
         return type(self._controller)(self._controller.name, values)
-
-
-def first_lines(lines: Sequence[str]) -> str:
-    """Join the first few lines; add how many more there are."""
-    more = [f"and {len(lines) - MOST_PROBLEMS} more"] if lines[MOST_PROBLEMS:] else []
-    return "\n".join([*lines[:MOST_PROBLEMS], *more])
 
 
 class _Action(ActionServer):
@@ -231,7 +222,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _refusal(self, goal: G) -> str:
         """Return why a goal cannot be followed now; "" if it can."""
-        return self._refused() or first_lines(self._problems(goal))
+        return self._refused() or "\n".join(condensed(self._problems(goal)))
 
     # The action --------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ effect in the next cycle, and only then the physics moves on.
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from typing import Any, Generic, Protocol, TypeVar
@@ -230,15 +231,14 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         pair = self._robot_nodes, self._added
         for nodes, other_nodes in (pair, pair[::-1]):
             publishers = {pub.topic_name: pub for node in nodes for pub in node.publishers}
-            subscribers: dict[str, int] = {}
-            for subscription in (sub for node in other_nodes for sub in node.subscriptions):
+            subscriptions = [sub for node in other_nodes for sub in node.subscriptions]
+            subscribers = Counter(sub.topic_name for sub in subscriptions)
+            for subscription in subscriptions:
                 topic = subscription.topic_name
-                if topic in publishers:
-                    subscribers[topic] = subscribers.get(topic, 0) + 1
-                    if not subscription.get_publisher_count():
-                        yield topic
-            for topic, count in subscribers.items():
-                if publishers[topic].get_subscription_count() < count:
+                if (publisher := publishers.get(topic)) is None:
+                    continue
+                connected = publisher.get_subscription_count() >= subscribers[topic]
+                if not (connected and subscription.get_publisher_count()):
                     yield topic
 
 
@@ -283,7 +283,7 @@ class SteppedLoop(ControlLoop):
         """Call ``function`` now: it is between two cycles."""
         function()
 
-    def call(self, function: Callable[[], T], patience: float | None = None) -> T:
+    def call(self, function: Callable[[], T]) -> T:
         """Call ``function`` now: it is between two cycles."""
         return function()
 

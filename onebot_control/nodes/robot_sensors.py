@@ -77,7 +77,7 @@ class RobotSensors:
             warn(f'sensor "{name}" stays as it was: there is a fault in its block')
         sensors += kept
         named = [replace(sensor, topics=self._full_names(sensor)) for sensor in sensors]
-        self._sensors = [*_usable(named, config.update_rate, warn)]
+        self._sensors = [*_usable(named, warn)]
         self._announce()
         return [self._channel(row, sensor, config) for sensor in self._sensors]
 
@@ -139,9 +139,7 @@ class RobotSensors:
         return names
 
 
-def _usable(
-    sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
-) -> Iterator[Sensor]:
+def _usable(sensors: Sequence[Sensor], warn: Callable[[str], object]) -> Iterator[Sensor]:
     """Yield the sensors that can be simulated; warn of the others."""
     used: list[Sensor] = []
     for sensor in sensors:
@@ -151,9 +149,6 @@ def _usable(
         elif shared:
             reason = f"{listing(shared)} is another sensor's topic"
         else:
-            if sensor.rate > cycles:
-                rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
-                warn(f'sensor "{sensor.name}": {rates}, so it is published at {cycles:g} Hz')
             used.append(sensor)
             yield sensor
             continue

@@ -33,11 +33,6 @@ class StepTopics:
         """Forget messages and answers, because time starts again."""
         self._asked = self._commands.answered = 0
 
-    @property
-    def chosen(self) -> bool:
-        """Whether there are such topics."""
-        return bool(self._topics)
-
     def measured(self, topics: Set[str], stamp: int) -> None:
         """Take notice that messages with a ``stamp``, ns, are published on ``topics``."""
         if not self._topics.isdisjoint(topics):

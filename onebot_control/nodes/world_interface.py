@@ -228,8 +228,7 @@ class WorldInterface:
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
         for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
-            if robot.step_topics.chosen:
-                robot.step_topics.measured(sensing.asked(row), stamp)
+            robot.step_topics.measured(sensing.asked(row), stamp)
             robot.publish(snapshot, stamp, sensed=row in sensed)
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:

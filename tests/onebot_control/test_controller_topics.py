@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -268,23 +267,6 @@ def test_a_robot_in_a_world(
     stepped.simulation.run(0.1)
     box = transform_of(by_child(tf)["box"].transform)
     assert box[0] == pytest.approx((0.5, 0.0, 0.1), abs=0.01)
-
-
-def test_boxes_are_published_where_they_are_after_the_description_has_changed(
-    ros_simulation: RosSimulation,
-) -> None:
-    """Another description is simulated in another world; the box there is pushed on."""
-    stepped = Stepped(ros_simulation(world="maze", x=1.0))
-    simulation, tf = stepped.simulation, stepped.hear(TFMessage, "/tf")
-    description = simulation.robot.description
-    bare = replace(description.links[0], visuals=())
-    simulation._fleet.replace(0, replace(description, links=(bare, *description.links[1:])))
-    box, start = next(iter(simulation.boxes.items()))
-    simulation.robot.drive(0.5)
-    simulation.run(until=lambda: simulation.boxes[box].x > start.x + 0.1, timeout=10.0)
-    simulation.run(0.1)
-    seen = by_child(tf)[box].transform.translation.x
-    assert seen == pytest.approx(simulation.boxes[box].x, abs=0.02)
 
 
 # Several robots ---------------------------------------------------------------------------------

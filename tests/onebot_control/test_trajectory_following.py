@@ -183,21 +183,6 @@ def test_a_joint_may_be_held_at_the_last_command() -> None:
     assert arm.desired == (0.0, 1.0)
 
 
-def test_a_joint_that_moves_is_held_where_it_is() -> None:
-    """It does not swing out and back."""
-    arm = Arm()
-    arm.follower.start(goal(Waypoint(1.0, (1.0, 0.0), REST, REST)))
-    arm.cycles(50)
-    at = arm.follower.reference(PERIOD)[0]
-    arm.follower.start(
-        TrajectoryGoal(("wrist",), (Waypoint(2.0, (1.0,), (0.0,)),)), from_command=["elbow"]
-    )
-    for _ in range(220):
-        arm.cycle()
-        assert arm.follower.reference(PERIOD)[0] == pytest.approx(at, abs=1e-12)
-    assert arm.desired[1] == 1.0
-
-
 # Stamps ---------------------------------------------------------------------------------------
 
 
@@ -541,14 +526,6 @@ def test_abort() -> None:
         arm.cycles(100)
         assert arm.desired == near(held, held)
         assert arm.follower.abort(DEACTIVATED) is None
-
-
-def test_abort_of_a_goal_that_did_not_begin() -> None:
-    arm = Arm()
-    arm.follower.start(ramp(), "mine")
-    assert arm.follower.abort(DEACTIVATED) == ("mine", -1, DEACTIVATED, "")
-    arm.cycles(50)
-    assert arm.desired == (0.0, 0.0)
 
 
 def test_reset() -> None:
