@@ -14,7 +14,6 @@ from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.frames import Frames, check_frames
-from onebot_control.nodes.parameter_changes import ParameterChanges
 from onebot_control.nodes.publishing import ScenePublisher
 from onebot_control.nodes.real_time import PaceReports
 from onebot_control.nodes.robot_interface import RobotInterface
@@ -83,8 +82,6 @@ class WorldInterface:
         self.robots = [
             RobotInterface(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
-        for robot in self.robots:
-            ParameterChanges(robot, self)
         self._localizers = LocalizerWatch(nodes, [robot.publishing for robot in self.robots])
 
     @classmethod
