@@ -51,7 +51,7 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
 
     Raises:
-        ConfigError: with every problem of a file, each with its line.
+        ConfigError: with every problem of a section, each with its line.
     """
     unknown = unknown_by_node(controller)
     manager = _section(files, namespace, MANAGER, unknown[MANAGER])
@@ -91,7 +91,7 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
         namespace: of the nodes, such as "/".
 
     Raises:
-        ConfigError: with every problem of a file, each with its line.
+        ConfigError: with every problem of a section, each with its line.
     """
     manager = _section(files, namespace, MANAGER, lambda names: [])
     kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}

@@ -70,7 +70,6 @@ _INSTEAD = {
     "sensor_noise": "is the argument noise of Simulation",
     "robot_description": "is the argument model of Simulation",
     "real_time_factor": "has no effect here: a Simulation is as fast as it can be",
-    "cmd_vel_type": "has no effect here: there is no topic ~/cmd_vel",
     "paused": "has no effect here: time passes in Simulation.run only",
     "step_topics": "has no effect here: Simulation.ros always waits for its nodes",
     "step_timeout": "has no effect here: Simulation.ros always waits for its nodes",

@@ -19,7 +19,6 @@ from onebot_description.ros.parameters.reader import (
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import WheelGeometry
 
-COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
@@ -182,16 +181,13 @@ class ControlConfig(SimulationConfig):
     velocity_rolling_window_size: int = parameter(
         10, "samples over which the odometry's velocity is averaged", at_least=1
     )
-    cmd_vel_type: str = parameter(
-        "auto", "type of ~/cmd_vel; auto: the one published", choices=COMMAND_TYPES
-    )
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     is_async: bool = ignored(False, IN_EACH_CYCLE)
 
     # What to write instead of parameters of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
-        "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
+        "use_stamped_vel": "leave it out, Twist and TwistStamped are received",
         "wheels_per_side": "leave it out, the names are counted",
     }
 

@@ -99,8 +99,7 @@ class RobotInterface:
         self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
         self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        choice = None if stands else config.cmd_vel_type
-        self.commands = CommandGate(node, self.slot, choice, self._warn)
+        self.commands = CommandGate(node, self.slot, self._warn, stands=stands)
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = None if stands else lambda: self.publishing.odom_frame
@@ -272,9 +271,6 @@ class RobotInterface:
         if config == previous:
             return
         self.step_topics.choose(config.step_topics)
-        commands = self.commands.subscription
-        if commands is not None and config.cmd_vel_type != previous.cmd_vel_type:
-            commands.choose(config.cmd_vel_type)
         if (loop := self.slot.loop) is not None:
             try:
                 loop.call(lambda: self._configure(config))

@@ -89,8 +89,8 @@ EQUIVALENT: dict[str, set[str]] = {
     },
     "onebot_control/nodes/control_loop.py": {
         # Deadlines that nothing comes near, and a delay that a busy machine has, too.
-        ": _PATIENCE = 11.0  # s to wait for an answer of the loop",
-        ": _PATIENCE = 9.0  # s to wait for an answer of the loop",
+        ": _PATIENCE = 11.0  # s to wait for the end of the loop",
+        ": _PATIENCE = 9.0  # s to wait for the end of the loop",
         ": _LONGEST_WAIT = 1.1  # s between checks whether anything was posted",
         # More or fewer comparisons find an exact one, too.
         ": _COMPARISONS = 9  # comparisons of the clocks at the start; the most exact one is used",
@@ -100,14 +100,12 @@ EQUIVALENT: dict[str, set[str]] = {
         # All robots of a world have one pace.
         "ControlLoop.start: config = self.fleet.robots[ -1].config",
         # Every stamp is after 1970.
-        "SystemStamps.__init__: self._last_due = self._last = 1  # 1970, before every stamp",
-        "SystemStamps.__init__: self._last_due = self._last = -1  # 1970, before every stamp",
+        "SystemStamps.__init__: self._last = 1  # 1970, before every stamp",
+        "SystemStamps.__init__: self._last = -1  # 1970, before every stamp",
         # Clocks do not stop at this very moment.
-        "ControlLoop._wait: while seconds >= _LONGEST_WAIT and not self._stopped:",
+        "ControlLoop._wait: if left < 0.0:",
         "ControlLoop._wait_for_missing: if left < 0.0 or self._stopped:",
-        "ControlLoop._wait_paused: while self.paused and not self._stopped and (left := end - time.monotonic()) >= 0.0:",  # noqa: E501
-        "ControlLoop.call: if ended or time.monotonic() >= deadline:",
-        "SystemStamps.at: if least - _SET_BACK <= stamp:",
+        "SystemStamps.at: if self._last - _SET_BACK <= stamp:",
         # No period is below 0.
         "Pacer.next: if self._interval <= 0.0:",
         "Pacer.next: if 0.0 != self._interval <= now - self.due:  # as it is now: the wait may have changed it",  # noqa: E501

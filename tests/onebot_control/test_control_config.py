@@ -92,7 +92,6 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ),
         ({"twist_covariance_diagonal": [-1.0] * 6}, "twist_covariance_diagonal: -1 is below 0"),
         ({"odom_frame_id": ""}, "odom_frame_id: is empty; write the name of a frame"),
-        ({"cmd_vel_type": "Twits"}, 'no "Twits" (did you mean "Twist"?'),
         ({"linear__x__max_velocity": -1.0}, "linear.x.max_velocity: -1 is below 0"),
         ({"angular__z__min_jerk": 1.0}, "angular.z.min_jerk: 1 is above 0"),
         ({"joint_state_broadcaster__interfaces": ["torque"]}, 'no "torque"'),
@@ -105,7 +104,7 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ({"joint_state_broadcaster__extra_joints": ["a", "a"]}, '"a" is there twice'),
         ({"joint_state_broadcaster__frameid": "a"}, "did you mean"),
         ({"wheel_seperation": 0.3}, 'did you mean "wheel_separation"?'),
-        ({"use_stamped_vel": False}, "no longer a parameter; write cmd_vel_type"),
+        ({"use_stamped_vel": False}, "no longer a parameter; leave it out"),
         ({"linear__x__has_velocity_limits": True}, "leave it out, and write max_velocity: .nan"),
     ],
 )
