@@ -72,23 +72,17 @@ class Pacer:
         """Seconds until the current cycle is due; 0 if it is."""
         return max(0.0, self.due - self._clock())
 
-    def next(self, wait: Callable[[float], object]) -> None:
+    def next(self, wait: Callable[[], object]) -> None:
         """Wait until the next cycle is due.
 
         Args:
-            wait: called with the seconds to wait; it may return early, when the loop stops or the
-                pace has changed.
+            wait: waits until ``due``; it may return early, when the loop stops, or much later, if
+                the process was stopped meanwhile.
         """
-        self.due += self._interval
+        self.due = self.due + self._interval if self._interval else self._clock()
         self.lag, self.missed = 0.0, 0
+        wait()
         now = self._clock()
-        if self._interval == 0.0:
-            self.due = now
-            wait(0.0)
-            return
-        if now < self.due:
-            wait(self.due - now)
-            now = self._clock()  # may be much later, if the process was stopped meanwhile
         if 0.0 < self._interval <= now - self.due:  # the wait may have changed the pace
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
@@ -339,7 +333,7 @@ class ControlLoop:
         if function is not None:
             function()
 
-    def _wait(self, _: float) -> None:
+    def _wait(self) -> None:
         """Wait until the next cycle is due, but call posted functions at once."""
         until = time.monotonic() + (_LONGEST_WAIT if self.simulated else _PAUSED_WAIT)
         while not self._stopped:

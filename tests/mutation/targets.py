@@ -107,8 +107,7 @@ EQUIVALENT: dict[str, set[str]] = {
         "ControlLoop._wait_for_missing: if left < 0.0 or self._stopped:",
         "SystemStamps.at: if self._last - _SET_BACK <= stamp:",
         # No period is below 0.
-        "Pacer.next: if self._interval <= 0.0:",
-        "Pacer.next: if 0.0 != self._interval <= now - self.due:  # as it is now: the wait may have changed it",  # noqa: E501
+        "Pacer.next: if 0.0 != self._interval <= now - self.due:  # the wait may have changed the pace",  # noqa: E501
     },
     "onebot_control/controlled_robot.py": {
         # No cycle has such a number.
