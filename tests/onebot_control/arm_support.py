@@ -216,7 +216,10 @@ class WireArm:
                 goal, lambda each: self.feedback.append(each.feedback)
             )
 
-        return answered(self.peer, send, "the answer to a goal")
+        return answered(self.peer, send, "the answer to a goal", self.before_again)
+
+    def before_again(self) -> None:
+        """Do what is needed before a goal is sent again that may have been followed already."""
 
     def send(self, goal: Any) -> Any:
         """The future of the result of a goal, which is accepted."""
@@ -225,12 +228,16 @@ class WireArm:
         return self.peer.run(handle.get_result_async)
 
 
-def answered(peer: Peer, ask: Callable[[], Any], what: str) -> Any:
+def answered(
+    peer: Peer, ask: Callable[[], Any], what: str, before_again: Callable[[], object] = lambda: None
+) -> Any:
     """The answer to a request, which is sent again where it is lost, as ``Peer.call`` does."""
     start, futures = time.monotonic(), list[Any]()
 
     def answer() -> Any:
         if time.monotonic() >= start + _LOST * len(futures):
+            if futures:
+                before_again()
             futures.append(peer.run(ask))
         return next((future.result() for future in futures if future.done()), None)
 

@@ -167,7 +167,7 @@ def test_a_second_type_of_commands_is_warned_of(
     stepped = Stepped(ros_simulation(robot()))
     stepped.client.create_publisher(Twist, f"{NODE}/cmd_vel", 10)
     with Peer(rclpy.get_default_context().get_domain_id(), "second") as second:
-        second.publisher(TwistStamped, f"{NODE}/cmd_vel")
+        second.node.create_publisher(TwistStamped, f"{NODE}/cmd_vel", 10)
         log = ""
 
         def warned() -> bool:
