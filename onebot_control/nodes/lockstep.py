@@ -160,7 +160,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         while apart := sorted({*self._unconnected()}):
             if time.monotonic() > deadline:
                 text = f"not connected with the robot in {timeout:g} s: {listing(apart)}"
-                raise OneBotError(f"{text}; type or QoS differ from the robot's")
+                raise OneBotError(f"{text}; type or QoS differ, or DDS did not discover them")
             self._interface.poll()
             self.settle()
             time.sleep(_WAIT)
