@@ -1,7 +1,6 @@
 """Reads control files, in ros2_control's form: the parameters of several nodes in one file."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,11 +22,9 @@ from onebot_description.ros.parameters.files import (
     read_text,
 )
 from onebot_description.ros.parameters.reader import (
-    REQUIRED,
     ConfigError,
     Problem,
     is_parameter,
-    parameter,
     unknown_parameters,
 )
 
@@ -54,12 +51,27 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
 
     Raises:
-        ConfigError: with every problem of a file, each with its line.
+        ConfigError: with every problem of a section, each with its line.
     """
-    parameters = Parameters()
-    for file in files:
-        parameters.update(_read_control_file(file, namespace, controller))
-    return parameters
+    unknown = unknown_by_node(controller)
+    manager = _section(files, namespace, MANAGER, unknown[MANAGER])
+    drive = manager
+    if controller != MANAGER:
+        drive = _section(files, namespace, controller, unknown[controller])
+    broadcaster = _section(files, namespace, BROADCASTER, unknown[BROADCASTER])
+    undeclared = {key: manager.values.pop(key) for key in [*manager.values] if _is_undeclared(key)}
+    if problems := _wrong_types(undeclared, controller):
+        raise ConfigError(problems, manager.places)
+    for name in undeclared:
+        del manager.places[name]
+    # The controller's own section overrides the others.
+    for section, prefix in ((manager, ""), (broadcaster, f"{BROADCASTER}.")):
+        for name, value in section.values.items():
+            own_name = prefix + name
+            if own_name not in drive.values and is_parameter(ControlConfig, own_name):
+                drive.values[own_name] = value
+                drive.places[own_name] = section.places[name]
+    return drive
 
 
 class JointControllers(NamedTuple):
@@ -79,23 +91,13 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
         namespace: of the nodes, such as "/".
 
     Raises:
-        ConfigError: with every problem of a file, each with its line.
+        ConfigError: with every problem of a section, each with its line.
     """
-    texts = {file: read_text(file) for file in files}
-
-    def read_section(node: str, unknown: Unknown) -> Parameters:
-        parameters = Parameters()
-        for file, text in texts.items():
-            parameters.update(_own_parameters(text, file, namespace, node, unknown))
-        if problems := unknown(parameters.values):
-            raise ConfigError(problems, parameters.places)
-        return parameters
-
-    manager = read_section(MANAGER, lambda names: [])
+    manager = _section(files, namespace, MANAGER, lambda names: [])
     kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
     controllers, places = [], dict[str, str]()
     for name, kind in kinds.items():
-        section = read_section(name, kind.unknown)
+        section = _section(files, namespace, name, kind.unknown)
         places |= {f"{name}.{key}": place for key, place in section.places.items()}
         with named(name, places):
             controllers.append(kind(name, section.values))
@@ -111,35 +113,20 @@ def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointControll
     }
 
 
-def _read_control_file(file: Path, namespace: str, controller: str) -> Parameters:
-    text, problems = read_text(file), list[Problem]()
+def _section(files: Sequence[Path], namespace: str, node: str, unknown: Unknown) -> Parameters:
+    """Return a node's parameters, without shared ones that only other nodes have.
 
-    def section(node: str, unknown: Unknown) -> Parameters:
-        parameters = _own_parameters(text, file, namespace, node, unknown)
-        problems.extend(unknown(parameters.values))
-        return parameters
-
-    unknown = unknown_by_node(controller)
-    manager = section(MANAGER, unknown[MANAGER])
-    drive = manager if controller == MANAGER else section(controller, unknown[controller])
-    broadcaster = section(BROADCASTER, unknown[BROADCASTER])
-    undeclared = {key: manager.values.pop(key) for key in [*manager.values] if _is_undeclared(key)}
-    problems += _wrong_types(undeclared, controller)
-    if problems:
-        raise ConfigError(problems, {**broadcaster.places, **manager.places, **drive.places})
-    for name in undeclared:
-        del manager.places[name]
-    _add(drive, manager, {"update_rate": "update_rate"})
-    _add(drive, broadcaster, {name: f"{BROADCASTER}.{name}" for name in broadcaster.values})
-    return drive
-
-
-def _own_parameters(
-    text: str, file: Path, namespace: str, node: str, unknown: Unknown
-) -> Parameters:
-    """Return a file's parameters for a node, without shared ones that only other nodes have."""
-    parameters = read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}")
+    Raises:
+        ConfigError: with the names that ``unknown`` reports, and with those of broken files.
+    """
+    parameters = Parameters()
+    for file in files:
+        parameters.update(
+            read_parameters(read_text(file), str(file), f"{namespace.rstrip('/')}/{node}")
+        )
     parameters.drop_shared(unknown)
+    if problems := unknown(parameters.values):
+        raise ConfigError(problems, parameters.places)
     return parameters
 
 
@@ -157,7 +144,7 @@ def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Un
     return {
         **{name: kind.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
-        MANAGER: partial(_unknown_of_manager, declared if controller == MANAGER else _SharedRate),
+        MANAGER: _unknown_of_manager,
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
     }
 
@@ -177,16 +164,9 @@ def _is_undeclared(name: str) -> bool:
     return name.endswith(_TYPE) or name == _IGNORED
 
 
-@dataclass(frozen=True)
-class _SharedRate:
-    """What controller_manager has for a robot that drives; the rest is its controller's."""
-
-    update_rate: float = parameter(REQUIRED, "control cycles per second, Hz")
-
-
-def _unknown_of_manager(declared: type, written: Iterable[str]) -> list[Problem]:
-    """Report names that are neither ``declared`` parameters nor others of controller_manager."""
-    return unknown_parameters(declared, [name for name in written if not _is_undeclared(name)])
+def _unknown_of_manager(written: Iterable[str]) -> list[Problem]:
+    names = [name for name in written if not _is_undeclared(name)]
+    return unknown_parameters(SimulationConfig, names)
 
 
 def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
@@ -208,12 +188,3 @@ def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
             text = f"{value} is not what runs here; write {' or '.join(types)}{hint}"
             problems.append(Problem(name, text))
     return problems
-
-
-def _add(drive: Parameters, section: Parameters, names: Mapping[str, str]) -> None:
-    """Add parameters of another section, unless the controller's own section has them."""
-    for name, controllers_name in names.items():
-        is_one = is_parameter(ControlConfig, controllers_name)
-        if is_one and name in section.values and controllers_name not in drive.values:
-            drive.values[controllers_name] = section.values[name]
-            drive.places[controllers_name] = section.places[name]

@@ -68,7 +68,7 @@ _REACH = 1e4  # m; rays that go farther hit nothing
 # Parameters of velocity_controller that do not make a Simulation another one.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
-    *("real_time_factor", "cmd_vel_type", "paused", "step_topics", "step_timeout"),
+    *("real_time_factor", "paused", "step_topics", "step_timeout"),
 }
 
 

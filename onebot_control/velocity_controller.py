@@ -12,7 +12,7 @@ ROS arguments after --robot are for one node, those after --ros-args for all nod
 
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
-        only linear.x and angular.z are used. See cmd_vel_type.
+        only linear.x and angular.z are used.
     ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): after true the robot brakes and ignores
         all commands until false, whoever publishes them; if ~/cmd_vel is remapped, the lock is too.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): moves the robot to a pose, at rest, unless
@@ -62,7 +62,7 @@ Services:
         published and, with step_topics, answered by a command.
 
 If several robots share a world, ~/pause, ~/step and real_time_factor of any node apply to all of
-them; update_rate, use_sim_time, world and paused must be the same for all.
+them; update_rate must be the same for all; use_sim_time, world and paused are the first robot's.
 
 Parameters are those of diff_drive_controller, joint_state_broadcaster and the simulation. A change
 takes effect at once, or is rejected with the reason.

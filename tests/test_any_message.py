@@ -139,11 +139,14 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
     node = start_node(
         lambda: simulation_nodes("velocity_controller")[0],
         robot_description=json.dumps(urdf),
-        cmd_vel_type=kind,
         left_wheel_names="[left_wheel_joint]",
         right_wheel_names="[right_wheel_joint]",
     )
     published, interface = Published(node), node.interface
+    commands = interface.robots[0].commands.subscription
+    commands._wanted = f"geometry_msgs/msg/{kind}"
+    for _ in range(2):
+        commands.follow()
 
     def driven() -> None:
         # The control loop takes the message before the next one comes.

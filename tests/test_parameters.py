@@ -103,13 +103,12 @@ def test_velocity_controller(
     assert window.from_value == 1
     assert not descriptors["linear.x.max_velocity"].floating_point_range
     assert ".nan for no limit" in descriptors["linear.x.max_velocity"].additional_constraints
-    assert "one of auto, Twist" in descriptors["cmd_vel_type"].additional_constraints
     assert node.get_parameter("left_wheel_names").value == []
     assert node.get_parameter("x").value == 1
     assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in refused(
         node, "wheel_raduis"
     )
-    remedy = "use_stamped_vel: no longer a parameter; write cmd_vel_type"
+    remedy = "use_stamped_vel: no longer a parameter; leave it out"
     assert remedy in refused(node, "use_stamped_vel")
     assert refused(node, "linear.x") == "linear.x: no such parameter"
     # A control loop that does not answer is a warning, and no error in the node's callback.

@@ -19,7 +19,6 @@ from onebot_description.ros.parameters.reader import (
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import WheelGeometry
 
-COMMAND_TYPES = ("auto", "Twist", "TwistStamped")
 INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
@@ -52,20 +51,12 @@ class BroadcasterConfig:
     )
     extra_joints: tuple[str, ...] = parameter((), "joints published as well, at 0", unique=True)
     frame_id: str = parameter("base_link", "frame_id of the message's header")
-    use_local_topics: bool = parameter(
-        False, "only false: joint_states is in the robot's namespace"
-    )
+    use_local_topics: bool = ignored(False, "joint_states is in the robot's namespace")
     use_urdf_to_filter: bool = ignored(True, "all joints are of the URDF")
     publish_dynamic_joint_states: bool = ignored(True, "there is no topic dynamic_joint_states")
     map_interface_to_joint_state: InterfaceNames = group(InterfaceNames)
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
-
-    def check(self) -> Iterator[Problem]:
-        """Report a value that joint_state_broadcaster supports and this one does not."""
-        if self.use_local_topics:
-            text = "only false: joint_states is in the robot's namespace; remap it instead"
-            yield Problem("use_local_topics", text)
 
 
 def _wheels() -> Any:
@@ -188,22 +179,14 @@ class ControlConfig(SimulationConfig):
     velocity_rolling_window_size: int = parameter(
         10, "samples over which the odometry's velocity is averaged", at_least=1
     )
-    cmd_vel_type: str = parameter(
-        "auto", "type of ~/cmd_vel; auto: the one published", choices=COMMAND_TYPES
-    )
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     is_async: bool = ignored(False, IN_EACH_CYCLE)
 
     # What to write instead of parameters of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
-        "use_stamped_vel": "write cmd_vel_type: auto, Twist or TwistStamped",
+        "use_stamped_vel": "leave it out, Twist and TwistStamped are received",
         "wheels_per_side": "leave it out, the names are counted",
-        "left_wheel": "write left_wheel_names: [...]",
-        "right_wheel": "write right_wheel_names: [...]",
-        "wheel_radius_multiplier": "write left_ and right_wheel_radius_multiplier",
-        "allow_multiple_cmd_vel_publishers": "leave it out, several publishers are allowed",
-        "velocity_rolling_window": "write velocity_rolling_window_size",
     }
 
     @classmethod
@@ -219,24 +202,11 @@ class ControlConfig(SimulationConfig):
         return read(cls, values)
 
     def check(self) -> Iterator[Problem]:
-        """Report wheel names that do not make two equal sides."""
+        """Report sides with different numbers of wheels."""
         left, right = self.left_wheel_names, self.right_wheel_names
-        for side, names, opposite_names in (("left", left, right), ("right", right, left)):
-            if opposite_names and not names:
-                text = f"is empty; name joints: [{side}_wheel_joint]"
-                yield Problem(f"{side}_wheel_names", text)
-        if left and right and len(left) != len(right):
+        if len(left) != len(right):
             text = f"{len(right)} wheels, but left_wheel_names has {len(left)}; name as many"
             yield Problem("right_wheel_names", text)
-        for name in sorted(set(left) & set(right)):
-            yield Problem("right_wheel_names", f'"{name}" is in left_wheel_names too')
-
-    def surprises(self) -> Iterator[Problem]:
-        """Report limits that have no effect."""
-        for axis, limits in (("linear.x", self.linear), ("angular.z", self.angular)):
-            for name, needed in limits.idle():
-                text = f"limits nothing while {axis}.{needed} is not given"
-                yield Problem(f"{axis}.{name}", text)
 
     def world_frame(self, *, in_scene: bool) -> str:
         """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""

@@ -1,23 +1,13 @@
 """Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from onebot_description.ros.parameters.reader import parameter
 
 _UNSET = math.nan
-# By stage: the limit without which it does nothing, and its other limits.
-_NEEDED = {
-    "max_velocity": ("min_velocity",),
-    "max_acceleration": (
-        "max_deceleration",
-        "max_deceleration_reverse",
-        "max_acceleration_reverse",
-    ),
-    "max_jerk": ("min_jerk",),
-}
 
 
 def _positive(description: str) -> Any:
@@ -49,12 +39,6 @@ class SpeedLimits:
     )
     min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
     max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
-
-    def idle(self) -> Iterator[tuple[str, str]]:
-        """Yield each limit that is given but has no effect, with the ``max_...`` that it needs."""
-        for needed, names in _NEEDED.items():
-            if math.isnan(getattr(self, needed)):
-                yield from ((n, needed) for n in names if not math.isnan(getattr(self, n)))
 
     REMEDIES: ClassVar[Mapping[str, str]] = {
         f"has_{kind}_limits": f"leave it out, and write max_{kind}: .nan for no limit"

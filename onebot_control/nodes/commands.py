@@ -20,9 +20,8 @@ from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 
 _TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=DEPTH)
-_PACKAGE = "geometry_msgs/msg/"
-_TWIST = f"{_PACKAGE}Twist"
-_TYPES = {_TWIST: Twist, f"{_PACKAGE}TwistStamped": TwistStamped}
+_TWIST = "geometry_msgs/msg/Twist"
+_TYPES = {_TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _USUAL = "cmd_vel"  # tutorials publish commands there
 _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
@@ -77,18 +76,11 @@ class CommandLock:
 class CommandSubscription:
     """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
 
-    def __init__(
-        self,
-        node: Node,
-        choice: str,
-        received: Callable[[Command], None],
-        warn: Warn,
-    ) -> None:
+    def __init__(self, node: Node, received: Callable[[Command], None], warn: Warn) -> None:
         """Subscribe.
 
         Args:
             node: the subscriber.
-            choice: "Twist", "TwistStamped", or "auto" to follow the publishers.
             received: called with each command.
             warn: logs a warning, given a key and a text.
         """
@@ -96,9 +88,8 @@ class CommandSubscription:
         self._topic = node.resolve_topic_name(_TOPIC)
         self._usual = node.resolve_topic_name(_USUAL)
         self._unreceived = Lasting(_SETTLED)
-        self._choice = choice
         self._check = StampCheck.from_topic(node, _TOPIC)
-        self._wanted = _TWIST if choice == "auto" else f"{_PACKAGE}{choice}"
+        self._wanted = _TWIST
         self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(
             node,
@@ -111,40 +102,22 @@ class CommandSubscription:
         self._subscription.update(self._wanted, _QOS)
 
     @property
-    def kind(self) -> str:
-        """The type subscribed to, "Twist" or "TwistStamped"."""
-        return self._wanted.removeprefix(_PACKAGE)
-
-    @property
     def connected(self) -> bool:
         """Whether a publisher of the subscribed type is connected."""
         return self._subscription.publishers > 0
 
-    def choose(self, choice: str) -> None:
-        """Change to another choice (see the constructor); the next two ``follow`` apply it."""
-        self._choice = choice
-
     def follow(self) -> None:
-        """Change to the type that is chosen or published; call it several times a second.
+        """Change to the type that is published; call it several times a second.
 
         It also reports commands on a topic cmd_vel to which nobody subscribes.
         """
         self._look_for_unreceived()
         published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
-        if self._choice != "auto":
-            self._wanted = f"{_PACKAGE}{self._choice}"
-        else:
-            self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
-        is_new = self._subscription.type is None
+        self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
         self._subscription.update(self._wanted, _QOS)
-        if is_new:
-            self._node.get_logger().info(f"commands are {self.kind} now")
-        ignored = sorted(published - {self._wanted})
-        if ignored:
-            hint = "" if self._choice == "auto" else f" (cmd_vel_type is {self._choice})"
-            types = ", ".join(ignored)
-            text = f"{_TOPIC} is also published as {types}, which is ignored"
-            self._warn("type", f"{text}{hint}; {self.kind} is subscribed to")
+        if ignored := sorted(published - {self._wanted}):
+            text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
+            self._warn("type", f"{text}; {self._wanted} is subscribed to")
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual
@@ -173,21 +146,21 @@ class CommandGate:
         answered: stamp of the newest command, ns.
     """
 
-    def __init__(self, node: Node, slot: LoopSlot, choice: str | None, warn: Throttled) -> None:
+    def __init__(self, node: Node, slot: LoopSlot, warn: Throttled, *, stands: bool) -> None:
         """Subscribe.
 
         Args:
             node: of the robot.
             slot: of the robot, which gets the commands.
-            choice: of the type, see ``CommandSubscription``; None for a robot that stands.
             warn: logs warnings.
+            stands: whether the robot stands, and receives no commands.
         """
         self._slot, self._warn, self.answered = slot, warn, 0
         # Created before the commands: an unlock sent with a command is then received first.
         self.lock = CommandLock(node, self._brake)
         self.subscription: CommandSubscription | None = None
-        if choice is not None:
-            self.subscription = CommandSubscription(node, choice, self._receive, warn)
+        if not stands:
+            self.subscription = CommandSubscription(node, self._receive, warn)
 
     def _receive(self, command: Command) -> None:
         loop, now = self._slot.loop, boot_time()

@@ -5,7 +5,6 @@ of the system clock.
 """
 
 import ctypes
-import math
 import sys
 import threading
 import time
@@ -28,7 +27,7 @@ T = TypeVar("T")
 _DRIFT = 2_000_000
 _COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one is used
 _SET_BACK = NS_PER_S  # ns; if the system clock goes back by this much or more, somebody has set it
-_PATIENCE = 10.0  # s to wait for an answer of the loop
+_PATIENCE = 10.0  # s to wait for the end of the loop
 _LONGEST_WAIT = 0.1  # s between checks whether anything was posted
 _PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
 # From Linux's <sys/prctl.h>.
@@ -73,23 +72,17 @@ class Pacer:
         """Seconds until the current cycle is due; 0 if it is."""
         return max(0.0, self.due - self._clock())
 
-    def next(self, wait: Callable[[float], object]) -> None:
+    def next(self, wait: Callable[[], object]) -> None:
         """Wait until the next cycle is due.
 
         Args:
-            wait: called with the seconds to wait; it may return early, when the loop stops or the
-                pace has changed.
+            wait: waits until ``due``; it may return early, when the loop stops, or much later, if
+                the process was stopped meanwhile.
         """
-        self.due += self._interval
+        self.due = self.due + self._interval if self._interval else self._clock()
         self.lag, self.missed = 0.0, 0
+        wait()
         now = self._clock()
-        if self._interval == 0.0:
-            self.due = now
-            wait(0.0)
-            return
-        if now < self.due:
-            wait(self.due - now)
-            now = self._clock()  # may be much later, if the process was stopped meanwhile
         if 0.0 < self._interval <= now - self.due:  # the wait may have changed the pace
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
@@ -103,7 +96,7 @@ class SystemStamps:
     clock is set or has drifted, the stamps follow it.
 
     Stamps do not go back, unless the system clock is set back by a second or more: when it goes
-    back by less, they advance at half speed until it has caught up.
+    back by less, they nearly stand still until it has caught up.
     """
 
     def __init__(
@@ -114,19 +107,17 @@ class SystemStamps:
         self._monotonic, self._system = monotonic_ns, system_ns
         comparisons = [self._compare() for _ in range(_COMPARISONS)]
         self._offset, _ = min(comparisons, key=itemgetter(1))
-        self._last_due = self._last = 0  # 1970, before every stamp
+        self._last = 0  # 1970, before every stamp
 
     def at(self, due: float) -> int:
         """Return the system time, ns, of the monotonic time ``due``, s."""
         offset, uncertainty = self._compare()
         if uncertainty <= _DRIFT < abs(offset - self._offset):
             self._offset = offset
-        due_ns = round(due * NS_PER_S)
-        stamp = due_ns + self._offset
-        least = self._last + (due_ns - self._last_due) // 2
-        if least - _SET_BACK < stamp:
-            stamp = max(stamp, least)
-        self._last_due, self._last = due_ns, stamp
+        stamp = round(due * NS_PER_S) + self._offset
+        if self._last - _SET_BACK < stamp:
+            stamp = max(stamp, self._last + 1)
+        self._last = stamp
         return stamp
 
     def _compare(self) -> tuple[int, int]:
@@ -183,9 +174,7 @@ class ControlLoop:
         self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
-        # Held while the loop runs: waiting for a lock is much cheaper than for an Event.
-        self._running = threading.Lock()
-        self._running.acquire()
+        self._woke = wake.check()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     def start(self) -> None:
@@ -195,15 +184,13 @@ class ControlLoop:
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
-        self._woke = self.wake.check()
         self._thread.start()
 
     def stop(self) -> None:
         """End the loop after its current cycle, and wait for the end."""
         if not self._stopped:
             self._stopped = True
-            self._running.release()
-            self.post(lambda: None)  # wakes a wait for the inbox
+            self.post(lambda: None)  # wakes the loop
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)
 
@@ -211,15 +198,11 @@ class ControlLoop:
         """Call ``function`` in the loop's thread, before the next cycle."""
         self._inbox.put(function)
 
-    def call(self, function: Callable[[], T], patience: float | None = _PATIENCE) -> T:
+    def call(self, function: Callable[[], T]) -> T:
         """Call ``function`` in the loop's thread, before the next cycle; return its result.
 
-        Args:
-            function: to call.
-            patience: seconds to wait for the result; None: as long as the loop runs.
-
         Raises:
-            OneBotError: the function raised it, or the loop does not answer.
+            OneBotError: the function raised it, or the loop has ended.
         """
         answer = futures.Future[T]()
 
@@ -233,14 +216,12 @@ class ControlLoop:
                 raise
 
         self.post(call)
-        deadline = math.inf if patience is None else time.monotonic() + patience
         while True:
             try:
                 return answer.result(_LONGEST_WAIT)
             except futures.TimeoutError:
-                ended = not (self._thread.is_alive() or answer.done())
-                if ended or time.monotonic() > deadline:
-                    raise OneBotError("the control loop does not answer") from None
+                if not (self._thread.is_alive() or answer.done()):
+                    raise OneBotError("the control loop has ended") from None
 
     @property
     def left(self) -> float:
@@ -331,11 +312,14 @@ class ControlLoop:
         self._publish(snapshots, stamp)
         self.fleet.finish()
 
-    def _call_posted(self) -> None:
+    def _brake_if_woken(self) -> None:
         if self.wake.check() > self._woke:
             self._woke = self.wake.woke
             for robot in self.fleet.robots:
                 robot.accept(0.0, 0.0)
+
+    def _call_posted(self) -> None:
+        self._brake_if_woken()
         while not self._inbox.empty():
             self._inbox.get()()
 
@@ -344,28 +328,21 @@ class ControlLoop:
         try:
             function = self._inbox.get(timeout=timeout)
         except Empty:
-            return
-        function()
+            function = None
+        self._brake_if_woken()
+        if function is not None:
+            function()
 
-    def _wait(self, seconds: float) -> None:
-        if self.paused:
-            self._wait_paused(max(seconds, _LONGEST_WAIT if self.simulated else _PAUSED_WAIT))
-            seconds = self._pacer.left
-        while seconds > _LONGEST_WAIT and not self._stopped:
-            self._sleep(_LONGEST_WAIT)
-            self._call_posted()
-            seconds = self._pacer.left
-        self._sleep(seconds)
-
-    def _wait_paused(self, seconds: float) -> None:
-        """Wait, but call posted functions at once, so that a step takes only its cycle's time."""
-        end = time.monotonic() + seconds
-        while self.paused and not self._stopped and (left := end - time.monotonic()) > 0.0:
+    def _wait(self) -> None:
+        """Wait until the next cycle is due, but call posted functions at once."""
+        until = time.monotonic() + (_LONGEST_WAIT if self.simulated else _PAUSED_WAIT)
+        while not self._stopped:
+            left = self._pacer.left
+            if self.paused:
+                left = max(left, until - time.monotonic())
+            if left <= 0.0:
+                return
             self._call_next(min(left, _LONGEST_WAIT))
-
-    def _sleep(self, seconds: float) -> None:
-        if self._running.acquire(timeout=seconds):
-            self._running.release()
 
 
 class LoopSlot:

@@ -70,11 +70,6 @@ class ControlParameters:
         }
         self.config = read(ControlConfig, self.values, self.places)
 
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings about parameters that have no effect, each with its place."""
-        return [problem.message(self.places) for problem in self.config.surprises()]
-
     def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
         """Return the configuration with these parameters set; nothing changes yet.
 
@@ -92,8 +87,6 @@ class ControlParameters:
     def accept(self, parameters: Sequence[Parameter]) -> None:
         """Apply parameters that ``changed`` has accepted."""
         self.values.update(_own(parameters))
-        for new_parameter in parameters:  # no longer as the file has it
-            self.places.pop(new_parameter.name, None)
         self.config = read(ControlConfig, self.values)
 
 

@@ -19,14 +19,11 @@ from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, condensed
 from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.wire.interfaces import load_interface
-
-MOST_PROBLEMS = 5
-"""Greatest number of problems of one goal that are logged."""
 
 _IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
 # Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
@@ -42,7 +39,7 @@ class GoalFollower(JointFollower, Protocol):
         active: the handle of the goal; None if there is none.
     """
 
-    active: object | None
+    active: Any
 
     def cancel(self) -> None:
         """Cancel the goal, and stop."""
@@ -84,7 +81,6 @@ class ControllerNode(Generic[F]):
         """
         self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
         self._refused, self._clock = refused, clock
-        self._warn = Throttled(node.get_logger().warning, _IGNORED_EVERY)
         self._error = Throttled(lambda text: node.get_logger().error(text), _IGNORED_EVERY)
         self._stamp = 0  # the last cycle's, ns
         self._values = self._declare()
@@ -110,7 +106,7 @@ class ControllerNode(Generic[F]):
         try:
             self._loop.call(action)
         except OneBotError as error:
-            return first_lines(str(error).splitlines())
+            return str(error)
         return ""
 
     # Parameters --------------------------------------------------------------------------------
@@ -133,12 +129,6 @@ class ControllerNode(Generic[F]):
         """Return the controller with the values in force, and ``parameters`` set."""
         values = {**self._values, **self._changed(parameters)}
         return type(self._controller)(self._controller.name, values)
-
-
-def first_lines(lines: Sequence[str]) -> str:
-    """Join the first few lines; add how many more there are."""
-    more = [f"and {len(lines) - MOST_PROBLEMS} more"] if lines[MOST_PROBLEMS:] else []
-    return "\n".join([*lines[:MOST_PROBLEMS], *more])
 
 
 class _Action(ActionServer):
@@ -169,7 +159,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         kind, name = self.action
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
-        self._active: Any = None  # the handle of the goal that is followed
         self._arm.active = None  # an earlier node's goal has no client any more
         self._action = _Action(
             self.node,
@@ -233,7 +222,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _refusal(self, goal: G) -> str:
         """Return why a goal cannot be followed now; "" if it can."""
-        return self._refused() or first_lines(self._problems(goal))
+        return self._refused() or "\n".join(condensed(self._problems(goal)))
 
     # The action --------------------------------------------------------------------------------
 
@@ -250,8 +239,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         handle.execute()
         if fault := self._fault(lambda: self._start(arm, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
-        else:
-            self._active = handle
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         """Cancel a goal, and always accept.
@@ -267,7 +254,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         """Send feedback, and the results of goals that have ended."""
         while self._ended:
             self._end(*self._ended.popleft())
-        if (handle := self._active) is not None:
+        if (handle := self._arm.active) is not None:
             with suppress(OneBotError):  # the loop has just ended
                 handle.publish_feedback(self._loop.call(self._feedback))
 
@@ -276,8 +263,6 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
             self._log(ended)
         if ended.goal is None:
             return
-        if ended.goal is self._active:
-            self._active = None
         self._action.finish(ended.goal, partial(_ended_handle, ended, result))
 
     def _log(self, outcome: Outcome) -> None:

@@ -1,13 +1,13 @@
 """forward_command_controller's ROS interface: the topic of one controller."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 from std_msgs.msg import Float64MultiArray
 
-from onebot_control.nodes.controller_node import ControllerNode, first_lines
+from onebot_control.nodes.controller_node import ControllerNode
 from onebot_control.trajectories.forwarding import PositionForwarder
+from onebot_description.errors import condensed
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
 
 
@@ -24,8 +24,8 @@ class ForwardCommands(ControllerNode[PositionForwarder]):
     def _on_commands(self, message: Float64MultiArray) -> None:
         arm, positions = self._arm, list(message.data)
         if problems := arm.problems(positions):
-            log = self._error if all(map(math.isfinite, positions)) else self._warn
-            log("refused", f"~/commands is ignored: {first_lines(problems)}")
+            lines = "\n".join(condensed(problems))
+            self._error("refused", f"~/commands is ignored: {lines}")
         else:
             self._loop.post(lambda: self._command(arm, positions))
 

@@ -59,28 +59,24 @@ class Frames(NamedTuple):
             others: frames of the other robots, by node.
             scene: the scene around the robots.
         """
-        owners, worlds = dict.fromkeys(self.links - {self.base}, "a link of the robot"), {}
+        owners = dict.fromkeys(self.links - {self.base}, "a link of the robot")
         for name, frames in others.items():
             owners[frames.odom] = f"odom_frame_id of {name}"
             owners[frames.base] = f"base_frame_id of {name}"
-            worlds[frames.world] = f"world_frame_id of {name}"
-            if scene is not None and frames.world != self.world:
-                text = f'"{self.world}", but "{frames.world}" of {name}; in a world it is the same'
-                yield Problem("world_frame_id", text)
         for link in scene.links if scene else ():
             if link.name in self.links:
                 text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
                 yield Problem("", f"{text}; rename the link")
             elif not (scene and link.name == scene.root_link == self.world):
                 owners.setdefault(link.name, f"a link of the world, {link.where}")
-        for key, frame in zip(
-            ("base_frame_id", "odom_frame_id", "world_frame_id"),
-            (self.base, self.odom, self.world),
-            strict=True,
+        for key, frame in (
+            ("base_frame_id", self.base),
+            ("odom_frame_id", self.odom),
+            ("world_frame_id", self.world),
         ):
-            what = owners.get(frame) or (key != "world_frame_id" and worlds.get(frame))
-            if frame and what:
-                yield Problem(key, f'"{frame}" is {what}; each frame needs a name of its own')
+            if frame and frame in owners:
+                text = f'"{frame}" is {owners[frame]}; each frame needs a name of its own'
+                yield Problem(key, text)
             owners.setdefault(frame, key)
 
 

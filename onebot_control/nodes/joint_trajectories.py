@@ -8,11 +8,7 @@ from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_control.joint_controllers import TrajectoryController
-from onebot_control.nodes.controller_node import (
-    MOST_PROBLEMS,
-    Cancelled,
-    GoalNode,
-)
+from onebot_control.nodes.controller_node import Cancelled, GoalNode
 from onebot_control.trajectories.config import (
     JointParameters,
     TrajectoryConfig,
@@ -27,8 +23,8 @@ from onebot_control.trajectories.tolerances import (
     tolerance_problems,
 )
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError, Problem, declare
+from onebot_description.errors import OneBotError, condensed
+from onebot_description.ros.parameters.reader import declare
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
@@ -110,7 +106,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
 
     def _on_accepted(self, handle: Any) -> None:
         tolerances = _tolerances(handle.request)
-        for problem in tolerance_problems(tolerances, self._arm.names)[:MOST_PROBLEMS]:
+        for problem in condensed(tolerance_problems(tolerances, self._arm.names)):
             self.node.get_logger().error(problem)
         super()._on_accepted(handle)
 
@@ -163,26 +159,18 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
         single = {f"constraints.{joint}.{tolerance}": 0.0 for joint in names for tolerance in _OWN}
         single_values = {n: v for n, v in values.items() if n in single}
-        declared = {
-            **declare(self.node, TrajectoryConfig, {"joints": list(names)}, common),
+        return {
+            **declare(self.node, TrajectoryConfig, common, fixed={"joints": list(names)}),
             **declare(self.node, JointParameters, single, single_values),
         }
-        if list(declared["joints"]) != list(names):
-            text = "cannot be given by -p; write it in a parameter file"
-            raise ConfigError([Problem(f"{self.node.get_name()}.joints", text)])
-        return declared
 
     def _configured(self, parameters: Sequence[Parameter] = ()) -> TrajectoryController:
         joints = self._controller.joints
         values = {**self._values, **self._changed(parameters), "joints": joints}
         # Leave out defaults of single joints: another description may have other joints.
-        values = {n: v for n, v in values.items() if v or not _is_of_joints(n)}
+        values = {n: v for n, v in values.items() if v or not is_joint_parameter(n)}
         joint_constraints(values, self._arm.names)
         return TrajectoryController(self._controller.name, values)
-
-
-def _is_of_joints(name: str) -> bool:
-    return name == "joints" or is_joint_parameter(name)
 
 
 _OWN = ("trajectory", "goal", "max_deceleration_on_cancel")

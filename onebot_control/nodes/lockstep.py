@@ -8,6 +8,7 @@ effect in the next cycle, and only then the physics moves on.
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from typing import Any, Generic, Protocol, TypeVar
@@ -16,13 +17,10 @@ from unittest.mock import patch
 import rclpy
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.event_handler import EventHandler
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.experimental.events_executor import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.waitable import NumberOfEntities
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
@@ -38,13 +36,11 @@ from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
 from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.topic_qos import is_transient_local
-from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _WAIT = 0.005  # s between checks whether topics are connected
-_KINDS = ("subscription", "timer", "client", "service")
 _SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
 _PATIENCE = 10.0  # s to wait for topics to be connected
 
@@ -163,8 +159,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         deadline = time.monotonic() + timeout
         while apart := sorted({*self._unconnected()}):
             if time.monotonic() > deadline:
-                text = "\n".join(f"{topic}: {self._difference(topic)}" for topic in apart)
-                raise OneBotError(f"not connected with the robot in {timeout:g} s:\n{text}")
+                text = f"not connected with the robot in {timeout:g} s: {listing(apart)}"
+                raise OneBotError(f"{text}; type or QoS differ, or DDS did not discover them")
             self._interface.poll()
             self.settle()
             time.sleep(_WAIT)
@@ -190,13 +186,13 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         Within a process, Fast DDS delivers a message before ``publish`` returns: if no node has a
         callback after the robots ran all of theirs, nothing is on its way.
         """
-        executors = [self._arms, self._executor] if self._arm_nodes else [self._executor]
+        executors = [each for each in (self._arms, self._executor) if each.get_nodes()]
         for executor in executors:
             executor.take_time()
         while True:
             # Without a timeout it runs all that is ready.
             self._robots.spin_until_future_complete(Future(), 0.0)
-            if not any([executor.run_ready() for executor in executors if not executor.is_idle()]):
+            if not any([executor.run_ready() for executor in executors]):
                 return
 
     def close(self) -> None:
@@ -221,21 +217,6 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def _robot_nodes(self) -> list[Node]:
         return [*self._nodes, *self._arm_nodes]
 
-    def _difference(self, topic: str) -> str:
-        """Return why a node and a robot are not connected on a topic."""
-        ours, theirs = (
-            {
-                type_name(end.msg_type)
-                for node in nodes
-                for end in (*node.publishers, *node.subscriptions)
-                if end.topic_name == topic
-            }
-            for nodes in (self._robot_nodes, self._added)
-        )
-        if ours == theirs:
-            return f"its QoS does not go with the robot's ({listing(ours)})"
-        return f"the node has {listing(theirs)}, the robot {listing(ours)}"
-
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log subscriptions without publishers, with the robots' most similar topic."""
         robots = [pub.topic_name for node in self._robot_nodes for pub in node.publishers]
@@ -250,24 +231,19 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         pair = self._robot_nodes, self._added
         for nodes, other_nodes in (pair, pair[::-1]):
             publishers = {pub.topic_name: pub for node in nodes for pub in node.publishers}
-            subscribers: dict[str, int] = {}
-            for subscription in (sub for node in other_nodes for sub in node.subscriptions):
+            subscriptions = [sub for node in other_nodes for sub in node.subscriptions]
+            subscribers = Counter(sub.topic_name for sub in subscriptions)
+            for subscription in subscriptions:
                 topic = subscription.topic_name
-                if topic in publishers:
-                    subscribers[topic] = subscribers.get(topic, 0) + 1
-                    if not subscription.get_publisher_count():
-                        yield topic
-            for topic, count in subscribers.items():
-                if publishers[topic].get_subscription_count() < count:
+                if (publisher := publishers.get(topic)) is None:
+                    continue
+                connected = publisher.get_subscription_count() >= subscribers[topic]
+                if not (connected and subscription.get_publisher_count()):
                     yield topic
 
 
 class _Executor(SingleThreadedExecutor):
-    """Runs all callbacks that are ready; it sees sooner than rclpy's own that none is.
-
-    In a control cycle hardly any callback is ready, and making sure of that took rclpy as long as
-    the physics.
-    """
+    """Runs all callbacks that are ready."""
 
     def take_time(self) -> None:
         """Pass /clock on to the nodes' clocks, which takes ten times as long by a wait."""
@@ -292,47 +268,6 @@ class _Executor(SingleThreadedExecutor):
                 ran |= handler.done() or handler not in suspended
         return ran
 
-    def is_idle(self) -> bool:
-        """Return whether no callback is ready."""
-        nodes = self.get_nodes()
-        if not nodes:
-            return True  # rcl refuses to wait for nothing
-        if any(guard for node in nodes for guard in node.guards):
-            return False  # waiting would take their trigger from rclpy
-        if any(not task.done() for task, _, _ in self._tasks):
-            return False
-        # Events, of QoS, can wait until a message comes.
-        waitables = [waitable for node in nodes for waitable in node.waitables]
-        actions = [action for action in waitables if not isinstance(action, EventHandler)]
-        handles = {
-            kind: [entity.handle for node in nodes for entity in getattr(node, f"{kind}s")]
-            for kind in _KINDS
-        }
-        wait_set = self._wait_set([len(handles[kind]) for kind in _KINDS], actions)
-        for kind in _KINDS:
-            add = getattr(wait_set, f"add_{kind}")
-            for handle in handles[kind]:
-                add(handle)
-        for action in actions:
-            action.add_to_wait_set(wait_set)
-        wait_set.wait(0)
-        if any(map(wait_set.get_ready_entities, _KINDS)):
-            return False
-        return not any(action.is_ready(wait_set) for action in actions)
-
-    def _wait_set(self, numbers: Sequence[int], actions: Sequence[Any]) -> Any:
-        """Return an empty wait set for so many entities of each of ``_KINDS``, and for actions."""
-        subscriptions, timers, clients, services = numbers
-        counts = NumberOfEntities(subscriptions, 0, timers, clients, services)
-        for action in actions:
-            counts += action.get_num_entities()
-        wait_set = rclpy_implementation.WaitSet(
-            *(counts.num_subscriptions, counts.num_guard_conditions, counts.num_timers),
-            *(counts.num_clients, counts.num_services, counts.num_events, self.context.handle),
-        )
-        wait_set.clear_entities()
-        return wait_set
-
 
 class SteppedLoop(ControlLoop):
     """A control loop without a thread, whose cycles ``Simulation.run`` runs."""
@@ -348,7 +283,7 @@ class SteppedLoop(ControlLoop):
         """Call ``function`` now: it is between two cycles."""
         function()
 
-    def call(self, function: Callable[[], T], patience: float | None = None) -> T:
+    def call(self, function: Callable[[], T]) -> T:
         """Call ``function`` now: it is between two cycles."""
         return function()
 

@@ -96,7 +96,8 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        self._advertise(config.publish_limited_velocity and not self._stands)
+        if config.publish_limited_velocity and self._limited is None and not self._stands:
+            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
         self._due = Divider(config.publish_rate, config.update_rate)
 
     @property
@@ -112,14 +113,6 @@ class Publishers:
         text = f"another node publishes {source} on TF, so {self.world_frame} -> {self.odom_frame}"
         text += " is not published any more; a restart, or ground_truth_tf set to false and to true"
         self._node.get_logger().info(f"{text}, brings it back")
-
-    def _advertise(self, limited: bool) -> None:
-        """Create or destroy the publisher of the limited command."""
-        if limited and self._limited is None:
-            self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
-        elif not limited and self._limited is not None:
-            self._node.destroy_publisher(self._limited)
-            self._limited = None
 
     def _odometry(self, frame: str, child: str) -> Odometry:
         message = Odometry(child_frame_id=child)
@@ -145,7 +138,8 @@ class Publishers:
         if self._stands:
             self._publish_origin(snapshot, stamp_ns)
             return
-        if self._limited is not None and _is_subscribed(self._limited):
+        limits = robot.config.publish_limited_velocity
+        if limits and self._limited is not None and _is_subscribed(self._limited):
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)

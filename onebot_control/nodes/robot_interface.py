@@ -1,10 +1,12 @@
 """The ROS interface of one robot: its node's topics and services, and its description."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from rclpy.clock import Clock
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
 from onebot_control.drive.parameters import ControlConfig
@@ -21,8 +23,15 @@ from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
-from onebot_description.ros.description_topic import DescriptionTopic
+from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
+from onebot_description.ros.parameters.reader import (
+    ConfigError,
+    Problem,
+    follow_changes,
+    refuse_undeclared,
+)
 from onebot_description.ros.throttled import Throttled
 
 
@@ -63,7 +72,6 @@ class RobotInterface:
         commands: receives ~/cmd_vel and its lock.
         sensors: its simulated sensors.
         step_topics: what a step waits for.
-        refuse: logs why a change is refused, given its kind and a text.
     """
 
     def __init__(
@@ -82,16 +90,17 @@ class RobotInterface:
         self._sensing: Sensing | None = None
         self._arms: JointControllerNodes | None = None
         self._warn = Throttled(node.get_logger().warning)
-        self.refuse = Throttled(lambda text: node.get_logger().error(text))
+        self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
         self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        choice = None if stands else config.cmd_vel_type
-        self.commands = CommandGate(node, self.slot, choice, self._warn)
+        self.commands = CommandGate(node, self.slot, self._warn, stands=stands)
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = None if stands else lambda: self.publishing.odom_frame
         RobotServices(node, self.slot, odom, self._warn)
+        refuse_undeclared(node, settings.declared)
+        follow_changes(node, self._check, self._apply)
 
     @property
     def name(self) -> str:
@@ -126,12 +135,10 @@ class RobotInterface:
         )
 
     @property
-    def warnings(self) -> list[str]:
-        """Warnings about the description and the parameters."""
+    def notices(self) -> Sequence[str]:
+        """Notices of its description that robot_state_publisher has not logged already."""
         assert self.description is not None
-        # robot_state_publisher has logged the notices of its description.
-        notices = self.description.notices if self.description.files else ()
-        return [*notices, *self.settings.warnings]
+        return self.description.notices if self.description.files else ()
 
     # The control loop --------------------------------------------------------------------------
 
@@ -224,6 +231,57 @@ class RobotInterface:
         self.use(robot)
         self._sense(robot)
 
+    # Parameters --------------------------------------------------------------------------------
+
+    def _check(self, parameters: Sequence[Parameter]) -> None:
+        """Raise OneBotError if changes of parameters cannot be applied."""
+        config = self.settings.changed(parameters, self._world.simulated)
+        self._check_effect(config)
+        if self.slot.loop is not None:
+            self.slot.robot.fitted(config)
+            if config.sensors and config.sensors != self.settings.config.sensors:
+                load_sensors(config.sensors, self.slot.robot.description)
+            self._world.check_frames(self.slot.row, self.frames(config))
+
+    def _check_effect(self, config: ControlConfig) -> None:
+        """Refuse changes of TF parameters that would have no effect.
+
+        Raises:
+            ConfigError: with the reason.
+        """
+        previous, in_scene = self.settings.config, self._world.scene is not None
+        if in_scene and not config.world_frame_id and previous.world_frame_id:
+            text = "the frames of a world need a parent; ground_truth_tf: false takes odom off it"
+            raise ConfigError([Problem("world_frame_id", text)])
+        if config.ground_truth_tf and not previous.ground_truth_tf:
+            if not config.world_frame(in_scene=in_scene):
+                text = "there is no frame to publish odom in; set world_frame_id first"
+                raise ConfigError([Problem("ground_truth_tf", text)])
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        """Apply changes that ``_check`` has accepted."""
+        previous = self.settings.config
+        self.settings.accept(parameters)
+        config = self.settings.config
+        if config == previous:
+            return
+        self.step_topics.choose(config.step_topics)
+        if (loop := self.slot.loop) is not None:
+            try:
+                loop.call(lambda: self._configure(config))
+            except OneBotError as error:  # raised from this callback, it would end the process
+                self._refuse("parameters", f"parameters not applied, {GOES_ON}: {error}")
+        if config.real_time_factor != self._world.factor:
+            self._world.set_factor(config.real_time_factor)
+        if replace(config, real_time_factor=previous.real_time_factor) != previous:
+            self.sense_again()
+
+    def _configure(self, config: ControlConfig) -> None:
+        """Apply parameters in the control thread."""
+        self.slot.robot.configure(config)
+        self.slot.running.set_factor(config.real_time_factor)
+        self.use(self.slot.robot)
+
     # Sensors -----------------------------------------------------------------------------------
 
     def sense_again(self) -> None:
@@ -235,7 +293,7 @@ class RobotInterface:
             channels = self._channels()
             loop.call(lambda: self._sense(self.slot.robot, channels))
         except OneBotError as error:
-            self.refuse("sensors", f"sensors not applied: {error}")
+            self._refuse("sensors", f"sensors not applied: {error}")
 
     def _channels(self) -> Sequence[Channel]:
         """Return the sensors of the description and of the parameter ``sensors``."""

@@ -40,11 +40,6 @@ class RobotSensors:
         self._file, self._read = "", _NO_FILE
         self._watch = FileWatch(())
 
-    @property
-    def topics(self) -> list[str]:
-        """Names of all sensor topics, absolute."""
-        return sorted({publisher.topic_name for publisher in self._publishers.values()})
-
     def publisher(self, topic: str) -> Publisher | None:
         """Return the publisher of a topic; None if there is none."""
         return next((p for p in self._publishers.values() if p.topic_name == topic), None)
@@ -82,7 +77,7 @@ class RobotSensors:
             warn(f'sensor "{name}" stays as it was: there is a fault in its block')
         sensors += kept
         named = [replace(sensor, topics=self._full_names(sensor)) for sensor in sensors]
-        self._sensors = [*_usable(named, config.update_rate, warn)]
+        self._sensors = [*_usable(named, warn)]
         self._announce()
         return [self._channel(row, sensor, config) for sensor in self._sensors]
 
@@ -144,9 +139,7 @@ class RobotSensors:
         return names
 
 
-def _usable(
-    sensors: Sequence[Sensor], cycles: float, warn: Callable[[str], object]
-) -> Iterator[Sensor]:
+def _usable(sensors: Sequence[Sensor], warn: Callable[[str], object]) -> Iterator[Sensor]:
     """Yield the sensors that can be simulated; warn of the others."""
     used: list[Sensor] = []
     for sensor in sensors:
@@ -156,9 +149,6 @@ def _usable(
         elif shared:
             reason = f"{listing(shared)} is another sensor's topic"
         else:
-            if sensor.rate > cycles:
-                rates = f"{sensor.rate:g} Hz is more than update_rate, {cycles:g} Hz"
-                warn(f'sensor "{sensor.name}": {rates}, so it is published at {cycles:g} Hz')
             used.append(sensor)
             yield sensor
             continue

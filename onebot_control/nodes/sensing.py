@@ -1,7 +1,6 @@
 """Measures when a sensor is due and somebody subscribes to it, at once or in a thread."""
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import Any
@@ -13,9 +12,11 @@ from onebot_control.sensing.instrument import Frame, Instrument
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.geometry.poses import Transform
+from onebot_description.ros.throttled import Throttled
 
-_FIRST_REPORT, _REPORT = 10.0, 60.0  # s until the first, and between later reports of drops
-_ENOUGH = 0.95  # if a smaller fraction of the due measurements is made, it is reported
+_REPORT = 60.0  # s between reports of dropped measurements
+_WINDOW = 100  # due measurements that are judged together
+_ENOUGH = 0.95  # if a smaller fraction of them is made, it is reported
 _PATIENCE = 10.0  # s to wait for the end of the thread
 
 
@@ -36,20 +37,19 @@ class Channel:
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)
         self.given = self.done = self.dropped = 0
-        self._next_report, self._reported = 0.0, (0, 0)  # monotonic s; done and dropped before
+        self._judged = (0, 0)  # done and dropped when they were last judged
 
     @property
     def busy(self) -> bool:
         """Whether as many measurements as possible are waiting."""
         return self.given - self.done > self.instrument.waiting
 
-    def warning(self, now: float) -> str:
-        """Return a warning if too few measurements were made, at most once a minute; else ""."""
-        self._next_report = self._next_report or now + _FIRST_REPORT
-        if now < self._next_report:
+    def warning(self) -> str:
+        """Return a warning if too few of the last measurements were made; "" otherwise."""
+        done, dropped = self.done - self._judged[0], self.dropped - self._judged[1]
+        if done + dropped < _WINDOW:
             return ""
-        done, dropped = self.done - self._reported[0], self.dropped - self._reported[1]
-        self._next_report, self._reported = now + _REPORT, (self.done, self.dropped)
+        self._judged = self.done, self.dropped
         share = done / (done + dropped)
         if share >= _ENOUGH:
             return ""
@@ -169,7 +169,7 @@ class SensingThread(Sensing):
             patient: returns whether the control cycle waits instead of dropping measurements.
         """
         super().__init__(sensors)
-        self._warn, self._failed, self._patient = warn, failed, patient
+        self._warn, self._failed, self._patient = Throttled(warn, _REPORT), failed, patient
         self._jobs: SimpleQueue[tuple[Channel, frozenset[str], Frame] | None] = SimpleQueue()
         self._stopped = False
         self._progress = threading.Condition()
@@ -219,8 +219,8 @@ class SensingThread(Sensing):
                 with self._progress:
                     channel.done += 1
                     self._progress.notify_all()
-                if text := channel.warning(time.monotonic()):
-                    self._warn(text)
+                if text := channel.warning():
+                    self._warn(channel.instrument.sensor.name, text)
         except BaseException as error:
             self._failed(error)
         finally:

@@ -1,17 +1,17 @@
 """Converts what sensors measure to their messages, and publishes these."""
 
-import struct
 from array import array
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import Point32
 from numpy.typing import NDArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import (
     CameraInfo,
+    ChannelFloat32,
     Image,
     LaserScan,
     PointCloud,
@@ -64,15 +64,11 @@ def _range(header: Header, lidar: Lidar, rate: float, distance: np.float32) -> R
     )
 
 
-def _point_cloud(header: Header, lidar: Lidar, rate: float, cloud: NDArray[np.void]) -> bytes:
-    """Return a PointCloud as bytes, because its points would be Python objects."""
-    points = finite(cloud)[0]
-    xyz = np.stack([points[name] for name in "xyz"], axis=-1)
-    head = serialize_message(PointCloud(header=header))[:-8]  # two empty sequences
-    count = struct.pack("<I", len(points))
-    intensities = struct.pack("<II12s", 1, 10, b"intensity") + count + bytes(4 * len(points))
-    serialized: bytes = head + count + xyz.tobytes() + intensities
-    return serialized
+def _point_cloud(header: Header, lidar: Lidar, rate: float, cloud: NDArray[np.void]) -> PointCloud:
+    rows = finite(cloud)[0][["x", "y", "z"]].tolist()
+    points = [Point32(x=x, y=y, z=z) for x, y, z in rows]
+    intensity = ChannelFloat32(name="intensity", values=[0.0] * len(points))
+    return PointCloud(header=header, points=points, channels=[intensity])
 
 
 def _imu(
@@ -145,7 +141,7 @@ _CONVERTERS: Mapping[str, tuple[type, Converter]] = {
     "sensor_msgs/msg/CameraInfo": (CameraInfo, _camera_info),
 }
 MESSAGES = {output: _CONVERTERS[message] for output, message in MESSAGE_TYPES.items()}
-"""By output: the message type, and the function that makes the message, or its bytes, of a header,
+"""By output: the message type, and the function that makes the message of a header,
 the sensor's model, its rate (Hz) and what it measures."""
 
 

@@ -10,8 +10,6 @@ from onebot_control.nodes.spinning import NodeThread
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import load_interface
 
-_PATIENCE = 10.0  # s for the control loop to answer
-
 
 class SimulationServices:
     """The node ``simulation`` of a world, with its services, in a thread of its own.
@@ -63,13 +61,11 @@ class SimulationServices:
         """End the thread."""
         self._thread.stop()
 
-    def _do(
-        self, answer: Any, action: Callable[[], object], patience: float | None = _PATIENCE
-    ) -> Any:
+    def _do(self, answer: Any, action: Callable[[], object]) -> Any:
         """Run ``action`` in the control thread; return the answer with its result."""
         answer.result.result = self._result.OK
         try:
-            self._loop.call(action, patience)
+            self._loop.call(action)
         except OneBotError as error:
             return self._failed(answer, self._result.OPERATION_FAILED, str(error))
         return answer
@@ -79,7 +75,7 @@ class SimulationServices:
         return answer
 
     def _step(self, request: Any, answer: Any) -> Any:
-        return self._do(answer, lambda: self._loop.step(request.steps), None)
+        return self._do(answer, lambda: self._loop.step(request.steps))
 
     def _reset(self, request: Any, answer: Any) -> Any:
         state, time = request.SCOPE_STATE, request.SCOPE_TIME
@@ -88,8 +84,7 @@ class SimulationServices:
             return self._do(answer, self._loop.fleet.reset)
         if scope in (state | time, request.SCOPE_ALL & ~request.SCOPE_SPAWNED):
             return self._do(answer, self._restart)
-        text = f"scope {request.scope} is not supported; {state} is the state, {request.SCOPE_ALL}"
-        text += " all: time is reset together with the state, and nothing is spawned"
+        text = f"scope {request.scope} is not supported: time is reset together with the state"
         return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
 
     def _get_state(self, _: Any, answer: Any) -> Any:

@@ -6,7 +6,7 @@ from rclpy.node import Node
 
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.robot_sensors import RobotSensors
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.cdr import NS_PER_S
 
 
@@ -33,11 +33,6 @@ class StepTopics:
         """Forget messages and answers, because time starts again."""
         self._asked = self._commands.answered = 0
 
-    @property
-    def chosen(self) -> bool:
-        """Whether there are such topics."""
-        return bool(self._topics)
-
     def measured(self, topics: Set[str], stamp: int) -> None:
         """Take notice that messages with a ``stamp``, ns, are published on ``topics``."""
         if not self._topics.isdisjoint(topics):
@@ -51,8 +46,7 @@ class StepTopics:
         """
         for topic in sorted(self._topics):
             if not (publisher := self._sensors.publisher(topic)):
-                hint = did_you_mean(topic, self._sensors.topics, "of sensors")
-                raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor{hint}')
+                raise OneBotError(f'step_topics: "{topic}" is no topic of a sensor')
             if not publisher.get_subscription_count():
                 return f"nobody subscribed to {topic}"
         commands = self._commands.subscription
@@ -63,6 +57,5 @@ class StepTopics:
             return f"nobody offered commands on {cmd_vel}"
         if self._asked <= self._commands.answered:
             return ""
-        kind = "" if commands.kind == "TwistStamped" else "; a Twist has none"
         stamp = f"{self._asked / NS_PER_S:.3f} s"
-        return f"no command with the stamp {stamp} or a later one came on {cmd_vel}{kind},"
+        return f"no command with the stamp {stamp} or a later one came on {cmd_vel}"

@@ -14,7 +14,6 @@ from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.frames import Frames, check_frames
-from onebot_control.nodes.parameter_changes import ParameterChanges
 from onebot_control.nodes.publishing import ScenePublisher
 from onebot_control.nodes.real_time import PaceReports
 from onebot_control.nodes.robot_interface import RobotInterface
@@ -27,13 +26,9 @@ from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.reader import ConfigError, Problem
 from onebot_description.ros.steady_timer import steady_timer
 
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
-
-# Parameters of the world, with one value for all robots.
-_WORLD_PARAMETERS = ("update_rate", "real_time_factor", "use_sim_time", "world", "paused")
 
 
 class WorldInterface:
@@ -87,8 +82,6 @@ class WorldInterface:
         self.robots = [
             RobotInterface(self, row, node, settings[row]) for row, node in enumerate(nodes)
         ]
-        for robot in self.robots:
-            ParameterChanges(robot, self)
         self._localizers = LocalizerWatch(nodes, [robot.publishing for robot in self.robots])
 
     @classmethod
@@ -106,8 +99,9 @@ class WorldInterface:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
         settings = list(map(ControlParameters, nodes, arguments))
-        scene = load_scene(settings[0].config.world)
-        interface = cls(nodes, settings, scene, simulated=_is_simulated(nodes, settings))
+        config = settings[0].config  # what concerns the world is the first robot's
+        simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
+        interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
         try:
             # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
@@ -153,7 +147,7 @@ class WorldInterface:
             self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
-        warnings += [text for robot in self.robots for text in robot.warnings]
+        warnings += [notice for robot in self.robots for notice in robot.notices]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_moved_text(fleet))
@@ -231,8 +225,7 @@ class WorldInterface:
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
         for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
-            if robot.step_topics.chosen:
-                robot.step_topics.measured(sensing.asked(row), stamp)
+            robot.step_topics.measured(sensing.asked(row), stamp)
             robot.publish(snapshot, stamp, sensed=row in sensed)
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
@@ -265,24 +258,6 @@ class NodeLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._logger.warning(record.getMessage())
-
-
-def _is_simulated(nodes: Sequence[Node], settings: Sequence[ControlParameters]) -> bool:
-    """Return whether the world runs on simulated time.
-
-    Raises:
-        ConfigError: the nodes differ in a parameter of the world.
-    """
-    first_name, *names = [node.get_fully_qualified_name() for node in nodes]
-    for parameter in _WORLD_PARAMETERS:
-        first, *values = [node.get_parameter(parameter).value for node in nodes]
-        for name, value in zip(names, values, strict=True):
-            if value != first:
-                text = f"{value}, but {first} of {first_name}"
-                problem = f"{text}; it is the same for all robots of a world"
-                raise ConfigError([Problem(f"{name}: {parameter}", problem)])
-    factor = settings[0].config.real_time_factor
-    return bool(nodes[0].get_parameter("use_sim_time").value) or factor != 1.0
 
 
 def _moved_text(fleet: Fleet) -> str:

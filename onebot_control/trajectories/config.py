@@ -19,7 +19,6 @@ from onebot_description.ros.parameters.reader import (
 )
 
 _INTERFACES = ("position", "velocity", "acceleration")
-_STATE_INTERFACES = [set(_INTERFACES[:count]) for count in (1, 2, 3)]
 MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
@@ -89,9 +88,7 @@ class TrajectoryConfig:
         unique=True,
         read_only=True,
     )
-    command_joints: tuple[str, ...] = parameter(
-        (), "the same again, or empty", unique=True, read_only=True
-    )
+    command_joints: tuple[str, ...] = ignored((), "the joints are commanded", read_only=True)
     command_interfaces: tuple[str, ...] = parameter(
         ("position",), "what is commanded: [position]", unique=True, read_only=True
     )
@@ -109,9 +106,7 @@ class TrajectoryConfig:
     interpolate_from_desired_state: bool = parameter(
         False, "begin a trajectory at the last command, not at the measured motion", read_only=True
     )
-    allow_integration_in_goal_trajectories: bool = parameter(
-        False, "only false: positions are not integrated from velocities"
-    )
+    allow_integration_in_goal_trajectories: bool = ignored(False, "each point needs positions")
     set_last_command_interface_value_as_state_on_activation: bool = parameter(
         True, "hold the last command when it starts again, not the measured position"
     )
@@ -154,35 +149,10 @@ class TrajectoryConfig:
         return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
 
     def check(self) -> Iterator[Problem]:
-        """Report values that joint_trajectory_controller supports and this one does not."""
+        """Report command interfaces that this one does not support."""
         if self.command_interfaces != ("position",):
             text = "only position, no other kind of command; write [position]"
             yield Problem("command_interfaces", text)
-        if self.command_joints not in ((), self.joints):
-            text = "only the same as joints; leave it out"
-            yield Problem("command_joints", text)
-        if set(self.state_interfaces) not in _STATE_INTERFACES:
-            choices = "[position], [position, velocity] or [position, velocity, acceleration]"
-            yield Problem("state_interfaces", f"is incomplete; write {choices}")
-        if self.allow_integration_in_goal_trajectories:
-            text = "only false: a point with velocities needs positions, too"
-            yield Problem("allow_integration_in_goal_trajectories", text)
-
-    def surprises(self, constraints: Mapping[str, JointConstraint]) -> Iterator[Problem]:
-        """Report parameters that have no effect, given the result of ``joint_constraints``."""
-        if self.cmd_timeout and not self.timeout:
-            text = (
-                f"does nothing unless above constraints.goal_time, {self.constraints.goal_time:g}"
-            )
-            yield Problem("cmd_timeout", text)
-        if self.constraints.decelerate_on_cancel:
-            if "velocity" not in self.state_interfaces:
-                text = "does nothing unless state_interfaces has velocity"
-                yield Problem("constraints.decelerate_on_cancel", text)
-            for name, constraint in constraints.items():
-                if not constraint.max_deceleration_on_cancel:
-                    text = "is not given, so constraints.decelerate_on_cancel does nothing"
-                    yield Problem(f"{_CONSTRAINTS}{name}.max_deceleration_on_cancel", text)
 
     @property
     def timeout(self) -> float:

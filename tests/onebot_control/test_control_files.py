@@ -105,7 +105,6 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
             ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
-        ("joints: [right_wheel_joint, left_wheel_joint]", "use_local_topics: true", ":8: joint_st"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
         ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
         ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),

@@ -8,9 +8,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import SetBool, Trigger
 
 from tests.onebot_control.control_support import urdf
-from tests.onebot_control.node_support import MODULE, driving
-from tests.ros_support import NodeProcess, Peer, ros_args
-from tests.support import lines_of_ours, wait_for
+from tests.onebot_control.node_support import driving
+from tests.ros_support import Peer, ros_args
+from tests.support import wait_for
 
 
 def robots(**values: dict[str, Any]) -> list[str]:
@@ -41,16 +41,3 @@ def test_the_clock_of_one_world_is_shared(peer: Peer, tmp_path: Path) -> None:
         assert status.name == "a/velocity_controller: real-time factor"
         values = {each.key: float(each.value) for each in status.values}
         assert 0.0 < values["real_time_factor"] < 9e5 and values["missed control cycles"] > 100.0
-
-
-@pytest.mark.slow
-def test_what_is_the_worlds_must_be_the_same(ros_domain: int, tmp_path: Path) -> None:
-    model = tmp_path / "bot.urdf"
-    model.write_text(urdf())
-    words = robots(c={"update_rate": 50})
-    with NodeProcess(MODULE, str(model), *words, *ros_args(), check=False) as node:
-        wait_for(lambda: node.process.poll() == 1, "the end")
-        assert lines_of_ours(node.output) == [
-            "error: /c/velocity_controller: update_rate: 50.0, but 100.0 of "
-            "/a/velocity_controller; it is the same for all robots of a world"
-        ]

@@ -158,13 +158,8 @@ def test_goals_are_refused_with_the_reason(
 
 
 def test_many_reasons_are_counted(arm: SteppedArm, capfd: pytest.CaptureFixture[str]) -> None:
-    """A line for each of the first five, and the number of the others."""
-    arm.refuse(goal(*(point(1.0, NAN) for _ in range(4))))
-    [line, *others] = capfd.readouterr().err.splitlines()
-    assert line.endswith(
-        "goal rejected: points[0].positions: base_link__link_01: nan is not finite"
-    )
-    assert others[-1] == "and 2 more" and len(others) == 5
+    arm.refuse(goal(*(point(1.0 + number, NAN) for number in range(21))))
+    assert "nan is not finite (and 20 more of this kind)" in capfd.readouterr().err
 
 
 def test_all_goals_are_cancelled_at_once(arm: SteppedArm) -> None:
@@ -352,7 +347,6 @@ def test_a_wrong_parameter_is_refused(arm: SteppedArm) -> None:
         (own, -1.0, "constraints.base_link__link_01.goal out of range Min: 0.0"),
         ("constraints.elbow.goal", 0.1, "constraints.elbow.goal: no such parameter"),
         ("joints", ["elbow"], "Trying to set a read-only parameter: joints."),
-        ("allow_integration_in_goal_trajectories", True, "needs positions, too"),
     ):
         before = arm.call(GetParameters, f"{CONTROLLER}/get_parameters", names=[name]).values
         result = arm.set_parameter(CONTROLLER, name, value)

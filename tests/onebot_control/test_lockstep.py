@@ -9,7 +9,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState, LaserScan
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -165,32 +165,19 @@ def test_what_a_callback_raises_is_raised_by_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "topic", "qos", "text"),
+    ("kind", "topic", "qos"),
     [
-        (
-            Image,
-            "scan",
-            qos_profile_sensor_data,
-            "the node has sensor_msgs/msg/Image, the robot sensor_msgs/msg/LaserScan",
-        ),
-        (
-            JointState,
-            "joint_states",
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=1),
-            "its QoS does not go with the robot's (sensor_msgs/msg/JointState)",
-        ),
+        (Image, "scan", qos_profile_sensor_data),
+        (JointState, "joint_states", QoSProfile(depth=1, durability=1)),
     ],
     ids=["type", "QoS"],
 )
-def test_what_cannot_be_connected_is_named(
-    kind: type, topic: str, qos: QoSProfile, text: str
-) -> None:
+def test_what_cannot_be_connected_is_named(kind: type, topic: str, qos: QoSProfile) -> None:
     with Simulation(**MAZE) as simulation, simulation.ros() as ros:
         node = Node("listener")
         node.create_subscription(kind, topic, print, qos)
-        with pytest.raises(OneBotError, match="not connected .* in 1 s") as caught:
+        with pytest.raises(OneBotError, match=f"not connected .* in 1 s: /{topic}; type or QoS"):
             ros.add(node, timeout=1.0)
-        assert f"/{topic}: {text}" in str(caught.value)
 
 
 def test_a_topic_that_nobody_publishes_is_warned_of(capfd: pytest.CaptureFixture[str]) -> None:

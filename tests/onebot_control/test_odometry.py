@@ -77,15 +77,6 @@ def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw:
     assert step.yaw == turn
 
 
-@pytest.mark.parametrize("turn", [0.0, 1e-12, -1e-12, 1e-7, -1e-7, 9.99e-7, 1e-6, 1.01e-6, -1e-6])
-def test_at_the_change_from_line_to_arc(turn: float) -> None:
-    """A small turn of a long way is not lost: sideways it makes way * turn / 2."""
-    odometry = Odometry(KINEMATICS)
-    odometry.update_open_loop(1e5, turn, 1.0)
-    assert odometry.x == pytest.approx(1e5, abs=1e-4)
-    assert odometry.y == pytest.approx(1e5 * turn / 2.0, rel=1e-3, abs=1e-12)
-
-
 def test_open_loop_moves_by_the_time_that_passed() -> None:
     odometry = Odometry(KINEMATICS)
     odometry.update_open_loop(0.5, 0.0, 0.1)

@@ -242,12 +242,6 @@ def test_frames_of_which_each_has_a_name(
         ),
         ({"world_frame_id": "wall"}, {}, WALLED, 'world_frame_id: "wall" is a link of the world'),
         (
-            {},
-            {"/b": {"world_frame_id": "map"}},
-            WALLED,
-            'world_frame_id: "world", but "map" of /b; in a world it is the same',
-        ),
-        (
             PLAIN,
             {},
             WALLED.replace("wall", "caster"),

@@ -584,7 +584,7 @@ EYE = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
 
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
-    monkeypatch.setattr("onebot_control.nodes.sensing._FIRST_REPORT", 1e-9)
+    monkeypatch.setattr("onebot_control.nodes.sensing._WINDOW", 16)
     outlet = Subscriber("scan", waiting=True)
     with sensing_of(SLOW, slow=outlet) as (cycle, (channel,), warnings):
         for tick in range(40):
@@ -642,9 +642,11 @@ def test_a_sensor_that_keeps_up_but_for_a_moment_is_not_reported() -> None:
     """It would be "15 of 15 Hz"."""
     found = Sensor("eye", "base_link", Origin(), 15.0, {"image": "image"}, "base_link", EYE)
     channel = Channel(INSTRUMENTS[Camera](found, 0, "/", 100.0), Subscriber(), 100.0)
-    assert channel.warning(0.5) == ""
-    channel.done, channel.dropped = 895, 5
-    assert channel.warning(70.0) == ""
-    channel.done, channel.dropped = 895 + 600, 5 + 300
-    assert channel.warning(100.0) == ""
-    assert channel.warning(131.0).startswith('sensor "eye" reaches 10 of 15 Hz')
+    for done, dropped, warning in (
+        (99, 0, ""),
+        (95, 5, ""),
+        (95 + 66, 5 + 34, 'sensor "eye" reaches 9.9 of 15 Hz'),
+        (95 + 66 + 100, 5 + 34, ""),
+    ):
+        channel.done, channel.dropped = done, dropped
+        assert channel.warning().partition(":")[0] == warning

@@ -180,12 +180,11 @@ def test_a_command_that_does_not_come_is_named(peer: Peer, sensors: str) -> None
         twists.publish(Twist())
         assert silent.result.error_message == (
             "no command with the stamp 0.010 s or a later one came on "
-            f"{NODE}/cmd_vel; a Twist has none, within 0.5 s (step_timeout)"
+            f"{NODE}/cmd_vel within 0.5 s (step_timeout)"
         )
         peer.set_parameters(NODE, step_topics=["/scann"])
         unknown = step(peer, 1)
         assert 'step_topics: "/scann" is no topic of a sensor' in unknown.result.error_message
-        assert "/scan" in unknown.result.error_message
         peer.set_parameters(NODE, step_topics=[])
         assert ok(step(peer, 1))
 

@@ -183,21 +183,6 @@ def test_a_joint_may_be_held_at_the_last_command() -> None:
     assert arm.desired == (0.0, 1.0)
 
 
-def test_a_joint_that_moves_is_held_where_it_is() -> None:
-    """It does not swing out and back."""
-    arm = Arm()
-    arm.follower.start(goal(Waypoint(1.0, (1.0, 0.0), REST, REST)))
-    arm.cycles(50)
-    at = arm.follower.reference(PERIOD)[0]
-    arm.follower.start(
-        TrajectoryGoal(("wrist",), (Waypoint(2.0, (1.0,), (0.0,)),)), from_command=["elbow"]
-    )
-    for _ in range(220):
-        arm.cycle()
-        assert arm.follower.reference(PERIOD)[0] == pytest.approx(at, abs=1e-12)
-    assert arm.desired[1] == 1.0
-
-
 # Stamps ---------------------------------------------------------------------------------------
 
 
@@ -395,16 +380,6 @@ def test_the_goal_tolerance_and_goal_time(name: str | None, text: str) -> None:
     assert arm.follower.reference(PERIOD) == pytest.approx([1.03, 1.03])
 
 
-def test_velocities_are_not_compared() -> None:
-    """The arm may pass the goal: only positions are commanded."""
-    arm = Arm(TOLERANT, **{"constraints.stopped_velocity_tolerance": 0.01})
-    tolerances = TolerancesGiven(goal=(ToleranceGiven("elbow", 0.0, velocity=0.01),))
-    arm.follower.start(ramp(), "mine", tolerances)
-    arm.cycles(100)
-    arm.measured = arm.measured._replace(velocities=(9.0, 9.0))
-    assert arm.cycle() == [("mine", *SUCCESS)]
-
-
 def test_tolerances_of_a_goal() -> None:
     """They count for the goal, and for the topic's trajectories after it, until the next goal."""
     arm = Arm(TOLERANT)
@@ -551,14 +526,6 @@ def test_abort() -> None:
         arm.cycles(100)
         assert arm.desired == near(held, held)
         assert arm.follower.abort(DEACTIVATED) is None
-
-
-def test_abort_of_a_goal_that_did_not_begin() -> None:
-    arm = Arm()
-    arm.follower.start(ramp(), "mine")
-    assert arm.follower.abort(DEACTIVATED) == ("mine", -1, DEACTIVATED, "")
-    arm.cycles(50)
-    assert arm.desired == (0.0, 0.0)
 
 
 def test_reset() -> None:

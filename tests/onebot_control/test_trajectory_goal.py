@@ -257,7 +257,6 @@ def test_a_file_of_the_original() -> None:
     assert (config.joints, config.timeout, config.constraints.goal_time) == (NAMES, 2.0, 1.0)
     constraints = joint_constraints(values, NAMES)
     assert constraints == {"shoulder": JointConstraint(0.2, 0.1), "elbow": JointConstraint()}
-    assert not list(config.surprises(constraints))
 
 
 def problem(values: dict[str, Any]) -> str:
@@ -269,16 +268,6 @@ def problem(values: dict[str, Any]) -> str:
 
 
 _COMMANDED = "command_interfaces: only position, no other kind of command; write [position]"
-_INCOMPLETE = (
-    "state_interfaces: is incomplete; "
-    "write [position], [position, velocity] or [position, velocity, acceleration]"
-)
-_SAME = "command_joints: only the same as joints; leave it out"
-
-
-def test_command_joints_may_be_the_joints() -> None:
-    values = {"joints": ["a", "b"], "command_joints": ["a", "b"]}
-    assert TrajectoryConfig.from_parameters(values).command_joints == ("a", "b")
 
 
 @pytest.mark.parametrize(
@@ -286,16 +275,6 @@ def test_command_joints_may_be_the_joints() -> None:
     [
         ({"command_interfaces": ["position", "velocity"]}, _COMMANDED),
         ({"command_interfaces": ["effort"]}, _COMMANDED),
-        ({"state_interfaces": []}, _INCOMPLETE),
-        ({"state_interfaces": ["velocity"]}, _INCOMPLETE),
-        ({"state_interfaces": ["position", "acceleration"]}, _INCOMPLETE),
-        ({"joints": ["a", "b"], "command_joints": ["a"]}, _SAME),
-        ({"command_joints": ["a"]}, _SAME),
-        (
-            {"allow_integration_in_goal_trajectories": True},
-            "allow_integration_in_goal_trajectories: only false: "
-            "a point with velocities needs positions, too",
-        ),
         (
             {"constraints.elbo.goal": 0.1},
             "constraints.elbo: no joint of the controller "
@@ -317,23 +296,3 @@ def test_wrong_parameters(values: dict[str, Any], expected: str) -> None:
     assert problem(values) == expected
     names = [problem.key for problem in unknown_trajectory_parameters(values)]
     assert names == [name for name in values if "no such parameter" in expected]
-
-
-def test_parameters_that_do_nothing() -> None:
-    constraints = {"elbow": JointConstraint(), "wrist": JointConstraint(0.0, 0.0, 1.0)}
-
-    def surprises(**values: Any) -> list[str]:
-        dotted = {name.replace("__", "."): value for name, value in values.items()}
-        config = TrajectoryConfig.from_parameters(dotted)
-        return [problem.message() for problem in config.surprises(constraints)]
-
-    assert not surprises(cmd_timeout=1.1, constraints__goal_time=1.0)
-    assert surprises(cmd_timeout=1.0, constraints__goal_time=1.0) == [
-        "cmd_timeout: does nothing unless above constraints.goal_time, 1"
-    ]
-    lines = surprises(constraints__decelerate_on_cancel=True, state_interfaces=["position"])
-    assert lines == [
-        "constraints.decelerate_on_cancel: does nothing unless state_interfaces has velocity",
-        "constraints.elbow.max_deceleration_on_cancel: is not given, "
-        "so constraints.decelerate_on_cancel does nothing",
-    ]

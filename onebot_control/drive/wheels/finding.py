@@ -102,7 +102,7 @@ def find_wheels(
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     sets = [group for group in sets if not any(map(_is_passive, group))] or sets
     if len(sets) != 1:
-        raise _not_driven(description, turning, _why_not_one_set(sets, wheels, swivels))
+        raise _not_driven(description, turning, _why_not_one_set(sets))
     [drive] = sets
     if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
         reason = "by their names, its wheels are omnidirectional, with rollers around them"
@@ -136,15 +136,10 @@ def has_wheels(description: Description) -> bool:
     return any(wheel.bottom - wheel.radius <= lowest for wheel in wheels)
 
 
-def _why_not_one_set(
-    sets: Sequence[Sequence[_Wheel]], wheels: Sequence[_Wheel], swivels: Mapping[str, Joint | None]
-) -> str:
+def _why_not_one_set(sets: Sequence[Sequence[_Wheel]]) -> str:
     if sets:
         names = " or ".join(", ".join(wheel.name for wheel in group) for group in sets)
         return f"it is not clear which of its wheels drive it: {names}"
-    if swivels and not wheels:
-        names = ", ".join(f'"{swivel.name}"' for swivel in swivels.values() if swivel)
-        return f"all of its wheels swivel, by joint {names}"
     return "no wheel on the left that has its like on the right was found among its joints"
 
 
