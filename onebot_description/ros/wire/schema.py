@@ -441,6 +441,9 @@ class _View:
         numbers: NDArray[Any] = self._get(*self._group.array)
         return numbers
 
+    def __repr__(self) -> str:
+        return f"<{self._group.name}: {', '.join(filter(None, self._group.fields))}>"
+
 
 class Message(_View):
     """A message: numbers, strings, arrays, messages and, for its sequences of messages, tables."""
