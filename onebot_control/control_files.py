@@ -117,7 +117,7 @@ def _section(files: Sequence[Path], namespace: str, node: str, unknown: Unknown)
     """Return a node's parameters, without shared ones that only other nodes have.
 
     Raises:
-        ConfigError: with the names that ``unknown`` reports, and with those of broken files.
+        ConfigError: a file is broken, or has names that ``unknown`` reports.
     """
     parameters = Parameters()
     for file in files:

@@ -301,9 +301,11 @@ class Simulation(AbstractContextManager["Simulation"]):
             rate: recorded moments per second, Hz.
 
         Raises:
-            ValueError: the duration is negative or not finite.
+            ValueError: the duration is negative or not finite, or the rate is not above 0.
         """
         cycles = self._cycles(seconds)
+        if not rate > 0.0:
+            raise ValueError(f"{rate} Hz is not above 0")
         self._kept_every = max(1, round(self._fleet.rate / rate))
         self._kept = deque(maxlen=max(1, round(cycles / self._kept_every)))
 
@@ -652,9 +654,10 @@ class SimulatedRobot:
         if not name and len(able) == 1:
             return next(iter(able.values()))
         if name not in able:
-            none = "there is none; Simulation(sensors=True) gives OneBot its sensors"
-            names = listing(able) if able else none
-            raise OneBotError(f"name a sensor that measures {output}: {names}")
+            text = f"name a sensor that measures {output}: {listing(able)}"
+            if not self._instruments:
+                text += "; Simulation(sensors=True) gives OneBot its sensors"
+            raise OneBotError(text)
         return able[name]
 
     def _measured(self, output: str, sensor: str) -> Any:

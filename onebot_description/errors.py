@@ -27,12 +27,14 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 def alike(name: str, candidates: Iterable[str]) -> list[str]:
     """Return up to three candidates whose last word is the one most similar to that of ``name``.
 
-    For example, ``/odm`` finds ``/robot1/odom``.
+    For example, ``/odm`` finds ``/robot1/odom``. Those in the namespace of ``name`` come first.
     """
     ends = {name: name.rpartition("/")[2] for name in {name, *candidates}}
     others = sorted(ends.keys() - {name}, key=natural_order)
     end = nearest(ends[name], {ends[candidate] for candidate in others})
-    return [candidate for candidate in others if ends[candidate] == end][:_MAX_SUGGESTED]
+    found = [candidate for candidate in others if ends[candidate] == end]
+    space = name.rpartition("/")[0]
+    return sorted(found, key=lambda full: full.rpartition("/")[0] != space)[:_MAX_SUGGESTED]
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
@@ -85,6 +87,12 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
         if count:
             lines.append(message)
     return tuple(lines)
+
+
+def first_of(messages: Sequence[str], most: int = 5) -> str:
+    """Return the first few messages, one a line, and how many further ones there are."""
+    more = [f"and {len(messages) - most} more"] if len(messages) > most else []
+    return "\n".join([*map(clipped, messages[:most]), *more])
 
 
 def clipped(message: str) -> str:

@@ -212,6 +212,8 @@ class JointFiles:
             return
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
         self._log.info(f"{self.parameters.edited}: applied, {changed}")
+        if live.warning:
+            self._log.warning(live.warning)
         self.parameters.applied()
 
 

@@ -152,7 +152,7 @@ class Bag(Contents):
     def _in_folder(self) -> list[Path]:
         """Return the files in the order of the numbers that rosbag2 puts into their names.
 
-        metadata.yaml has no more than that, and is missing if ros2 bag was killed.
+        Their order is all that metadata.yaml would add; it is missing if ros2 bag was killed.
         """
         paths = sorted(self.source.iterdir(), key=lambda path: natural_order(path.name))
         # ros2 bag leaves a file that it has decompressed beside the compressed one.

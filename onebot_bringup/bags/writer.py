@@ -76,9 +76,9 @@ class BagWriter:
         self._counts: dict[int, int] = {}  # number of messages by the topic's number
         self.topics: dict[int, RecordedTopic] = {}
         self._changed = False
-        if folder.exists():
-            raise OneBotError(f"{folder} exists already: name a new folder")
         with self._explained():
+            if folder.exists():
+                raise OneBotError(f"{folder} exists already: name a new folder")
             folder.mkdir()
             self._file = _McapFile(folder / f"{folder.name}_0.mcap", compress, chunk_size)
             self.open = True

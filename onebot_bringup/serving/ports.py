@@ -69,10 +69,14 @@ def free_port() -> int:
 
 
 def hidden_address() -> tuple[str, int]:
-    """Return an address of 127.0.0.0/8 that cannot be guessed, and a free port on it."""
+    """Return a loopback address that cannot be guessed, and a free port on it.
+
+    All of 127.0.0.0/8 is loopback on Linux; elsewhere only the port is random.
+    """
     address = str(ipaddress.ip_address("127.0.0.0") + secrets.randbelow((1 << 24) - 2) + 1)
-    with listen(address, 0) as probe:
+    with contextlib.suppress(OneBotError), listen(address, 0) as probe:
         return address, int(probe.getsockname()[1])
+    return LOOPBACK, free_port()
 
 
 def answers(port: int) -> bool:

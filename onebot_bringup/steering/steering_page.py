@@ -155,7 +155,7 @@ class SteeringPage(Node):
         listener = listen(settings.host, settings.port)
         address, port = listener.getsockname()[:2]
         if settings.port not in (0, port):
-            self.get_logger().warning(f"port {settings.port} is in use; using {port} instead")
+            self.get_logger().warning(f"port {settings.port} is not free; using {port} instead")
         if not is_loopback(address):
             self.get_logger().warning(
                 "other computers can reach the page: anyone with its address can drive the robot,"

@@ -71,9 +71,8 @@ class OtherThread:
             OneBotError: the node does not spin, or ends; an action that has not begun is dropped.
         """
         done: Future[T] = Future()
-        executor = self._node.executor
         try:
-            if executor is not None:
+            if executor := self.spin(lambda: self._node.executor, _TIMEOUT):
                 executor.create_task(partial(_run, action, done))
                 self.spin(done.done, _TIMEOUT)
         finally:

@@ -164,7 +164,7 @@ class RecordingFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a file beside ``path``, whose place it takes by ``replace``, or else goes."""
+        """Open a file beside ``path``; ``replace`` gives it that name, else it is deleted."""
         self._path = path
         self._new = path.resolve().with_name(f".{path.name}-{os.getpid()}")
         self._file = _opened(path, self._new)
@@ -177,16 +177,16 @@ class RecordingFile:
         self._thread.start()
 
     def sink(self) -> rr.FileSink:
-        """Return the sink that Rerun writes to; after opening it, call ``is_opened``."""
+        """Return the sink that Rerun writes to; after opening it, call ``opened``."""
         # A footer would keep a record of every chunk in memory, too much for a run of days.
         return rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
 
-    def is_opened(self) -> None:
-        """Have the pipe end with the recording, which has opened it."""
+    def opened(self) -> None:
+        """Close our end of the pipe, so that it ends with the recording, which has opened it."""
         os.close(self._target)
 
     def replace(self) -> None:
-        """Take the name of an existing file, which until now is as it was."""
+        """Rename the file to its path; an existing one is unchanged until then."""
         self._new.replace(self._path.resolve())
         self._discard.detach()
 
@@ -268,7 +268,7 @@ def open_recording(
         save: a ``.rrd`` file.
         memory_limit: how much the server keeps for viewers that join later, such as "256MB";
             beyond it the oldest data is dropped, except static data.
-        replace: make the file, or replace an existing one, at once; False: by ``file.replace``.
+        replace: make the file, or replace an existing one, now; False: ``file.replace`` does so.
     """
     listener = None if port is None else listen(LOOPBACK, port)
     server = hidden_address()
@@ -281,7 +281,7 @@ def open_recording(
         sinks.append(file.sink())
     stream.set_sinks(*sinks)
     if file is not None:
-        file.is_opened()
+        file.opened()
         if replace:
             file.replace()
     if listener is None:
@@ -309,8 +309,8 @@ class DisplayServer:
         """Open the recording, then its page or window; call this from the main thread.
 
         Raises:
-            OneBotError: there is no display, a port is not allowed, or the file cannot be written;
-                a file that was there is as it was.
+            OneBotError: there is no display, or the file cannot be written; a file that was there
+                is as it was.
         """
         viewer, save = parameters.viewer, parameters.recording
         if viewer == "native" and not has_display():
@@ -335,7 +335,7 @@ class DisplayServer:
             log.info("opening the viewer's window")
 
     def replace_file(self) -> None:
-        """Replace the file to save, if there is one; before that, any mistake leaves it."""
+        """Replace the file to save, if there is one; mistakes before that leave an existing one."""
         if self._file is not None:
             self._file.replace()
             self._log.info(f"recording to {self._parameters.recording}")

@@ -6,6 +6,7 @@ from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.errors import OneBotError
+from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.topic_qos import (
     compatible_qos,
     is_reliable,
@@ -17,6 +18,15 @@ from onebot_description.ros.topic_subscription import (
     choose_type,
     offers,
 )
+from onebot_description.ros.wire.cdr import HEADER
+
+# Types stamped with the time when they are sent, and the byte offset of the stamp in each.
+_STAMPED = {
+    "sensor_msgs/msg/JointState": HEADER,
+    "nav_msgs/msg/Odometry": HEADER,
+    "geometry_msgs/msg/TwistStamped": HEADER,
+    "tf2_msgs/msg/TFMessage": HEADER + 4,  # the number of transforms comes first
+}
 
 
 class ViewFeed:
@@ -48,7 +58,7 @@ class ViewFeed:
             self._subscriptions.pop(name).close()
         for name, topic in topics.items():
             if name not in self._subscriptions:
-                self._subscriptions[name] = self._make(name)
+                self._subscriptions[name] = self._make(name, topic)
             try:
                 self._update(name, topic)
             except OneBotError as error:
@@ -64,10 +74,16 @@ class ViewFeed:
             if len(types) == 1 and (name in offered or node.count_publishers(name))
         }
 
-    def _make(self, name: str) -> TopicSubscription:
+    def _make(self, name: str, topic: WantedTopic) -> TopicSubscription:
+        check = StampCheck.from_topic(self._node, name)
+        stamped = {} if topic.latched else _STAMPED
+
         def received(kind: str, data: bytes) -> None:
+            now_ns = int(self._node.get_clock().now().nanoseconds)
+            if kind in stamped:
+                check.take_bytes(data, now_ns, stamped[kind])
             self.received.add(name)
-            self._view.take(name, kind, data, int(self._node.get_clock().now().nanoseconds))
+            self._view.take(name, kind, data, now_ns)
 
         return TopicSubscription(self._node, name, received, message_class)
 

@@ -186,6 +186,7 @@ class ControlConfig(SimulationConfig):
     # What to write instead of parameters of older diff_drive_controllers.
     REMEDIES: ClassVar[Mapping[str, str]] = {
         "use_stamped_vel": "leave it out, Twist and TwistStamped are received",
+        "cmd_vel_type": "leave it out, Twist and TwistStamped are received",
         "wheels_per_side": "leave it out, the names are counted",
     }
 

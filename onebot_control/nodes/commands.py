@@ -117,7 +117,7 @@ class CommandSubscription:
         self._subscription.update(self._wanted, _QOS)
         if ignored := sorted(published - {self._wanted}):
             text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
-            self._warn("type", f"{text}; {self._wanted} is subscribed to")
+            self._warn("type", f"{text}: stop that publisher, or the {self._wanted} one")
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual

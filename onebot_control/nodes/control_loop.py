@@ -96,7 +96,7 @@ class SystemStamps:
     clock is set or has drifted, the stamps follow it.
 
     Stamps do not go back, unless the system clock is set back by a second or more: when it goes
-    back by less, they nearly stand still until it has caught up.
+    back by less, they advance at half speed until it has caught up.
     """
 
     def __init__(
@@ -107,17 +107,19 @@ class SystemStamps:
         self._monotonic, self._system = monotonic_ns, system_ns
         comparisons = [self._compare() for _ in range(_COMPARISONS)]
         self._offset, _ = min(comparisons, key=itemgetter(1))
-        self._last = 0  # 1970, before every stamp
+        self._last_due = self._last = 0  # 1970, before every stamp
 
     def at(self, due: float) -> int:
         """Return the system time, ns, of the monotonic time ``due``, s."""
         offset, uncertainty = self._compare()
         if uncertainty <= _DRIFT < abs(offset - self._offset):
             self._offset = offset
-        stamp = round(due * NS_PER_S) + self._offset
-        if self._last - _SET_BACK < stamp:
-            stamp = max(stamp, self._last + 1)
-        self._last = stamp
+        due_ns = round(due * NS_PER_S)
+        stamp = due_ns + self._offset
+        least = self._last + (due_ns - self._last_due) // 2
+        if least - _SET_BACK < stamp:
+            stamp = max(stamp, least)
+        self._last_due, self._last = due_ns, stamp
         return stamp
 
     def _compare(self) -> tuple[int, int]:

@@ -1,5 +1,6 @@
 """The parameters of a robot's node, declared and kept up to date."""
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -20,6 +21,13 @@ from onebot_description.ros.parameters.reader import (
     unknown_parameters,
 )
 from onebot_description.ros.parameters.values import plain
+
+# Limits that have no effect without another one.
+_IDLE = {
+    "min_velocity": "max_velocity",
+    "max_deceleration": "max_acceleration",
+    "min_jerk": "max_jerk",
+}
 
 
 class ControlParameters:
@@ -69,6 +77,19 @@ class ControlParameters:
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }
         self.config = read(ControlConfig, self.values, self.places)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings of limits without effect, each with its place."""
+        limits = {"linear.x": self.config.linear, "angular.z": self.config.angular}
+        return [
+            Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}").message(
+                self.places
+            )
+            for axis, limit in limits.items()
+            for name, needed in _IDLE.items()
+            if math.isnan(getattr(limit, needed)) and not math.isnan(getattr(limit, name))
+        ]
 
     def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
         """Return the configuration with these parameters set; nothing changes yet.

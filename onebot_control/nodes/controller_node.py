@@ -19,7 +19,7 @@ from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
-from onebot_description.errors import OneBotError, condensed
+from onebot_description.errors import OneBotError, first_of
 from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.throttled import Throttled
@@ -222,7 +222,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _refusal(self, goal: G) -> str:
         """Return why a goal cannot be followed now; "" if it can."""
-        return self._refused() or "\n".join(condensed(self._problems(goal)))
+        return self._refused() or first_of([*self._problems(goal)])
 
     # The action --------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from std_msgs.msg import Float64MultiArray
 
 from onebot_control.nodes.controller_node import ControllerNode
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_description.errors import condensed
+from onebot_description.errors import first_of
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
 
 
@@ -24,8 +24,7 @@ class ForwardCommands(ControllerNode[PositionForwarder]):
     def _on_commands(self, message: Float64MultiArray) -> None:
         arm, positions = self._arm, list(message.data)
         if problems := arm.problems(positions):
-            lines = "\n".join(condensed(problems))
-            self._error("refused", f"~/commands is ignored: {lines}")
+            self._error("refused", f"~/commands is ignored: {first_of(problems)}")
         else:
             self._loop.post(lambda: self._command(arm, positions))
 

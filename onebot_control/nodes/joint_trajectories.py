@@ -23,7 +23,7 @@ from onebot_control.trajectories.tolerances import (
     tolerance_problems,
 )
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.errors import OneBotError, condensed
+from onebot_description.errors import OneBotError, first_of
 from onebot_description.ros.parameters.reader import declare
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
@@ -106,8 +106,8 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
 
     def _on_accepted(self, handle: Any) -> None:
         tolerances = _tolerances(handle.request)
-        for problem in condensed(tolerance_problems(tolerances, self._arm.names)):
-            self.node.get_logger().error(problem)
+        if problems := [*tolerance_problems(tolerances, self._arm.names)]:
+            self.node.get_logger().error(first_of(problems))
         super()._on_accepted(handle)
 
     def _on_scaling(self, message: Any) -> None:

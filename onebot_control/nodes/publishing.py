@@ -96,8 +96,12 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        if config.publish_limited_velocity and self._limited is None and not self._stands:
+        limited = config.publish_limited_velocity and not self._stands
+        if limited and self._limited is None:
             self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
+        elif not limited and self._limited is not None:
+            self._node.destroy_publisher(self._limited)
+            self._limited = None
         self._due = Divider(config.publish_rate, config.update_rate)
 
     @property
@@ -138,8 +142,7 @@ class Publishers:
         if self._stands:
             self._publish_origin(snapshot, stamp_ns)
             return
-        limits = robot.config.publish_limited_velocity
-        if limits and self._limited is not None and _is_subscribed(self._limited):
+        if self._limited is not None and _is_subscribed(self._limited):
             command = snapshot.command
             _fill_planar(self._limited_message.twist, command.linear, command.angular)
             self._limited.publish(self._limited_message)

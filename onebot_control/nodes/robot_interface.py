@@ -135,10 +135,12 @@ class RobotInterface:
         )
 
     @property
-    def notices(self) -> Sequence[str]:
-        """Notices of its description that robot_state_publisher has not logged already."""
+    def warnings(self) -> list[str]:
+        """Warnings about the parameters, and about the description."""
         assert self.description is not None
-        return self.description.notices if self.description.files else ()
+        # robot_state_publisher has logged the notices of its description.
+        notices = self.description.notices if self.description.files else ()
+        return [*notices, *self.settings.warnings]
 
     # The control loop --------------------------------------------------------------------------
 

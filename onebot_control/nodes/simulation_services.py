@@ -84,7 +84,7 @@ class SimulationServices:
             return self._do(answer, self._loop.fleet.reset)
         if scope in (state | time, request.SCOPE_ALL & ~request.SCOPE_SPAWNED):
             return self._do(answer, self._restart)
-        text = f"scope {request.scope} is not supported: time is reset together with the state"
+        text = f"scope {request.scope} is not supported: only the state is reset, or all with time"
         return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
 
     def _get_state(self, _: Any, answer: Any) -> Any:

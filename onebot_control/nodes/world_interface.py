@@ -147,7 +147,7 @@ class WorldInterface:
             self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
-        warnings += [notice for robot in self.robots for notice in robot.notices]
+        warnings += [warning for robot in self.robots for warning in robot.warnings]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_moved_text(fleet))
@@ -194,6 +194,7 @@ class WorldInterface:
         for interface in self.robots:
             self.arm_nodes += interface.control_joints(loop, clock)
         loop.start()
+        self.set_factor(self.factor)  # the first robot's
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor of all robots."""

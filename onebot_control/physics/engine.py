@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import logging
 import os
+import re
 import sys
 import threading
 import weakref
@@ -18,6 +19,8 @@ logger = logging.getLogger("onebot_control.physics")
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
 _LIBC = ctypes.CDLL(None)
+# Bullet's prefix of each warning names a line of its sources.
+_ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
 
 
 @contextlib.contextmanager
@@ -47,7 +50,8 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
             _flush()
             restoring.close()
             file.seek(0)
-            lines += filter(None, file.read().decode(errors="replace").split("\n"))
+            text = _ORIGIN.sub("\n", file.read().decode(errors="replace"))
+            lines += filter(None, map(str.strip, text.split("\n")))
 
 
 def log(lines: list[str]) -> None:

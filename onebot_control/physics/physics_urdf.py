@@ -190,7 +190,7 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
         raise OneBotError(
-            f"{where} cannot be moved without a mass; give it (or a link fixed to it) an "
+            f"{where} cannot be moved without a mass above 0; give it (or a link fixed to it) an "
             "<inertial> with mass and inertia"
         )
     largest = np.abs(body.inertia).max()

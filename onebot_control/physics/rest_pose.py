@@ -39,7 +39,7 @@ _DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in the gro
 
 # In a scene.
 _STEP = 1e-3  # m; steps of the search for a height at which the robot is free
-_ABOVE = 1e-3  # m; the robot is released this far above it: it was in what it stands on by as much
+_ABOVE = 1e-3  # m above that height at which it is released: the last step may have left it so deep
 _SWIVELLING = 0.02  # m/s and rad/s; allowed speed, as of casters that still turn downhill
 _AWAY = 0.1  # m that a robot may slide before it rests
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
+
 from onebot_control.physics.engine import Bullet, captured, engine, log
 from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
@@ -300,7 +302,7 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
 def _as_obj(mesh: Mesh, convex: bool) -> str:
     """Return a mesh, or its convex hull, in metres, as text of a Wavefront OBJ file."""
     corners, faces = read_mesh(mesh)
-    if convex:
+    if convex and len(np.unique(corners, axis=0)) > 3:  # fewer have no hull
         # PyBullet uses the hull anyway, but may take minutes to compute it.
         from trimesh.convex import convex_hull
 

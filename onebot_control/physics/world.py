@@ -61,6 +61,7 @@ class World(AbstractContextManager["World"]):
         self._arms = [robot for robot in self.robots if robot.commanded]
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
+        self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
         if not self._alone:
             self._find_rest_poses()
         self.bullet = Bullet()
@@ -271,14 +272,17 @@ class World(AbstractContextManager["World"]):
             return pose
         robot.parts.place(pose, positions)
         if self.scene.fixed_at(robot.parts):
-            pose = pose_on(
-                self.scene.description,
-                robot.spawn,
-                self.settings,
-                robot.rest_pose,
-                where,
-                positions,
-            )
+            key = robot, where, tuple(positions)
+            if key not in self._on_scene:  # a reset comes back to the same place
+                self._on_scene[key] = pose_on(
+                    self.scene.description,
+                    robot.spawn,
+                    self.settings,
+                    robot.rest_pose,
+                    where,
+                    positions,
+                )
+            pose = self._on_scene[key]
             robot.parts.place(pose)
         return pose
 

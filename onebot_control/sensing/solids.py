@@ -1,7 +1,7 @@
 """Solids: the visual shapes of links as triangles with colours.
 
-Round shapes have so many facets that sensors see them to a tenth of a millimetre: only a ray that
-touches an edge may miss it by more.
+Round shapes have so many facets that sensors see them to a millimetre, if they are not larger than
+a robot; a ray that only just grazes a sphere may be farther off.
 """
 
 import functools
@@ -32,9 +32,10 @@ from onebot_description.model.robot_model import RobotModel
 Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
-_SECTIONS = 256  # facets around cylinders
+_SECTIONS = 2200  # facets around a cylinder of radius 1 m
+_MOST_SECTIONS = {Cylinder: 4096, Capsule: 256}
 _HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
-_ICOSAHEDRON = 0.292  # the same of a ball of radius 1 with few facets; 4 times as many quarter it
+_ICOSAHEDRON = 0.292  # m, that height for an icosahedron of radius 1; each subdivision quarters it
 _LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
 
 
@@ -130,22 +131,23 @@ def _parts(geometry: Geometry) -> list[_Part]:
 
 @functools.lru_cache(maxsize=256)
 def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
-    """Return a box, or facets that are as far inside of a cylinder or sphere as outside of it."""
+    """Return a box, or facets that are as far inside of a round shape as outside of it."""
     from trimesh import creation
 
     if isinstance(shape, Box):
         box = creation.box(shape.size)
         return _Part(box.vertices, box.faces)
     if isinstance(shape, Sphere):
-        wanted = math.ceil(math.log(_ICOSAHEDRON * shape.radius / _HIGH, 4.0))
-        ball = creation.icosphere(min(max(wanted, 0), _LARGEST_BALL))
+        wanted = math.ceil(math.log(max(_ICOSAHEDRON * shape.radius / _HIGH, 1.0), 4.0))
+        ball = creation.icosphere(min(wanted, _LARGEST_BALL))
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
         return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
-    wider = 2.0 * shape.radius / (1.0 + np.cos(np.pi / _SECTIONS))
+    sections = min(max(64, math.ceil(_SECTIONS * shape.radius)), _MOST_SECTIONS[type(shape)])
+    wider = 2.0 * shape.radius / (1.0 + np.cos(np.pi / sections))
     if isinstance(shape, Capsule):
-        capsule = creation.capsule(shape.length, wider, count=[_SECTIONS // 2, _SECTIONS // 4])
+        capsule = creation.capsule(shape.length, wider, count=[sections // 2, sections + 1])
         return _Part(capsule.vertices - capsule.bounds.mean(axis=0), capsule.faces)
-    tube = creation.cylinder(wider, shape.length, sections=_SECTIONS)
+    tube = creation.cylinder(wider, shape.length, sections=sections)
     return _Part(tube.vertices, tube.faces)
 
 

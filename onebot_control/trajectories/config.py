@@ -88,7 +88,7 @@ class TrajectoryConfig:
         unique=True,
         read_only=True,
     )
-    command_joints: tuple[str, ...] = ignored((), "the joints are commanded", read_only=True)
+    command_joints: tuple[str, ...] = ignored((), "it commands its joints", read_only=True)
     command_interfaces: tuple[str, ...] = parameter(
         ("position",), "what is commanded: [position]", unique=True, read_only=True
     )

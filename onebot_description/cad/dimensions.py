@@ -13,7 +13,7 @@ _COUNT = ValueType(int, Rule(at_least=1))
 
 
 class Section:
-    """A map of the file; its keys are attributes: numbers, three numbers each, or sections."""
+    """A map of the file. Its keys are attributes: a number, a list of three, or a section."""
 
     def __init__(self, file: str, content: Parameters, prefix: str = "") -> None:
         self._file, self._content, self._prefix = file, content, prefix

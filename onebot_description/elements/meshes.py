@@ -45,7 +45,7 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
 def _unsuitable(path: Path) -> str:
     """Return why ``path`` cannot be a mesh, without opening it; "" if it can."""
     if not path.is_file():
-        return f"{shown_path(path)}: no such file"
+        return f"{shown_path(path)}: {'is no file' if path.exists() else 'no such file'}"
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
         return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'

@@ -248,9 +248,12 @@ def _package_name(folder: Path) -> str:
     """The package's name in the package.xml in ``folder``; "" if there is none."""
     from xml.etree import ElementTree  # slow to import
 
+    file = folder / "package.xml"
+    if not file.is_file():  # a FIFO would never end
+        return ""
     try:
-        return ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
-    except (OSError, ValueError, ElementTree.ParseError):
+        return ElementTree.parse(file).findtext("name", "").strip()
+    except (OSError, ValueError, LookupError, ElementTree.ParseError):
         return ""
 
 

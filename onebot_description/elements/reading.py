@@ -146,7 +146,7 @@ def _not_negative(findings: Findings, element: Element, name: str, values: Seque
 
 
 def _inertia(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    """Report a mass or moment below zero; it is kept, and the simulation refuses the robot."""
+    """Report a mass or moment below zero; it is kept, for nodes that only publish."""
     if min(values) < -_INERTIA_ROUNDING:
         _not_negative(findings, element, name, values)
     return True
@@ -238,7 +238,9 @@ ELEMENTS = {
             "velocity": _NOT_NEGATIVE,
         },
     ),
-    "dynamics": Content(numbers={"damping": Numbers(1, 0.0), "friction": Numbers(1, 0.0)}),
+    "dynamics": Content(
+        numbers=dict.fromkeys(("damping", "friction"), Numbers(1, 0.0, check=_not_negative))
+    ),
     "mimic": Content("", "joint", {"multiplier": Numbers(1, 1.0), "offset": Numbers(1, 0.0)}),
     # Extensions; their other attributes are not known here.
     "safety_controller": Content(

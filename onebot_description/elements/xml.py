@@ -216,6 +216,8 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
         name, line = opened[-1]
         words = name.split(_SEPARATOR)  # namespace, name, prefix, or fewer
         reason += f": <{':'.join(reversed(words[1:] or words))}> of line {line} is not closed"
+    if any(map(_is_dashed, _COMMENT.finditer(data))):
+        reason += '; delete the "--" inside comments'
     return f"{place}: malformed XML: {reason}"
 
 

@@ -51,7 +51,7 @@ def _pose(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
     return Keyframes.hold(poses[name][joint], name)
 
 
-# What makes the motion of a joint by its type; parameters of other types are ignored.
+# These functions make a joint's motion, by its type; they ignore parameters of other types.
 _KINDS: Mapping[str, Callable[["MotionParameters", str, Poses], Motion]] = {
     "constant": _constant,
     "sine": _sine,
@@ -85,8 +85,9 @@ class MotionParameters:
 
     def check_poses(self, joint: str, poses: Poses) -> Iterator[Problem]:
         """Yield the problems with the poses that the motion of ``joint`` refers to."""
-        named = [("poses", name) for name in self.poses or ()]
-        named += [("pose", self.pose or "")] if self.type == "pose" else []
+        named = [("pose", self.pose or "")] if self.type == "pose" else []
+        if self.type == "keyframes":
+            named = [("poses", name) for name in self.poses or ()]
         for key, name in named:
             if name not in poses:
                 yield Problem(key, f'no pose "{name}"{did_you_mean(name, poses, "poses")}')

@@ -48,7 +48,7 @@ class OnlyPublisher:
 
     def _poll(self) -> None:
         names: list[str] = []
-        if self._node.count_publishers(self._topic) > 1:  # which costs less than to ask for names
+        if self._node.count_publishers(self._topic) > 1:  # Counting costs less than the names.
             ends = self._node.get_publishers_info_by_topic(self._topic)
             names = sorted(map(node_name, ends))
         if self._lasting.new(names, time.monotonic()):

@@ -527,7 +527,7 @@ def test_parameters_for_no_node_are_refused(
     Path("fleet.yaml").write_text("robots: {a: {x: 0.0, y: 0.0, params_file: file.yaml}}\n")
     said = refused(driven, *words.split(), "namespace:=r1")
     node = text.partition(":")[0]
-    assert f'file.yaml: section "/{node}" is for none of the nodes: ' in said
+    assert f'file.yaml: section "/{node}" is for none of the nodes; write ' in said
     assert all(f"/{space}/{node}" in said for space in spaces)
 
 

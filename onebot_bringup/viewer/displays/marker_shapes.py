@@ -109,7 +109,7 @@ def _poses(shapes: Batch) -> Sequence[Piece]:
 
 
 def _solid(archetype: Any, **sizes: Any) -> Draw:
-    """Return what draws scaled instances of a shape with a size of one metre."""
+    """Return a function that draws scaled instances of a shape with a size of one metre."""
     unit = one_row(archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes))
     color = _in_color(archetype)
     return lambda shapes: [*unit, *_poses(shapes), (color, shapes.colors)]

@@ -57,14 +57,16 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._history = History(min(self.settings.keep or _MOST_KEPT, _MOST_KEPT))
+        self._size = 0.0  # the robot's when the arrows were last drawn, m
 
     def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the previous one."""
         [pose] = one_pose(message.pose.pose)
         self._history.begin(self.frame)
+        size, self._size = self._size, self.stage.robot_size
         if not self._history or not self._is_near(self._history[-1], pose):
             self._history.append(pose)
-        elif self._last is not None:
+        elif self._last is not None and size == self._size:
             return ()
         return self.shapes(np.array(self._history))
 

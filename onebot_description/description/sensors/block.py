@@ -111,7 +111,11 @@ class Block:
             return limits
         least, greatest = limits
         least, greatest = max(least, low or 0.0), min(greatest, math.inf if high is None else high)
-        self.check_order(plugin, ".", (lows.split()[0], least), (highs.split()[0], greatest))
+        if not least < greatest and not self.wrong:
+            tags = [tag for tag in (*lows.split(), *highs.split()) if plugin.find(tag) is not None]
+            text = f"{' and '.join(map('<{}>'.format, tags))} leave nothing of "
+            text += f"{limits[0]:g} to {limits[1]:g} m, which is measured; change them"
+            self.problem(text, plugin)
         return least, greatest
 
     def limits(self, parent: Element, path: str, low: Value, high: Value) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from onebot_description.description.sensors.imu import ImuKind
 from onebot_description.description.sensors.kind import Kind
 from onebot_description.description.sensors.lidar import LidarKind
 
-# In the order in which their substitutes are looked through.
+# Their substitutes are searched in this order.
 _KINDS: tuple[type[Kind[Any]], ...] = (RgbdCamera, DepthCamera, ImuKind, LidarKind, ColorCamera)
 
 BY_TYPE = {kind_type: kind for kind in _KINDS for kind_type in kind.types}

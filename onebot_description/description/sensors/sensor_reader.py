@@ -123,7 +123,12 @@ class _SensorReader(Block):
             return {}
         keys = outputs.made(self._model.rays[0])
         written = outputs.topics(keys, self._above(outputs, readers))
-        return {output: self._checked(topic) for output, topic in written.items()}
+        topics = {output: self._checked(topic) for output, topic in written.items()}
+        names = [topics[output].lstrip("/") for output in keys if output != "depth_camera_info"]
+        if len({*names}) < len(names) and not self.wrong:
+            twice = max(names, key=names.count)
+            self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
+        return topics
 
     def _checked(self, topic: str) -> str:
         """Return a topic's name."""

@@ -13,7 +13,7 @@ _IN_ANY_PLUGIN = (
     "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
     "ignition_frame_id frame_id always_on alwaysOn visualize"
 )
-_NOTHING = ("", "false", "none")  # values of a plugin's child that ask for nothing, besides zeros
+_NOTHING = ("", "false", "none")  # Like zeros, these values of a plugin's child ask for nothing.
 
 _TRUTH = re.compile(r"p3d|ground_?truth")
 # Plugins of gz sim's world, and those that move a body, are not sensors.

@@ -269,12 +269,11 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
         ConfigError: sections are for none of the nodes, and would do nothing.
     """
     sections = read_sections(read_text(file), str(file))
-    if problems := [
-        Problem("", f'{file}: section "{section}" is for none of the nodes: {listing(nodes)}')
-        for section in sections
-        if not any(section_matches(section, node) for node in nodes)
-    ]:
-        raise ConfigError(problems)
+    idle = [name for name in sections if not any(section_matches(name, node) for node in nodes)]
+    if idle:
+        text = '{}: section "{}" is for none of the nodes; {}'
+        texts = [text.format(file, section, _meant(section, nodes)) for section in idle]
+        raise ConfigError([Problem("", text) for text in texts])
     warnings = []
     for section, parameters in sections.items():
         names: set[str] = parameters.shared
@@ -287,6 +286,13 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
             if name in names
         ]
     return warnings
+
+
+def _meant(section: str, nodes: Sequence[str]) -> str:
+    """Return what to write: a section of the same name for all nodes of that name, or any."""
+    name = f"/{section.rpartition('/')[2]}"
+    found = [node for node in nodes if node.endswith(name)]
+    return f"write {f'/**{name}' if len(found) > 1 else listing(found or nodes)}"
 
 
 def read_text(file: Path) -> str:
@@ -332,6 +338,8 @@ class LiveParameters:
         """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
         names = [name for name in current if is_parameter(self._kind, name)]
         values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
+        if "robot_description" not in file.values:  # it comes from elsewhere
+            values.pop("robot_description", None)
         return {n: value for n, value in values.items() if not _same(current.get(n), value)}
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:

@@ -392,7 +392,7 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
     if not isinstance(shape, _Group):
         return built
     config = _make(shape, parts, built, key, problems)
-    # Where a value is wrong, it has its default now, and conditions on several make no sense.
+    # A wrong value has its default now, so that conditions on several values are not checked.
     if hasattr(config, "check") and len(problems) == earlier:
         problems += [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
     return config

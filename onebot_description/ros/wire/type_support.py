@@ -36,7 +36,7 @@ from onebot_description.ros.wire.type_description import (
     other_support,
 )
 
-_DISTRO = "jazzy"  # its structures are repeated here and in C
+_DISTRO = "jazzy"  # The structures of this ROS are repeated here and in C.
 _INTROSPECTION = "rosidl_typesupport_introspection_c"
 # A type without fields has one in C, and in its description.
 EMPTY = MessageField(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
@@ -197,8 +197,9 @@ def _library() -> ctypes.PyDLL:
     """Return the library, connected to the type supports of std_msgs."""
     from std_msgs.msg import UInt8, UInt16, UInt32, UInt64
 
-    distro = os.environ.get("ROS_DISTRO", _DISTRO)  # a sourced ROS sets it
-    if distro != _DISTRO:
+    distro = os.environ.get("ROS_DISTRO", _DISTRO)
+    # A sourced ROS sets both; an image of Docker has the second one only.
+    if "ROS_VERSION" in os.environ and distro != _DISTRO:
         raise _unfit(f"it is {distro}")
     library = load_library()
     address, text, size = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_uint32
