@@ -515,7 +515,7 @@ OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.1
     [
         (OF_JOINTS, "joints:=file.yaml sim:=false", ["r1"]),
         (OF_CONTROL, "params_file:=file.yaml", ["r1"]),
-        (OF_CONTROL, "params_file:=file.yaml robots:=2", ["r1/robot1", "r1/robot2"]),
+        (OF_CONTROL, "params_file:=file.yaml robots:=2", ["**"]),
         (OF_CONTROL, "robots:=fleet.yaml", ["r1/a"]),
     ],
 )

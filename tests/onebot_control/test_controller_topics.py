@@ -174,7 +174,7 @@ def test_a_second_type_of_commands_is_warned_of(
             nonlocal log
             stepped.simulation.run(0.3)
             log += capfd.readouterr().err
-            return "TwistStamped, which is ignored; geometry_msgs/msg/Twist is subscr" in log
+            return "TwistStamped, which is ignored: stop that publisher, or the" in log
 
         wait_for(warned, "the warning of the other type")
 

@@ -159,7 +159,8 @@ def test_goals_are_refused_with_the_reason(
 
 def test_many_reasons_are_counted(arm: SteppedArm, capfd: pytest.CaptureFixture[str]) -> None:
     arm.refuse(goal(*(point(1.0 + number, NAN) for number in range(21))))
-    assert "nan is not finite (and 20 more of this kind)" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert said.count("nan is not finite") == 5 and "and 16 more" in said
 
 
 def test_all_goals_are_cancelled_at_once(arm: SteppedArm) -> None:

@@ -87,7 +87,7 @@ def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -
         (
             '<link name="l"><visual><geometry><mesh filename="/dev/zero"/></geometry></visual>'
             "</link>",
-            "<mesh>: /dev/zero: no such file",
+            "<mesh>: /dev/zero: is no file",
         ),
     ],
 )

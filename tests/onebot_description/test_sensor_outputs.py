@@ -322,7 +322,8 @@ def test_depths_are_within_the_limits_of_the_plugin(inside, expected):
 @pytest.mark.parametrize(
     ("inside", "fault"),
     [
-        (child(min_range=20), 'plugin "p": <min_range> 20 is not below <max_range> 10; swap or'),
+        (child(min_range=20), "<min_range> leave nothing of 0.1 to 10 m"),
+        (child(min_range=3, max_range=2), "<min_range> and <max_range> leave nothing of"),
         (child(max_range="far"), '<max_range>: "far" is not a finite number'),
         (child(gaussianNoise=-1), "<gaussianNoise>: -1 is below 0"),
     ],

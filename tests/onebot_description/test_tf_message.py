@@ -137,6 +137,7 @@ def test_many_threads(ros_domain: int) -> None:
 @own_only
 def test_another_version_of_ros_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DISTRO", "humble")
+    monkeypatch.setenv("ROS_VERSION", "2")
     with pytest.raises(type_support.TypeSupportError, match="ROS differs: it is humble"):
         type_support._library.__wrapped__()  # not cached
 

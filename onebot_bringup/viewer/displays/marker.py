@@ -120,17 +120,18 @@ class Incoming(NamedTuple):
             markers,
         )
 
-    def report(self, problems: dict[str, str], which: Any, text: str) -> None:
+    def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
         """Store a problem with the first marker that has it.
 
         Args:
-            problems: the problems so far, by text.
+            problems: the problems so far, by kind.
             which: the row with the problem, or a mask (N,) of rows.
             text: what is wrong.
+            kind: the kind of problem; "" for the text itself.
         """
         for row in np.flatnonzero(which)[:1] if isinstance(which, np.ndarray) else [which]:
             space = printable(shortened(self.spaces[row]))
-            problems.setdefault(text, f'id {self.ids[row]} of "{space}": {text}')
+            problems.setdefault(kind or text, f'id {self.ids[row]} of "{space}": {text}')
 
 
 def _nanoseconds(time_: Any) -> Any:
@@ -395,7 +396,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
-                self.problems.setdefault("mesh", f"a marker is not drawn: {error}")
+                incoming.report(self.problems, row, str(error), "mesh")
                 return None
             self._used.add(self._layers[key].entity)
         return key
