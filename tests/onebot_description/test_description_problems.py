@@ -195,10 +195,9 @@ def test_a_shape_that_cannot_be_read_is_left_out(
 
 
 def test_the_simulation_names_what_it_cannot_do() -> None:
-    urdf = robot("\n" + hinge("j", "a", ""), '\n<link name="loose"/>')
-    with pytest.raises(OneBotError) as caught:
+    urdf, text = robot("\n" + hinge("j", "a", "")), "r.urdf:2: joint .j. has no limits"
+    with pytest.raises(OneBotError, match=text):
         rigid_bodies(parse_description(urdf, "r.urdf"))
-    assert str(caught.value).splitlines() == [
-        'r.urdf:2: joint "j" has no limits; the simulation needs lower and upper',
-        'r.urdf:3: link "loose" is not connected with "base" by any joint',
-    ]
+    urdf = robot(hinge("j", "a"), '<link name="loose"/>')
+    with pytest.raises(OneBotError, match="r.urdf: the robot falls into 2 parts"):
+        rigid_bodies(parse_description(urdf, "r.urdf"))
