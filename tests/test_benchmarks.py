@@ -31,8 +31,13 @@ def test_display_with_wrong_answers_is_refused():
     """The error says which of the two it was, and in what."""
     case = cases.CASES[2]
     (drawn,) = case.drawn
-    with pytest.raises(WrongAnswer, match="viewer, .*1000 rays: .* rows of elsewhere, not "):
-        viewer.measure(case._replace(drawn=(drawn._replace(entity="elsewhere"),)), quick=True)
+
+    def moved(arrays, count):
+        moved = {name: values + (values.dtype.kind == "f") for name, values in arrays.items()}
+        return drawn.columns(moved, count)
+
+    with pytest.raises(WrongAnswer, match="bare.*1000 rays.*Points3D:positions of message 0"):
+        viewer.measure(case._replace(drawn=(drawn._replace(columns=moved),)), quick=True)
 
 
 def test_table_in_a_readme(tmp_path):
@@ -49,8 +54,13 @@ def test_table_in_a_readme(tmp_path):
         assert section.count("| other | x | 1.00 |  |") == 1
 
 
-def test_a_readme_without_marks(tmp_path):
+def test_mistakes_are_explained(tmp_path):
+    """Before anything is run, and where the table cannot be written."""
     readme = tmp_path / "README.md"
     readme.write_text("no marks\n")
+    with pytest.raises(OneBotError, match='did you mean "viewer"'):
+        main(["viewr"])
+    with pytest.raises(OneBotError, match="mean nothing"):
+        main(["viewer", "--quick", "--write", str(readme)])
     with pytest.raises(OneBotError, match="has no lines <!-- benchmarks -->"):
         report.write_section(readme, "", REPORTS)

@@ -224,6 +224,8 @@ class _Player:
                 self._publishers[topic] = publisher
         if not self._publishers:
             raise OneBotError(f"{self._bag.source} has nothing to play")
+        if self._begin > self._bag.end_ns:
+            raise OneBotError(f"{self._bag.source} ends before --start-offset")
         if self._args.clock is not None:
             self._clock = self._session.node.create_publisher(Clock, _CLOCK, 10)
 

@@ -20,6 +20,8 @@ from onebot_description.ros.shared_memory import FOLDER, find_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
 
+_RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
+
 _LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
 _REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a requirement that has no marker (extra, platform)
@@ -80,6 +82,8 @@ def dependencies(required: Iterable[str]) -> Verdict:
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not any(metadata.distributions(name=name))]:
         return Verdict(PROBLEM, f"missing: {listing(missing)}", f"pip install {' '.join(missing)}")
+    if not names:
+        return Verdict(NOTE, "not checked: not installed by pip, nor beside a pyproject.toml")
     lines = _python("-m", "pip", "check").stdout.splitlines()
     if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")
@@ -122,6 +126,9 @@ def domain(environment: Mapping[str, str]) -> Verdict:
     if not text.isdecimal() or int(text) > MAX_DOMAIN:
         problem = f"ROS_DOMAIN_ID={text} is not a number from 0 to {MAX_DOMAIN}"
         return Verdict(PROBLEM, problem, "export ROS_DOMAIN_ID=0")
+    if not environment.get(SERVER) and scope.upper() not in _RANGES:
+        problem = f"{RANGE}={scope} discovers no other nodes"
+        return Verdict(PROBLEM, problem, f"write one of {listing(_RANGES)}")
     return Verdict(OK, f"ROS_DOMAIN_ID={text}, discovery by {scope}")
 
 

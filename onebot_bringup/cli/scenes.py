@@ -25,6 +25,7 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
+from onebot_description.elements.description import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.steady_timer import steady_timer
@@ -229,14 +230,21 @@ def record_pose(
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
+    lacking = _mesh_problems(description)  # the view warns of them
     for text in description.notices:
-        warn(text)
+        if not text.endswith(lacking):
+            warn(text)
     positions = RobotModel.from_description(description).pose(args.joints)
     warnings = record_pose(description, positions, args.view, recording)
     for text in warnings:
         # Problems of the text itself were already reported with the lines of its file.
         if not text.startswith(f"{ROBOT_DESCRIPTION}:"):
             warn(text)
+
+
+def _mesh_problems(description: Description) -> tuple[str, ...]:
+    parts = (part for link in description.links for part in (*link.visuals, *link.collisions))
+    return tuple(part.shape.problem for part in parts if isinstance(part.shape, Mesh))
 
 
 # --- a bag --------------------------------------------------------------------------------------

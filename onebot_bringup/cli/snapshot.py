@@ -1,11 +1,13 @@
 """``onebot snapshot``: draws a picture of a robot without any display."""
 
 import argparse
+import math
 import os
 import re
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
@@ -69,10 +71,15 @@ def camera(text: str) -> tuple[Triple, Triple | None]:
     """Return eye and target, metres in the fixed frame; no target if only the eye is given.
 
     Raises:
-        ValueError: the text is invalid.
+        ArgumentTypeError: the text is invalid, or eye and target are equal.
     """
     eye, colon, target = text.partition(":")
-    return _vector(eye), _vector(target) if colon else None
+    with suppress(ValueError):
+        place, at = _vector(eye), _vector(target) if colon else None
+        if place != at and math.isfinite(sum(place + (at or ()))):
+            return place, at
+    form = "write x,y,z of the eye, or x,y,z:x,y,z with its target, another point (m)"
+    raise argparse.ArgumentTypeError(f'"{text}": {form}')
 
 
 def _vector(text: str) -> Triple:

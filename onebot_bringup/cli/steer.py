@@ -77,7 +77,7 @@ def run(argv: Sequence[str]) -> int:
         print(_HELP if arguments.help else table(_ARGUMENTS))
         return 0
     values = complete(_ARGUMENTS, words)
-    # Errors before anything starts.
+    # Mistakes are reported before anything starts.
     view_file(values["view"])
     listen(values["host"], int(values["port"])).close()
     os.environ.update(environment(values, forced="discovery" in words))

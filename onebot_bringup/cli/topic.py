@@ -245,7 +245,7 @@ def _await_subscribers(
     if not session.await_or_report(
         lambda: publisher.get_subscription_count() >= number, waiting, timeout
     ):
-        raise OneBotError(f"timed out after {timeout:g} s: {waiting()}")
+        raise OneBotError(f"fewer than {number} matching subscription(s) within {timeout:g} s")
 
 
 def _publish(

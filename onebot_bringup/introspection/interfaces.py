@@ -36,7 +36,10 @@ def full_name(name: str, kind: str) -> str:
     names = installed(kind)
     if full in names:
         return full
-    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{did_you_mean(full, names, "installed")}')
+    end = full.rpartition("/")[2].lower()
+    same = [each for each in names if each.rpartition("/")[2].lower() == end]  # of other packages
+    hint = did_you_mean(full, same or names, "installed")
+    raise OneBotError(f'no {_KINDS[kind]} type "{name}"{hint}')
 
 
 @cache

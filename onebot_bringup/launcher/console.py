@@ -52,6 +52,8 @@ class Console:
         """
         self.out, self.err = (
             OutputStream(stream.fileno(), wants_colour(stream.fileno()))
+            if stream is not None
+            else OutputStream(-1, False)  # a shell has closed it (>&-)
             for stream in (sys.stdout, sys.stderr)
         )
         self._program = program
@@ -100,7 +102,7 @@ class Console:
             self._dropped += 1
 
     def _write_lines(self) -> None:
-        closed = set()
+        closed = {-1}
         while (item := self._queue.get()) is not None:
             descriptor, line = item
             if descriptor in closed:

@@ -83,7 +83,8 @@ class Ground:
             self.grid = None
 
     def _on_grid(self, _: str, message: OccupancyGrid) -> None:
-        cells = message.info.width * message.info.height
+        info = message.info
+        cells = info.width * info.height if 0.0 < info.resolution < math.inf else 0
         self.grid = PublishedMap(message) if 0 < cells == len(message.data) else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:

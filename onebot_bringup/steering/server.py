@@ -62,7 +62,7 @@ class SteeringServer:
         self.app.on_shutdown.append(self._close_pages)
         self.app.router.add_get("/", self._get_index)
         self.app.router.add_get("/ws", self._serve_page)
-        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # colcon makes some
+        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # of colcon
         self.view.add_to(self.app)
         self.tools.add_to(self.app)
 
@@ -104,6 +104,8 @@ class SteeringServer:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     page.received += 1
                     await self._on_message(page, message.data)
+                elif message.type == WSMsgType.ERROR:
+                    self._warn("frame", "rejected a message: too large, or no WebSocket frame")
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:

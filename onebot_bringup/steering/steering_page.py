@@ -228,6 +228,8 @@ class SteeringPage(Node):
 
     def _choose(self, name: str) -> None:
         topic = str(self.resolve_topic_name(name))
+        if topic == self._commands.topic:
+            return
         self._arbiter.halt()
         self._controllers.forget()
         self._commands.choose(topic)

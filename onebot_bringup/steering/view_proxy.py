@@ -131,8 +131,8 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
             {**entry, "color": "#{:02x}{:02x}{:02x}".format(*entry["color"])}
             for entry in displays["legend"]
         ]
-        return displays["shown"], legend
-    except (ValueError, LookupError, TypeError):
+        return list(displays["shown"]), legend
+    except (ValueError, LookupError, TypeError, RecursionError):
         return [], []
 
 

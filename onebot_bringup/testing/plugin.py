@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from onebot_control.simulation import Simulation
 
 _MADE = pytest.StashKey["list[Simulation]"]()
+_DOMAIN = pytest.StashKey[int]()
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
 _FOLDER = "failed_tests"  # folder in pytest's root folder
 
@@ -42,11 +43,12 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulat
 
 
 @pytest.fixture
-def ros_domain() -> Iterator[int]:
+def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
     """Set ROS_DOMAIN_ID to a domain that no other test or robot on this computer uses."""
     from onebot_bringup.testing.domains import used_domain
 
     with used_domain() as domain:
+        request.node.stash[_DOMAIN] = domain
         yield domain
 
 
@@ -101,6 +103,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
         sims = item.stash.get(_MADE, [])
         lines = [f"seed {sim.seed}, {sim!r}" for sim in sims]
         lines += [line for number, sim in enumerate(sims) for line in _shown(item, sim, number)]
+        if _DOMAIN in item.stash:
+            lines.append(f"ROS_DOMAIN_ID {item.stash[_DOMAIN]}")
         if lines:
             report.sections.append(("robots", "\n".join(lines)))  # type: ignore[attr-defined]
     return report

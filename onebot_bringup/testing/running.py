@@ -14,7 +14,7 @@ from unittest.mock import patch
 from onebot_bringup.launch.bringup import UP
 from onebot_bringup.launch.nodes import BRINGUPS
 from onebot_bringup.launcher.child import die_with_this_thread
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.discovery import configure_discovery
 
 _START = 60.0  # s for the robot to be up
@@ -37,8 +37,11 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
             words: its arguments, such as "world:=maze".
 
         Raises:
-            OneBotError: it ended, or was not up after a minute; the message has its output.
+            OneBotError: there is no such command, or it ended, or was not up after a minute; the
+                message has its output.
         """
+        if command not in BRINGUPS:
+            raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
         self._folder = TemporaryDirectory(prefix="onebot-test-")
         self._log = Path(self._folder.name) / "output"
         has_viewer = any(word.startswith("viewer:=") for word in words)

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.signals import KeyboardInterrupts
 from tests.benchmarks.report import Report, machine, table, write_section
 from tests.orphans import end_with_this_process
@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
 
     Raises:
         WrongAnswer: what was measured gave wrong answers.
-        OneBotError: the README cannot be written.
+        OneBotError: there is no such benchmark, or the README cannot be written.
     """
     parser = argparse.ArgumentParser(
         prog="python -m tests.benchmarks",
@@ -42,8 +42,13 @@ def main(argv: list[str]) -> int:
         "--write", type=Path, metavar="README.md", help="also write the table between its marks"
     )
     arguments = parser.parse_args(argv)
-    if unknown := {*arguments.names} - {*BENCHMARKS}:
-        parser.error(f"no benchmark {', '.join(unknown)}")
+    for name in arguments.names:
+        if name not in BENCHMARKS:
+            raise OneBotError(
+                f'no benchmark "{name}"{did_you_mean(name, BENCHMARKS, "benchmarks")}'
+            )
+    if arguments.quick and arguments.write:
+        raise OneBotError("the times of --quick mean nothing, so they are not written")
     # As a bringup has it, before a benchmark imports numpy: threads that spin are no work of ours.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with KeyboardInterrupts():  # whatever a benchmark has started is stopped

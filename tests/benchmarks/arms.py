@@ -1,20 +1,20 @@
 """Arms: steps of the physics with 7 and 14 joints, and OneBot's control cycle with an arm.
 
 A step sets the motors, moves the world and reads the joints; its floor is the ``stepSimulation`` in
-it, which is timed in the same steps. All arms move to and fro meanwhile. Times are the thread's
-processor time. Goals in us and ms are of the computer whose bare step of OneBot is in
-``measuring``; they are scaled by what that step takes here.
+it, which is timed in the same steps. All arms move to and fro meanwhile, and have to be where they
+were sent each time. Times are the thread's processor time. Goals in us and ms are of the computer
+whose bare step of OneBot is in ``measuring``; they are scaled by what that step takes here.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pytest
 
 from onebot_control import RobotSetup, Simulation
 from onebot_description.description import Description, load_description, parse_description
-from tests.benchmarks.measuring import BARE_STEP, MODEL, fastest, in_turn, over
+from tests.benchmarks.measuring import BARE_STEP, MODEL, WrongAnswer, fastest, in_turn, over
 from tests.benchmarks.report import Report, Result
 from tests.onebot_control.arm_models import joint, public_arm
 from tests.readme import CHECKOUT
@@ -23,6 +23,8 @@ _IIWA = "kuka_iiwa/model.urdf"  # 7 joints
 _APART = 3.0  # m between arms
 _ENDS = (-0.4, 0.4)  # rad or m, of the motion, as far as the limits let it
 _SECONDS = 1.0  # of it
+_TRACKED = 1e-5  # rad or m from the goal
+_DRIVEN = 0.005  # m between odometry and truth
 _STEP = {1: 60.0, 2: 100.0}  # us at most, by the number of arms
 _SHARE = 0.5  # of a step, at least, that is stepSimulation
 _CYCLE = 0.3  # ms at most that an arm adds to OneBot's cycle
@@ -127,4 +129,17 @@ def _moved(simulation: Simulation, ends: list[dict[str, float]]) -> Taken:
         began = time.thread_time()
         simulation.run(_SECONDS)
         taken = time.thread_time() - began
+    _check(simulation, ends[0])
     return Taken(taken / cycles, step.seconds / bare.calls, bare.seconds / bare.calls)
+
+
+def _check(simulation: Simulation, goals: Mapping[str, float]) -> None:
+    """Raise WrongAnswer if an arm is not where it was sent, or a robot not where it drove."""
+    for robot in simulation.robots.values():
+        for name, goal in goals.items():
+            position = robot.joints[name].position
+            if not abs(position - goal) <= _TRACKED:
+                raise WrongAnswer(f"{name} is at {position:.9g} rad, not at {goal:.9g}")
+        off = max(abs(robot.odometry.x - robot.pose.x), abs(robot.odometry.y - robot.pose.y))
+        if robot.has_wheels and not off <= _DRIVEN:
+            raise WrongAnswer(f"{robot}, by its odometry {robot.odometry}")

@@ -109,16 +109,19 @@ def _measure(
                 images = "camera/image_raw", "camera/depth/image_raw"
                 for kind, topic in ((LaserScan, "scan"), *((Image, name) for name in images)):
                     peer.node.create_subscription(kind, topic, lambda data: None, 10, raw=True)
+            drives = words[0] == "controller"
             publisher = peer.publisher(Twist, "/velocity_controller/cmd_vel")
             drive = partial(command, [publisher], _SPEED)
             odometry = peer.hear(Odometry, "/velocity_controller/odom", 1)
-            if words[0] == "controller":
+            if drives:
                 _reach(drive, odometry)
             drive(0.0 if quick else _SETTLED)
             pid = loop.process.pid
             begin, cpu = time.monotonic(), cpu_ns(pid)
             drive(1.0 if quick else 6.0)
             end, cpu = time.monotonic(), cpu_ns(pid) - cpu
+            if drives:
+                _reach(drive, odometry)
         cycles = np.frombuffer(file.read_bytes()).reshape(-1, 3)
     cycles = cycles[(begin <= cycles[:, 0]) & (cycles[:, 0] < end)]
     due, late, left_out = cycles.T

@@ -1,19 +1,20 @@
 """OneBots in one world as ``onebot_bringup robots:=N`` brings them up, all of them driven.
 
-Each robot is commanded ten times a second, and the control cycles of one are counted once all of
-them drive at the commanded speed.
+Each robot is commanded ten times a second, and the control cycles of one are counted. At the end
+each must drive at the commanded speed, clear of the others.
 """
 
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import combinations
+from math import hypot
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from tests.benchmarks.measuring import WrongAnswer, bringup, command, median, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import Peer
@@ -21,6 +22,7 @@ from tests.support import PATIENCE
 
 _RATE, _SCANS = 100.0, 10.0  # Hz
 _SPEED, _TOLERANCE = 0.2, 0.02  # m/s
+_CLEAR = 0.3  # m between two robots, at least
 _LEAST, _MOST = 0.99, 1000.0  # of real time, MB
 
 
@@ -74,14 +76,15 @@ def _measure(robots: int, words: list[str], quick: bool) -> Window:
         drive(1.0 if quick else 2.0)
         deadline = time.monotonic() + PATIENCE
         # They start to drive: if there are many, slower than in real time.
-        while not all(map(_drives, _truths(domain, names, drive))):
+        while not all(map(_drives, _truths(domain, names, drive).values())):
             if time.monotonic() > deadline:
-                raise WrongAnswer(f"not all robots drive at the {_SPEED:g} m/s commanded")
+                break
         states.clear()
         scans.clear()
         drive(1.0 if quick else 8.0)
-        stamps, heard = [nanoseconds(state.header.stamp) for state in list(states)], len(scans)
-        simulated = (stamps[-1] - stamps[0]) / NS_PER_S
+        stamps, heard = [_seconds(state) for state in list(states)], len(scans)
+        _check(_truths(domain, names, drive))
+        simulated = stamps[-1] - stamps[0]
         return Window(
             (len(stamps) - 1) / simulated / _RATE,
             heard / (robots * _SCANS * simulated),
@@ -89,16 +92,31 @@ def _measure(robots: int, words: list[str], quick: bool) -> Window:
         )
 
 
-def _truths(domain: int, names: list[str], drive: Callable[[float], None]) -> list[Odometry]:
+def _truths(domain: int, names: list[str], drive: Callable[[float], None]) -> dict[str, Odometry]:
     """Return the truth of all; only now, as to receive all odometry takes time."""
     topic = "velocity_controller/ground_truth"
     with Peer(domain, "observer") as peer:
-        heard = [peer.hear(Odometry, f"{name}/{topic}", 1) for name in names]
-        while not all(heard):
+        heard = {name: peer.hear(Odometry, f"{name}/{topic}", 1) for name in names}
+        while not all(heard.values()):
             drive(0.1)
-    return [truths[-1] for truths in heard]
+    return {name: truths[-1] for name, truths in heard.items()}
+
+
+def _seconds(state: JointState) -> float:
+    return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
 
 
 def _drives(truth: Odometry) -> bool:
     # Slow motion shows in the speed, which is by the system's clock. No NaN passes.
     return _TOLERANCE < truth.twist.twist.linear.x <= _SPEED + _TOLERANCE
+
+
+def _check(truths: dict[str, Odometry]) -> None:
+    for name, truth in truths.items():
+        if not _drives(truth):
+            speed = truth.twist.twist.linear.x
+            raise WrongAnswer(f"commanded {_SPEED:g} m/s, {name} drives at {speed:g}")
+    places = {name: truth.pose.pose.position for name, truth in truths.items()}
+    for (one, a), (other, b) in combinations(places.items(), 2):
+        if not hypot(a.x - b.x, a.y - b.y) >= _CLEAR:
+            raise WrongAnswer(f"{one} and {other} are in the same place, {a} and {b}")

@@ -1,14 +1,15 @@
-"""Asks a node for transforms, and times its answers; its tests check what is in them."""
+"""Asks a node for transforms, times its answers and checks them."""
 
 import gc
 import time
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
@@ -25,6 +26,8 @@ _IN_FLIGHT = 4  # joint states that may be unanswered at a time
 _LOST_AFTER = 1.0  # s
 _MOST_LOST = 0.001
 _STAMP = slice(4, 12)  # of a serialized JointState
+_NO_STAMP = b"\xff" * 8  # seconds before 1970 and too many nanoseconds: none that a node sends
+_TOLERANCE = 1e-9  # of quaternions and metres; what double precision leaves is some 1e-15
 
 
 class Window(NamedTuple):
@@ -34,22 +37,62 @@ class Window(NamedTuple):
     p50_us: float  # latency that half of the answers do not exceed
 
 
+class Answers:
+    """Checks serialized TFMessages against a chain's transforms.
+
+    Reading is left to rclpy's own deserialisation, which shares nothing with the project's. What
+    differs from a correct answer by nothing but its stamps is correct, too.
+    """
+
+    def __init__(self, chain: Chain, positions: Floats) -> None:
+        self._frames, self._expected = chain.frames, chain.transforms(positions)
+        self._correct: dict[int, bytes] = {}  # by row of the positions, with _NO_STAMP
+
+    def check(self, data: bytes, row: int, stamp_ns: int) -> None:
+        """Check the answer to positions ``row``, sent with ``stamp_ns``.
+
+        Raises:
+            WrongAnswer: frames, stamp or a number are wrong.
+        """
+        unstamped = data.replace(_stamp(stamp_ns), _NO_STAMP)
+        if self._correct.get(row) != unstamped:
+            self._read(data, row, divmod(stamp_ns, NS_PER_S))
+            self._correct[row] = unstamped
+
+    def _read(self, data: bytes, row: int, stamp: tuple[int, int]) -> None:
+        transforms = deserialize_message(data, TFMessage).transforms
+        frames = [(each.header.frame_id, each.child_frame_id) for each in transforms]
+        if sorted(frames) != sorted(self._frames):
+            raise WrongAnswer(f"it has the frames {frames[:5]}..., not {self._frames[:5]}...")
+        expected = dict(zip(self._frames, self._expected[row], strict=True))
+        for frame, each in zip(frames, transforms, strict=True):
+            if (each.header.stamp.sec, each.header.stamp.nanosec) != stamp:
+                raise WrongAnswer(f"{frame} is not stamped as the joint state was")
+            xyz, q = each.transform.translation, each.transform.rotation
+            pose = np.array([xyz.x, xyz.y, xyz.z, q.x, q.y, q.z, q.w])
+            pose[3:] *= np.sign(pose[3:] @ expected[frame][3:])  # q and -q are the same rotation
+            error = np.abs(pose - expected[frame]).max()
+            if not error <= _TOLERANCE:  # lets no NaN pass
+                raise WrongAnswer(f"{frame} is off by {error:.3g}")
+
+
 class Load:
     """Sends joint states of a chain to the node of a domain, so many in flight; a context.
 
-    ``size``: bytes of an answer; ``stamped``: whether it has the stamp of the joint state.
+    ``constant``: the bytes that a relay answers with, which carry no stamp.
     """
 
     def __init__(
-        self, domain: int, node: NodeProcess, chain: Chain, size: int, *, stamped: bool
+        self, domain: int, node: NodeProcess, chain: Chain, constant: bytes | None = None
     ) -> None:
-        self._process, self._size, self._stamped = node, size, stamped
-        rows = chain.positions(_VARIANTS)
-        self._messages = [bytearray(joint_state(chain, row)) for row in rows]
+        self._process, self._constant = node, constant
+        positions = chain.positions(_VARIANTS)
+        self._checker = Answers(chain, positions)
+        self._messages = [bytearray(joint_state(chain, row)) for row in positions]
         # Stamps count up from here, so that each also numbers its message.
         self._sent = time.time_ns()
         self._unanswered: deque[tuple[int, int]] = deque()  # stamp, and when it was sent
-        self._sizes: set[int] = set()  # of answers
+        self._answers: list[tuple[int, bytes]] = []
         self._latencies: list[int] = []
         self._lost, self._until = 0, 0
         self._answered: Future = Future()
@@ -101,7 +144,7 @@ class Load:
 
     def _window(self, seconds: float) -> Window:
         self._unanswered.clear()
-        self._latencies, self._lost = [], 0
+        self._answers, self._latencies, self._lost = [], [], 0
         gc.collect()
         gc.disable()
         try:
@@ -121,8 +164,11 @@ class Load:
         count = len(self._latencies)
         if self._lost > _MOST_LOST * (count + self._lost):
             raise WrongAnswer(f"{self._lost} of {count + self._lost} joint states got no answer")
-        if self._sizes != {self._size}:
-            raise WrongAnswer(f"answers of {self._sizes} bytes, not of {self._size}")
+        for number, data in self._answers:
+            if self._constant is None:
+                self._checker.check(data, number % _VARIANTS, number)
+            elif data != self._constant:
+                raise WrongAnswer("the relay did not send the bytes it was given")
         return Window(1e-3 * cpu / count, 1e-3 * median(self._latencies))
 
     def _spin(self, timeout: float) -> None:
@@ -143,7 +189,7 @@ class Load:
 
     def _receive(self, data: bytes) -> None:
         now = time.perf_counter_ns()
-        if self._stamped and self._unanswered:
+        if self._constant is None and self._unanswered:
             # The first transform's, behind the encapsulation and the count.
             stamp = int.from_bytes(data[8:12], "little") * NS_PER_S
             stamp += int.from_bytes(data[12:16], "little")
@@ -155,9 +201,9 @@ class Load:
         if not self._unanswered:
             return  # to a joint state that was given up
         # Constant bytes carry no stamp: they answer what was sent first.
-        _, sent = self._unanswered.popleft()
+        number, sent = self._unanswered.popleft()
         self._latencies.append(now - sent)
-        self._sizes.add(len(data))
+        self._answers.append((number, data))
         self._refill()
         if not self._unanswered and not self._answered.done():
             self._answered.set_result(None)

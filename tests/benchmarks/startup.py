@@ -9,18 +9,24 @@ import math
 import time
 from collections.abc import Callable
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from nav_msgs.msg import Odometry
 
 from onebot_bringup.testing.domains import used_domain
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.benchmarks.measuring import in_turn, median, over, rss_mb
+from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 _ODOM = "/velocity_controller/odom"
+_FRAMES = (  # parent and child
+    ("odom", "base_link"),
+    *(("base_link", child) for child in ("left_wheel", "right_wheel", "caster_base2")),
+    ("caster_base2", "caswheel"),
+)
 _GOAL, _MOST_MEMORY = 1.5, 250.0  # MB
 _SETTLED = 2.0  # s after the first messages, when memory is looked at
 
@@ -53,20 +59,30 @@ def run(quick: bool) -> Report:
 
 
 def _start(module: str, word: str, *, quick: bool) -> Start:
-    """Start a command, time its first messages, and end it."""
-    expected = {_ODOM} if word == _ODOM else {_ODOM, "/tf"}
-    times: dict[str, float] = {}
+    """Start a command, time its first messages, and end it.
 
-    def note(topic: str) -> None:
-        times.setdefault(topic, time.monotonic())
+    Raises:
+        WrongAnswer: the messages are not those of the robot.
+    """
+    expected = {(_ODOM, "odom", "base_link")}
+    if word != _ODOM:
+        expected |= {("/tf", *frames) for frames in _FRAMES}
+    times: dict[tuple[str, str, str], float] = {}
+
+    def note(topic: str, message: Any) -> None:
+        frames = message.header.frame_id, message.child_frame_id
+        times.setdefault((topic, *frames), time.monotonic())
 
     with used_domain() as domain, Peer(domain) as peer:
         create = peer.node.create_subscription
-        create(TFMessage, "/tf", lambda _: note("/tf"), 100)
-        create(Odometry, _ODOM, lambda _: note(_ODOM), 100)
+        create(TFMessage, "/tf", lambda tf: [note("/tf", each) for each in tf.transforms], 100)
+        create(Odometry, _ODOM, lambda odometry: note(_ODOM, odometry), 100)
         began = time.monotonic()
         with NodeProcess(module, word) as node:
             wait_for(lambda: expected <= times.keys(), "the messages")
             time.sleep(0.0 if quick else _SETTLED)
             memory = rss_mb(node.process.pid)
-    return times[_ODOM] - began, times.get("/tf", math.nan) - began, memory
+    if times.keys() != expected:
+        raise WrongAnswer(f"there were transforms of other frames: {times.keys() - expected}")
+    first_tf = min((at for (topic, *_), at in times.items() if topic == "/tf"), default=math.nan)
+    return times[_ODOM, "odom", "base_link"] - began, first_tf - began, memory

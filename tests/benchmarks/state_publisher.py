@@ -53,16 +53,9 @@ def _measure(joints: int, quick: bool) -> tuple[list[Window], list[Window]]:
     parents, children = zip(*chain.frames, strict=True)
     zeros = chain.transforms(chain.positions(1))[0]
     constant = bytes(serialize_message(transforms_message(Time(sec=1), parents, children, zeros)))
-    size = len(constant)
     with (
-        _subject("tests.benchmarks.relay", chain, constant, size, stamped=False) as floor,
-        _subject(
-            "onebot_description.robot_state_publisher",
-            chain,
-            chain.urdf().encode(),
-            size,
-            stamped=True,
-        ) as ours,
+        _subject("tests.benchmarks.relay", chain, constant, constant) as floor,
+        _subject("onebot_description.robot_state_publisher", chain, chain.urdf().encode()) as ours,
     ):
         windows = in_turn(
             {"ours": lambda: ours.measure(seconds), "floor": lambda: floor.measure(seconds)}, rounds
@@ -72,15 +65,12 @@ def _measure(joints: int, quick: bool) -> tuple[list[Window], list[Window]]:
 
 @contextmanager
 def _subject(
-    module: str, chain: Chain, content: bytes, size: int, *, stamped: bool
+    module: str, chain: Chain, content: bytes, constant: bytes | None = None
 ) -> Iterator[Load]:
     """A node that reads a file with ``content``, and answers."""
     with TemporaryDirectory() as folder, used_domain() as domain:
         file = Path(folder) / "content.urdf"
         file.write_bytes(content)
-        with (
-            NodeProcess(module, str(file)) as node,
-            Load(domain, node, chain, size, stamped=stamped) as load,
-        ):
+        with NodeProcess(module, str(file)) as node, Load(domain, node, chain, constant) as load:
             load.wait()
             yield load

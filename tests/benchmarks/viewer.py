@@ -3,13 +3,12 @@
 The viewer receives raw messages as its node does, decodes and draws them, 20 times a second. The
 floor is a ``send_columns`` of the same rows, whose arrays lie ready, with columns as Rerun's own
 makers make them; the viewer may be cheaper, since it makes its columns itself and keeps those of
-names. Both write a file; then both files are read again, and must hold as many rows.
+names. Both write a file; then both files are read again, and must hold what was to be shown.
 """
 
 import time
 import warnings
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,6 +38,7 @@ from tests.benchmarks.report import Report, Result
 
 FLOOR, OURS = "bare send_columns", "viewer"
 _START_NS = 1_700_000_000_000_000_000
+_ROUNDING = 1e-5  # of numbers of 32 bits
 _VARIANTS = 4  # messages that differ
 _BYTES = 2_000_000  # that a round logs, about
 _MARK = serialize_message(STAMP)[4:]
@@ -158,7 +158,7 @@ def measure(case: Case, quick: bool) -> dict[str, list[float]]:
     """Log messages in turn; return the time of each, a number a round.
 
     Raises:
-        WrongAnswer: a file does not hold as many rows as were to be shown.
+        WrongAnswer: a file does not hold what was to be shown.
     """
     with TemporaryDirectory() as folder:
         files = {OURS: Path(folder) / "ours.rrd", FLOOR: Path(folder) / "bare.rrd"}
@@ -177,21 +177,60 @@ def measure(case: Case, quick: bool) -> dict[str, list[float]]:
 
 
 def check(logger: Logger, file: Path, name: str) -> None:
-    """Count the rows in a file; what the displays put into them, their tests compare.
+    """Compare what is in a file with what was to be shown.
 
     Raises:
-        WrongAnswer: there are more or fewer than were to be shown.
+        WrongAnswer: it is not the same.
     """
-    rows: Counter[str] = Counter()
+    for index, drawn in enumerate(logger.case.drawn):
+        what = f"{name}, {logger.case.name}: {drawn.entity}"
+        samples = [arrays[index] for arrays in logger.drawn]
+        rows = 0
+        for rows, (stamp_ns, found) in enumerate(_rows(file, f"/{drawn.entity}", samples[0]), 1):
+            number, part = divmod(rows - 1, drawn.rows)
+            if stamp_ns != logger.stamp(number):
+                raise WrongAnswer(f"{what}: message {number} is at {stamp_ns} ns")
+            for column, expected in samples[number % _VARIANTS].items():
+                if not _alike(found[column], expected if drawn.rows == 1 else expected[part]):
+                    raise WrongAnswer(f"{what}: {column} of message {number} differs")
+        if rows != logger.logged * drawn.rows:
+            raise WrongAnswer(f"{what}: {rows} rows in the file, {logger.logged} messages logged")
+
+
+def _rows(file: Path, entity: str, names: Arrays) -> Iterator[tuple[int, Arrays]]:
+    """Yield the time of each row of an entity, and what some of its columns are from then on."""
+    last: dict[str, NDArray[Any]] = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it is experimental
         reader = rerun.chunk.RrdReader(str(file))
     for chunk in reader.stream():
-        if not chunk.is_static:
-            rows[str(chunk.entity_path)] += chunk.to_record_batch().num_rows
-    for drawn in logger.case.drawn:
-        found, expected = rows[f"/{drawn.entity}"], logger.logged * drawn.rows
-        if found != expected:
-            raise WrongAnswer(
-                f"{name}, {logger.case.name}: {found} rows of {drawn.entity}, not {expected}"
-            )
+        if str(chunk.entity_path) != entity or chunk.is_static:
+            continue
+        batch = chunk.to_record_batch()
+        columns = {name: batch.column(name) for name in names if name in batch.schema.names}
+        stamps = batch.column(TIMELINE).cast("int64").to_pylist()
+        for row, stamp_ns in enumerate(stamps):
+            for name, column in columns.items():
+                if (values := column[row].values) is not None:
+                    last[name] = _numbers(values)
+            yield stamp_ns, last
+
+
+def _numbers(array: Any) -> NDArray[Any]:
+    while hasattr(array, "flatten") and array.type.num_fields:
+        array = array.flatten()
+    values: NDArray[Any] = array.to_numpy(zero_copy_only=False)
+    return values
+
+
+def _alike(found: NDArray[Any], expected: Any) -> bool:
+    """Whether numbers are the same, and the bytes of colours within a step of rounding."""
+    expected = np.asarray(expected).ravel()
+    if found.size != expected.size:
+        return False
+    if found.dtype == object:
+        return found.tolist() == expected.tolist()
+    if found.dtype.kind == "f":
+        return bool(np.abs(found - expected).max(initial=0.0) <= _ROUNDING)
+    steps = found.view(np.uint8).astype(np.int16) - expected.view(np.uint8)
+    return bool(np.abs(steps).max(initial=0) <= (1 if found.dtype == np.uint32 else 0))

@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, mutants
@@ -104,7 +105,7 @@ def _sample(modules: Iterable[str], size: int, seed: int) -> list[Mutant]:
     """Return ``size`` mutants, or all if there are fewer."""
     every = [mutant for module in modules for mutant in mutants(module)]
     random.Random(seed).shuffle(every)
-    sample = [mutant for mutant in every[:size] if mutant.is_python()]
+    sample = [*islice((mutant for mutant in every if mutant.is_python()), size)]
     print(f"{len(sample)} of {len(every)} mutants, seed {seed}", flush=True)
     return sample
 
