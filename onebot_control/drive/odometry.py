@@ -119,7 +119,8 @@ class Odometry:
     """Integrates wheel motion to pose, twist and covariance of a differential drive.
 
     The pose is zero at the first wheel positions, whatever they are, and no clock is read: neither
-    wheels that start elsewhere nor a clock that is set back make it jump.
+    wheels that start elsewhere nor a clock that is set back make it jump. What it gets is finite,
+    as the world checks after each step, and its times are above 0.
 
     The covariance of the pose is propagated as in Siegwart and Nourbakhsh, "Introduction to
     Autonomous Mobile Robots", section 5.2.4: the errors of the distances by the left and the right
@@ -140,7 +141,6 @@ class Odometry:
         """Start at zero, with a twist averaged over ``window`` updates."""
         self.kinematics, self.noise = kinematics, (0.0, 0.0)
         self._wheels: tuple[float, float] | None = None
-        self._since = 0.0
         # The twists of the last updates, which are averaged.
         self._linear, self._angular = deque[float](maxlen=window), deque[float](maxlen=window)
         self.linear = self.angular = 0.0
@@ -179,22 +179,14 @@ class Odometry:
         self._linear, self._angular = deque(self._linear, window), deque(self._angular, window)
 
     def update_from_positions(self, left: float, right: float, dt: float) -> None:
-        """Integrate new wheel positions (rad), ``dt`` seconds after the last call.
-
-        Positions that are not finite are ignored; the next finite ones cover their motion.
-        """
-        self._since += dt
-        if not (math.isfinite(left) and math.isfinite(right)):
-            return
+        """Integrate new wheel positions (rad), ``dt`` seconds after the last call."""
         last, self._wheels = self._wheels, (left, right)
-        since, self._since = self._since, 0.0
-        if last is not None and since > 0.0:
-            self._follow(left - last[0], right - last[1], since)
+        if last is not None:
+            self._follow(left - last[0], right - last[1], dt)
 
     def update_from_velocities(self, left: float, right: float, dt: float) -> None:
-        """Integrate wheel velocities (rad/s) over ``dt`` seconds, if both are finite."""
-        if math.isfinite(left) and math.isfinite(right) and dt > 0.0:
-            self._follow(left * dt, right * dt, dt)
+        """Integrate wheel velocities (rad/s) over ``dt`` seconds."""
+        self._follow(left * dt, right * dt, dt)
 
     def update_open_loop(self, linear: float, angular: float, dt: float) -> None:
         """Integrate a command (m/s, rad/s) over ``dt`` seconds."""

@@ -50,9 +50,11 @@ def rigid_bodies(description: Description) -> dict[str, Body]:
     """Return the rigid bodies by the name of their first link, the root's first.
 
     Raises:
-        OneBotError: something cannot be simulated, a line for each problem.
+        OneBotError: the links are not all connected, or joints cannot be simulated, a line for
+            each.
     """
-    if problems := [*_joint_problems(description), *link_problems(description)]:
+    description.require_tree()
+    if problems := [*_joint_problems(description)]:
         raise OneBotError("\n".join(problems))
     bodies = merged_bodies(description)
     firsts = [description.root_link, *(joint.child for joint in description.moving_joints)]
@@ -68,17 +70,6 @@ def _joint_problems(description: Description) -> Iterator[str]:
             yield f"{where} is {joint.kind}; the simulation moves {moved} joints"
         if joint.kind in ("revolute", "prismatic") and joint.lower is None:
             yield f"{where} has no limits; the simulation needs lower and upper"
-
-
-def link_problems(description: Description) -> Iterator[str]:
-    """Report links that cannot be simulated, although they can be published."""
-    loose = frozenset(description.roots[1:])
-    for link in description.links:
-        if link.name in loose:
-            yield (
-                f'{link.where}: link "{link.name}" is not connected with '
-                f'"{description.root_link}" by any joint'
-            )
 
 
 def physics_urdf(

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
-from onebot_control.physics.physics_urdf import link_problems
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,
@@ -74,7 +73,8 @@ class SceneBodies:
         """
         self._firsts = {link: first for link, (first, _) in rigid_frames(description).items()}
         self.description = description
-        if problems := [*link_problems(description), *self._joint_problems()]:
+        description.require_tree()
+        if problems := [*self._joint_problems()]:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
         poses = rigid_frames(replace(description, joints=joints))  # poses in the root link's frame

@@ -96,7 +96,6 @@ def simulated_model(
     tyres = {name: wheels.tyres.tyre(name) for name in wheels.names} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
     roles = _Roles(description, {*tyres, *casters}, commanded, positions)
-    _report_unlimited(description, {*roles.starts} - {*roles.gears})
     weight = _GRAVITY * wheels.robot.mass if wheels else 0.0
     joints = []
     for joint in description.joints:
@@ -244,24 +243,6 @@ class _Roles:
             self.followers.append(follower)
         self.fixed[name] = follower.at(at)
         return self.fixed[name]
-
-
-def _report_unlimited(description: Description, motors: Collection[str]) -> None:
-    """Warn of joints with motors whose ``<limit>`` has no effort or no velocity."""
-    for limit, unlimited in (("effort", "force"), ("velocity", "speed")):
-        names = [
-            joint.name
-            for joint in description.joints
-            if joint.name in motors and not getattr(joint, limit)
-        ]
-        if names:
-            logger.warning(
-                "%s: joint %s: no %s above 0 in <limit>, so the motor's %s has no limit",
-                description.source,
-                listing(names),
-                limit,
-                unlimited,
-            )
 
 
 def _positioned(joint: Joint, *, is_gear: bool) -> Joint:

@@ -32,7 +32,6 @@ class Allowed:
     upper: float
     velocity: float  # rad/s or m/s
     unit: str = "rad"  # "m" for a prismatic joint
-    endless: bool = False  # a continuous joint
 
     def reaches(self, speed: float) -> bool:
         """Whether ``speed`` is allowed."""
@@ -133,7 +132,7 @@ class Keyframes(Motion):
     def turning(self) -> "Keyframes":
         """Return the motion for a continuous joint: a loop over whole turns keeps turning."""
         way = self.positions[-1] - self.positions[0]
-        return replace(self, turn=way) if abs(_beyond_turns(way)) < _WHOLE_TURN else self
+        return replace(self, turn=way) if abs(math.remainder(way, TURN)) < _WHOLE_TURN else self
 
     def at(self, time: float) -> float:
         period, passes = self.times[-1], 0.0
@@ -171,15 +170,3 @@ class Keyframes(Motion):
                 text = f"{ends} it peaks at {way / seconds:.4g} {unit}/s, over {allowed.speed}"
                 needed = way / allowed.velocity if allowed.velocity else math.inf
                 yield f"{text}: give it {needed:.6g} s instead of {seconds:.6g}"
-        gap = positions[0] - positions[-1]
-        gap = _beyond_turns(gap) if allowed.endless else gap
-        if self.loop and abs(gap) > _WHOLE_TURN and times[-1] > 0.0:
-            ends = f"from {positions[-1]:.6g} to {positions[0]:.6g} {unit}"
-            yield (
-                f"the loop jumps {ends}, so the joint moves there at {allowed.speed}: end with a "
-                f"keyframe at {positions[0]:.6g}, or set loop to false"
-            )
-
-
-def _beyond_turns(angle: float) -> float:
-    return angle - TURN * round(angle / TURN)

@@ -90,7 +90,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
 
 def _allowed(joint: Joint, limits: JointLimits, row: int) -> Allowed:
     ends = float(limits.lower[row]), float(limits.upper[row]), float(limits.velocity[row])
-    return Allowed(*ends, "m" if joint.kind == "prismatic" else "rad", joint.kind == "continuous")
+    return Allowed(*ends, "m" if joint.kind == "prismatic" else "rad")
 
 
 @dataclass(frozen=True)
@@ -125,16 +125,9 @@ class _JointPlanner:
             self.check(motion, f"motions.{name}")
             return motion.turning() if endless and isinstance(motion, Keyframes) else motion
         if config.delta:
-            return self._sweep(zero)
+            speed = min(config.delta * config.rate, self.allowed.velocity)
+            return Keyframes.sweep(speed, zero, self.allowed.lower, self.allowed.upper)
         return self._swing() if config.swing else Keyframes.hold(zero)
-
-    def _sweep(self, zero: float) -> Motion:
-        allowed, speed = self.allowed, self.config.delta * self.config.rate
-        if not allowed.reaches(speed):
-            text = f"delta times rate is {speed:.4g} {allowed.unit}/s, over {allowed.speed}"
-            remedy = "at which it moves: lower delta or rate"
-            self.reports.append(Problem("delta", f'joint "{self.joint.name}": {text}, {remedy}'))
-        return Keyframes.sweep(min(speed, allowed.velocity), zero, allowed.lower, allowed.upper)
 
     def _swing(self) -> Motion:
         """Swing through most of the range, at no more than a part of the speed allowed.

@@ -55,8 +55,6 @@ KNOWN = {
     "iiwa14": Arm(
         7,
         repaired=[
-            "joint joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7: no effort above "
-            "0 in <limit>, so the motor's force has no limit",
             "link link_1, link_2, link_3, link_4, link_5, link_6, link_7: no <inertial>, simulated "
             "with 0.02 kg; efforts are wrong until they have mass and inertia",
         ],
@@ -79,12 +77,6 @@ KNOWN = {
             "lower and upper are both 0, so the joint cannot move": 2,
             'unknown attribute "spring_': 4,
         },
-        repaired=[
-            "joint joint_gripper_finger_left, joint_gripper_finger_right: no effort above 0 in "
-            "<limit>, so the motor's force has no limit",
-            "joint joint_gripper_finger_left, joint_gripper_finger_right: no velocity above 0 in "
-            "<limit>, so the motor's speed has no limit",
-        ],
     ),
     "ur5e": Arm(6),
     "wx250s": Arm(7, 1, warnings={"holds a space or slash, which TF dislikes": 14}),
