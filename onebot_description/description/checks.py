@@ -7,6 +7,7 @@ attributes that are not part of URDF, and xacro that is not expanded.
 import re
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 from onebot_description.elements.description import MOVING_KINDS, Joint, Material
 from onebot_description.elements.reading import ELEMENTS, Element, Findings, local_name
@@ -15,12 +16,19 @@ from onebot_description.errors import listing
 
 
 def check_root(findings: Findings) -> None:
-    """Check that the document is a robot with a name."""
-    root = findings.document.root
-    if root.tag != "robot":
-        text = 'the outermost element must be <robot name="...">; convert other formats to URDF'
-        findings.error(root, text)
-        findings.raise_errors()
+    """Check that the document is a robot with a name; if the robot is inside another, take it."""
+    document = findings.document
+    outer, root = document.root, document.root
+    if outer.tag != "robot":
+        inner = outer.find("robot")
+        if inner is None:
+            text = 'the outermost element must be <robot name="...">; convert other formats to URDF'
+            findings.error(outer, text)
+            findings.raise_errors()
+        else:
+            root = inner
+            findings.document = replace(document, root=root)
+            findings.problem(root, f"lies in <{outer.tag}>; let <robot> be the outermost element")
     name = root.get("name")
     if name is None or not name.strip():
         findings.problem(root, 'the robot has no name; write <robot name="...">')

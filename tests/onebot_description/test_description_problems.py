@@ -120,6 +120,16 @@ def test_loose_links_have_joint_states_but_no_transforms() -> None:
         RobotModel.from_description(description)
 
 
+def test_a_robot_may_lie_in_another_element() -> None:
+    description = taken(
+        f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": lies in <urdf>'
+    )
+    assert (description.robot_name, at_rest(description)) == ("r", {"j": 0.0})
+    assert parse_description(description.urdf).problems == ()
+    nested = parse_description(f"<urdf>{robot(hinge('j', 'a', ''))}</urdf>", "r")
+    assert 'r:1: joint "j": a revolute joint needs' in nested.problems[1]
+
+
 def test_blank_lines_before_the_declaration_are_skipped(tmp_path: Path) -> None:
     """As urdfdom does, from a file as from text; the lines of what follows are the same."""
     text = f'\n \n<?xml version="1.0"?>\n{robot(hinge("j", "a", ""))}'
@@ -155,7 +165,6 @@ def test_dashes_inside_comments_are_skipped(tmp_path: Path) -> None:
     ("text", "problem"),
     [
         ('<COLLADA xmlns="http://www.collada.org/2008/03/COLLADASchema"/>', "<COLLADA>: the outer"),
-        (f"<urdf>{robot()}</urdf>", "<urdf>: the outermost element must be <robot"),
         ('<sdf version="1.6"><model name="r"/></sdf>', "<sdf>: the outermost element must be <ro"),
     ],
 )

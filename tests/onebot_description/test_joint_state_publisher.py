@@ -271,7 +271,9 @@ def test_a_joint_can_be_renamed_in_both_files(
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
     node = start(mrm, "--ros-args", "--params-file", str(file))
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
-    Path(mrm).write_text(MRM.replace(JOINT, "elbow"))
+    # As in a test of the standard node: <robot> within another element.
+    Path(mrm).write_text(f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>")
+    says(node, "let <robot> be the outermost element")
     says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
     listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
