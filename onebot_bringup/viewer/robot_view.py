@@ -195,7 +195,8 @@ class RobotView:
         for display in self.robot_displays:
             for topic in display.topics():
                 # An absolute name belongs to no robot: the first robot's displays draw it.
-                if display.is_first or not topic.name.startswith("/"):
+                is_first = display.shown_robot in (None, stage.robots[0])
+                if is_first or not topic.name.startswith("/"):
                     yield display.full_name(topic.name), display, topic
 
     # --- time -----------------------------------------------------------------------------------
