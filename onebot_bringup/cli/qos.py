@@ -12,9 +12,6 @@ PRESETS = (
     "default",
     "sensor_data",
     "system_default",
-    "services_default",
-    "parameters",
-    "parameter_events",
     "best_available",
 )
 _OTHERS = ("system_default", "best_available")

@@ -51,6 +51,7 @@ ARGUMENTS = (
     *parameters_of(_VIEWER, ViewerParameters, "grpc_port", "web_port", "open_browser"),
 )
 _RRD = ".rrd"
+_RRD_STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
 _ALL = "100%"  # memory limit, so that a page that is opened later gets everything
 _WATCH_EVERY = 0.1  # s
 
@@ -119,17 +120,14 @@ def _shown_bag(
 
 
 def _check_rrd(source: Path, values: Mapping[str, str]) -> None:
-    from onebot_bringup.viewer.rrd import check_rrd, has_content  # slower to import
+    from onebot_bringup.bags.contents import open_file  # slower to import
 
-    check_rrd(source)
+    with open_file(source) as file:
+        if not file.read(4).startswith(_RRD_STARTS):
+            raise OneBotError(f"{source} is no recording of Rerun")
     for name in ("view", "save", "fixed_frame", "frame_prefix", "namespace"):
         if values[name]:
             raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
-    content = has_content(source)
-    if content is None:
-        _Log().warning(f"{source} was cut short, or is still being written: as far as it goes")
-    elif not content:
-        _Log().warning(f"{source} holds nothing to draw")
 
 
 class _Log:

@@ -19,7 +19,6 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, render
 from onebot_bringup.viewer.robot_messages import RobotMessages
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.rrd import check_rrd, has_content
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.frame_names import namespace_prefix
@@ -37,11 +36,7 @@ if TYPE_CHECKING:
 def draw(args: Namespace, scene: Path) -> None:
     """Draw what the command line asks for; ``scene`` is a path for a temporary recording."""
     if args.kind == "rrd":
-        source = Path(args.source)
-        check_rrd(source)
-        if has_content(source) is False:
-            raise OneBotError(f"{source} holds nothing to draw")
-        _render(args, source)
+        _render(args, Path(args.source))
         return
     record = {
         "running": _record_running,

@@ -57,10 +57,6 @@ class _Camera:
     shows: bool | None = None
     used: float = -math.inf
 
-    @property
-    def is_used(self) -> bool:
-        return time.monotonic() < self.used + _UNUSED
-
 
 class CameraFeed:
     """Follows the robot's cameras; call all methods except ``picture`` in the node's thread."""
@@ -89,10 +85,11 @@ class CameraFeed:
             message, _ = self._topics.newest(name)
             if camera.shows is None and message is not None:
                 camera.shows = message.encoding in _MODES
+        recently = time.monotonic() - _UNUSED
         followed = [
             name
             for name, camera in self._cameras.items()
-            if camera.is_used or (watched and camera.shows is None)
+            if camera.used > recently or (watched and camera.shows is None)
         ]
         self._topics.update(dict.fromkeys(followed, _IMAGE))
 

@@ -28,7 +28,6 @@ from onebot_bringup.viewer.view_config import (
     CameraSettings,
     GridSettings,
     PanelsSettings,
-    ViewConfig,
 )
 from onebot_description.arrays import Floats
 
@@ -55,20 +54,6 @@ class Layout:
     complete: bool  # transforms lead to every link
     robots: tuple[str, ...]  # namespaces of the robots whose description is known
     tabs: bool = False  # the robots fill the viewer; the other views are in a tab
-
-    @classmethod
-    def from_view(
-        cls,
-        view: ViewConfig,
-        parts: Iterable[LayoutPart],
-        fixed_frame: str,
-        complete: bool,
-        robots: Iterable[ShownRobot],
-    ) -> "Layout":
-        """Return the layout for a view and the current robots."""
-        settings = view.grid, view.background, view.camera, view.panels
-        names = tuple(str(robot.names) for robot in robots if robot.description is not None)
-        return cls(*settings, tuple(parts), fixed_frame, complete, names)
 
     def in_page(self, cameras: Collection[str]) -> "Layout":
         """Return the layout for a page with little room that shows these cameras itself."""

@@ -9,7 +9,6 @@ import math
 import os
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -21,12 +20,7 @@ from onebot_bringup.viewer.core.scene import COLLISION_ENTITY, Scene
 from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
-from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
-
-if TYPE_CHECKING:
-    from rerun.notebook import Viewer
-
 
 _SLIDERS = {"max_height": "320px", "overflow": "auto"}  # a long list scrolls
 
@@ -50,7 +44,7 @@ class NotebookRobot:
             height: height of the viewer, pixels.
 
         Raises:
-            OneBotError: its links are not one tree, or Rerun's part for notebooks is missing.
+            OneBotError: its links are not one tree.
         """
         self._description = description
         self.model = RobotModel.from_description(description)
@@ -61,7 +55,11 @@ class NotebookRobot:
         for slider in self.sliders.values():
             slider.observe(self._draw, "value")
         self.recording = rr.RecordingStream(description.robot_name)
-        self._viewer = _inline_viewer(self.recording, height)
+        # Rerun's viewer is served locally, not loaded from the internet, unless the user says so.
+        os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")
+        from rerun.notebook import Viewer
+
+        self._viewer = Viewer(width="auto", height=height, recording=self.recording, theme="dark")
         self.recording.send_blueprint(self._blueprint())
         for problem in Scene(self.recording).set_robot(description):
             warnings.warn(problem, stacklevel=2)
@@ -156,19 +154,3 @@ def _slider(joint: Joint, position: float) -> FloatSlider:
         style={"description_width": "12em"},
         layout={"width": "auto"},
     )
-
-
-def _inline_viewer(recording: rr.RecordingStream, height: int) -> "Viewer":
-    """Return Rerun's viewer for a cell; it is served locally unless the environment overrides it.
-
-    Raises:
-        OneBotError: Rerun's part for notebooks is not installed.
-    """
-    os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")  # not loaded from the internet
-    from rerun.notebook import HAS_NOTEBOOK, Viewer
-
-    if not HAS_NOTEBOOK:
-        raise OneBotError(
-            "Rerun's viewer for notebooks is missing: pip install 'onebot-robots[notebook]'"
-        )
-    return Viewer(width="auto", height=height, recording=recording, theme="dark")

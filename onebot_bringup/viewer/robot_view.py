@@ -195,7 +195,8 @@ class RobotView:
         for display in self.robot_displays:
             for topic in display.topics():
                 # An absolute name belongs to no robot: the first robot's displays draw it.
-                if display.is_first or not topic.name.startswith("/"):
+                is_first = display.shown_robot in (None, stage.robots[0])
+                if is_first or not topic.name.startswith("/"):
                     yield display.full_name(topic.name), display, topic
 
     # --- time -----------------------------------------------------------------------------------
@@ -384,7 +385,9 @@ class RobotView:
         parts = [LayoutPart(visible=visible)]
         for display in (*self.message_displays, *self.robot_displays):
             parts += (replace(part, robot=display.root) for part in display.layout())
-        layout = Layout.from_view(self._view, parts, stage.fixed_frame, complete, stage.robots)
+        view, names = self._view, tuple(self.robots)
+        settings = view.grid, view.background, view.camera, view.panels
+        layout = Layout(*settings, tuple(parts), stage.fixed_frame, complete, names)
         if self.page_cameras is not None:
             layout = layout.in_page(self.page_cameras)
         self._blueprint.update(layout)

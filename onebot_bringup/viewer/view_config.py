@@ -79,14 +79,8 @@ class PanelsSettings:
 
 
 def _with_displays(view: type[T]) -> type[T]:
-    """Add a field for the settings of each display to the fields of a view.
-
-    Raises:
-        TypeError: a display's key already has a meaning.
-    """
+    """Add a field for the settings of each display to the fields of a view."""
     for key, display in DISPLAY_BY_KEY.items():
-        if hasattr(view, key):
-            raise TypeError(f'the key "{key}" of {display} belongs to the whole view')
         kind = view.__annotations__[key] = settings_type(display)
         is_map = get_origin(kind) is not None
         field = setting({}, f"{key}, by names of your own") if is_map else group(kind)

@@ -3,14 +3,12 @@
 from pathlib import Path
 
 import pytest
-import rerun as rr
 
 from onebot_bringup.cli.scenes import _record_description
-from onebot_bringup.cli.snapshot import check_picture, parse_command_line, run
+from onebot_bringup.cli.snapshot import check_picture, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
-from onebot_bringup.viewer.rrd import has_content
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
 
@@ -111,25 +109,6 @@ def test_the_view_of_the_robot_is_found():
     assert robot_view_id(views) == "b"
     with pytest.raises(OneBotError, match="--dashboard"):
         robot_view_id({"a": ("TimeSeries", "Robot")})
-
-
-def test_what_is_in_a_recording(tmp_path):
-    """Nothing, something, or who knows: it was cut short.
-
-    Of nothing and of another file no picture is drawn: the viewer is not even started.
-    """
-    names = ("other", "nothing", "something", "cut")
-    other, nothing, something, cut = (tmp_path / f"{name}.rrd" for name in names)
-    other.write_bytes(bytes(range(256)))
-    open_recording(save=nothing).close()
-    for file, said in ((other, "is no recording of Rerun"), (nothing, "rrd holds nothing to draw")):
-        with pytest.raises(OneBotError, match=said):
-            run([str(tmp_path / "a.png"), str(file)])
-    recording = open_recording(save=something)
-    recording.stream.log("box", rr.Boxes3D(half_sizes=[1.0, 1.0, 1.0]))
-    recording.close()
-    cut.write_bytes(something.read_bytes()[:-100])
-    assert [has_content(file) for file in (nothing, something, cut)] == [False, True, None]
 
 
 def test_a_missing_mesh_is_one_warning(tmp_path, capsys):

@@ -5,12 +5,9 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from visualization_msgs.msg import Marker
 
-from onebot_bringup.viewer import displays
 from onebot_bringup.viewer.automatic import MOST_SHOWN, TopicSelection
-from onebot_bringup.viewer.core.drawing import Drawing
 from onebot_bringup.viewer.core.inbox import LoadLimit
 from onebot_bringup.viewer.core.stage import Stage
-from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.viewer_support import START_NS, Shown, describe
@@ -32,13 +29,6 @@ def _visible(view, topics, selection=None):
     selection = selection or _selection()
     selection.choose(parse_view(view), topics, ())
     return [each.topic for each in selection.offered if each.visible]
-
-
-def test_a_display_has_a_name_and_settings_of_its_own():
-    with pytest.raises(TypeError, match='"path" belongs to two displays'):
-        displays.unique([("path", MESSAGE_DRAWINGS[0]), ("path", MESSAGE_DRAWINGS[1])])
-    with pytest.raises(TypeError, match="must name its settings"):
-        displays.settings_type(Drawing)
 
 
 @pytest.mark.parametrize(

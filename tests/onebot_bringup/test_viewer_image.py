@@ -135,14 +135,17 @@ def test_files_are_logged_as_they_come(kind, form, media_type, tmp_path):
 PIXELS = np.zeros((2, 2, 3), np.uint8)
 
 
+def _layout(*parts):
+    view = ViewConfig()
+    settings = view.grid, view.background, view.camera, view.panels
+    return Layout(*settings, parts, "base", complete=True, robots=())
+
+
 @pytest.mark.parametrize(("count", "kind", "shares"), [(4, rrb.Vertical, 1), (5, rrb.Grid, 2)])
 def test_many_pictures_are_in_two_columns(count, kind, shares):
     """So that each is still seen."""
     views = tuple(ImageView(f"image/{number}", f"/{number}") for number in range(count))
-    layout = Layout.from_view(
-        ViewConfig(), [LayoutPart(views=views)], "base", complete=True, robots=[]
-    )
-    root = make_blueprint(layout).root_container
+    root = make_blueprint(_layout(LayoutPart(views=views))).root_container
     assert isinstance(root.contents[1], kind) and list(root.column_shares) == [3, shares]
     assert len(root.contents[1].contents) == count
 
@@ -157,8 +160,7 @@ def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
         hidden=tuple(picture.entity for picture in pictures),
         shown=tuple(picture.entity for picture in pictures),
     )
-    parts = [of_pictures, LayoutPart(views=(speeds,))]
-    layout = Layout.from_view(ViewConfig(), parts, "base", complete=True, robots=[])
+    layout = _layout(of_pictures, LayoutPart(views=(speeds,)))
     root = make_blueprint(layout.in_page({front})).root_container
     assert isinstance(root, rrb.Tabs)
     robot, beside = root.contents

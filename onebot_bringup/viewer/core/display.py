@@ -123,11 +123,6 @@ class Display(ABC, Generic[S]):
         assert self.shown_robot is not None
         return self.shown_robot
 
-    @property
-    def is_first(self) -> bool:
-        """Whether it shows the first robot or all of them."""
-        return self.shown_robot in (None, self.stage.robots[0])
-
     def entity(self, name: str) -> str:
         """Return the path of an entity below the robot's."""
         return below(self.root, name)

@@ -68,10 +68,6 @@ class Drawing(Generic[S]):
     replaces_previous: ClassVar[bool] = True  # see ``MessageType``
     period_ns: ClassVar[int] = 0  # see ``Display``
     rviz_classes: ClassVar[tuple[str, ...]] = ()  # RViz's names besides the key in title case
-    # Types of further topics to subscribe to, by the suffix of their names after the topic's.
-    suffixed_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
-    # Types of further topics of the topic's robot, by name.
-    robot_topics: ClassVar[Mapping[str, MessageType[Any]]] = {}
 
     # How to draw them:
     has_header: ClassVar[bool] = True  # messages are drawn in the frame of their header
@@ -123,6 +119,11 @@ class Drawing(Generic[S]):
     def is_duplicate(cls, topic: str, topics: Mapping[str, str]) -> bool:
         """Whether another topic carries the same data, so this one need not be shown."""
         return False
+
+    @classmethod
+    def further_topics(cls, stage: Stage, topic: str) -> Sequence[WantedTopic]:
+        """Return other topics to subscribe to beside ``topic``, whose messages ``add`` gets."""
+        return ()
 
     def frame_of(self, message: Any) -> str:
         """Return the frame that a message names."""
@@ -364,16 +365,7 @@ class MessageDisplay(DrawingsDisplay[Any]):
             as_published=settings.reliability == AUTO,
             depth=settings.depth or (DEPTH_HIGH_BANDWIDTH if draws.high_bandwidth else DEPTH),
         )
-        suffixed = (
-            WantedTopic(topic + suffix, (kind,), optional=True, as_published=True)
-            for suffix, kind in draws.suffixed_topics.items()
-        )
-        robot = self.stage.robot_of(topic)
-        of_robot = (
-            WantedTopic(robot.full_name(name), (kind,), optional=True)
-            for name, kind in draws.robot_topics.items()
-        )
-        return [subscription, *suffixed, *of_robot]
+        return [subscription, *draws.further_topics(self.stage, topic)]
 
     def make(self, name: str, settings: Any, color: Color) -> Drawing[Any]:
         return self.draws(self.stage, name, topic_entity(self.key, name), settings, color)

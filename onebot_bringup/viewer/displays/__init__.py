@@ -5,7 +5,7 @@ its settings are in view files and ROS parameters. Its class names their type as
 base, as ``Drawing[PathSettings]`` does. Nothing else has to be registered.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any, TypeAlias, TypeVar, get_args
@@ -29,30 +29,10 @@ def _found(base: type[T]) -> Iterator[type[T]]:
                 yield item
 
 
-def unique(displays: Iterable[tuple[str, T]]) -> dict[str, T]:
-    """Return displays by the name of each, a key or a message type.
-
-    Raises:
-        TypeError: two have the same name.
-    """
-    by_name: dict[str, T] = {}
-    for name, display in displays:
-        first_display = by_name.setdefault(name, display)
-        if first_display is not display:
-            raise TypeError(f'"{name}" belongs to two displays: {first_display} and {display}')
-    return by_name
-
-
 def settings_type(display: AnyDisplay) -> Any:
-    """Return the type of a display's settings: a dataclass, or a map from names to one.
-
-    Raises:
-        TypeError: its class does not name it.
-    """
-    arguments = get_args(vars(display).get("__orig_bases__", (None,))[0])
-    if len(arguments) != 1 or isinstance(arguments[0], TypeVar):
-        raise TypeError(f"{display} must name its settings, as Drawing[PathSettings] does")
-    return arguments[0]
+    """Return the type of a display's settings: a dataclass, or a map from names to one."""
+    [settings] = get_args(vars(display)["__orig_bases__"][0])
+    return settings
 
 
 # Of each robot, or of all robots.
@@ -64,8 +44,8 @@ MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = tuple(
     sorted(_found(Drawing), key=lambda drawing: drawing.key)
 )
 _ALL: tuple[AnyDisplay, ...] = (*ROBOT_DISPLAYS, *MESSAGE_DRAWINGS)
-DISPLAY_BY_KEY: Mapping[str, AnyDisplay] = unique((display.key, display) for display in _ALL)
-DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = unique(
-    (name, drawing) for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
-)
+DISPLAY_BY_KEY: Mapping[str, AnyDisplay] = {display.key: display for display in _ALL}
+DRAWING_BY_TYPE: Mapping[str, type[Drawing[Any]]] = {
+    name: drawing for drawing in MESSAGE_DRAWINGS for name in drawing.message_types
+}
 """The drawing class of each message type."""

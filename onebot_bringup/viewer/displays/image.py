@@ -153,7 +153,8 @@ class ImageDrawing(Drawing[ImageSettings]):
         start = message.data[:8].tobytes()
         for magic, media_type in _COMPRESSED.items():
             if start.startswith(magic):
-                return [_BLOB.row(message.data), *_media(media_type)]
+                kind = rr.EncodedImage.columns(media_type=[media_type])
+                return [_BLOB.row(message.data), *ready(kind)]
         name = printable(shortened(message.format))
         raise ValueError(f'no "{name}" is shown, but jpeg and png')
 
@@ -181,11 +182,6 @@ def _format(
             depth_range=depth_range,
         )
     )
-
-
-@lru_cache
-def _media(media_type: str) -> Sequence[ReadyColumn]:
-    return ready(rr.EncodedImage.columns(media_type=[media_type]))
 
 
 # --- views ----------------------------------------------------------------------------------------

@@ -3,16 +3,18 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.drawing import Archetypes, Drawing, TopicSettings
+from onebot_bringup.viewer.core.inbox import WantedTopic
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable
 from onebot_bringup.viewer.core.settings import Color, color, setting
 from onebot_bringup.viewer.core.shown_robot import ShownRobot
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import MOVING_KINDS, Description, Joint
@@ -41,10 +43,14 @@ class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):
 
     key = "joint_trajectory"
     message_types = ("trajectory_msgs/msg/JointTrajectory",)
-    robot_topics: ClassVar = {"joint_states": JOINT_STATE}
     stamped_when_sent, has_header = False, False
     repeat_when_silent = True
     period_ns = SELDOM
+
+    @classmethod
+    def further_topics(cls, stage: Stage, topic: str) -> Sequence[WantedTopic]:
+        states = stage.robot_of(topic).full_name("joint_states")
+        return [WantedTopic(states, (JOINT_STATE,), optional=True)]
 
     @cached_property
     def robot(self) -> ShownRobot:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
 from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
-from onebot_bringup.viewer.core.inbox import known_type
+from onebot_bringup.viewer.core.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
 from onebot_bringup.viewer.core.settings import fraction, one_of, setting
+from onebot_bringup.viewer.core.stage import Stage
 from onebot_description.geometry.quaternions import normalized
 
-UPDATES = "_updates"  # suffix of the topic of updates
 UPDATE = replace(known_type("map_msgs/msg/OccupancyGridUpdate"), replaces_previous=False)
 _COLORMAPS = {
     "map": rr.components.Colormap.RvizMap,
@@ -54,11 +54,14 @@ class MapDrawing(Drawing[MapSettings]):
 
     key = "map"
     message_types = ("nav_msgs/msg/OccupancyGrid",)
-    suffixed_topics: ClassVar = {UPDATES: UPDATE}
     stamped_when_sent, repeat_when_silent = False, True
     newest_only = True
     period_ns = SELDOM
     _grid: CurrentMap | None = None
+
+    @classmethod
+    def further_topics(cls, stage: Stage, topic: str) -> Sequence[WantedTopic]:
+        return [WantedTopic(f"{topic}_updates", (UPDATE,), optional=True, as_published=True)]
 
     def style(self) -> Sequence[rr.AsComponents]:
         scheme = self.settings.color_scheme
