@@ -10,6 +10,7 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.benchmarks.measuring import WrongAnswer, bringup, in_turn, median, over
 from tests.benchmarks.report import Report, Result
@@ -59,7 +60,7 @@ def run(quick: bool) -> Report:
         expected = round((cycles * 10**9) / _RATE)
 
         def last() -> bool:
-            return bool(clocks) and _nanoseconds(clocks[-1]) == expected
+            return bool(clocks) and nanoseconds(clocks[-1].clock) == expected
 
         wait_for(last, f"{cycles} cycles on /clock")
     return [
@@ -71,7 +72,3 @@ def run(quick: bool) -> Report:
             at_least=_LEAST,
         ),
     ]
-
-
-def _nanoseconds(clock: Clock) -> int:
-    return int(clock.clock.sec) * 10**9 + int(clock.clock.nanosec)

@@ -30,7 +30,7 @@ times = array("d")
 class TimedPacer(Pacer):
     """Records how late each cycle begins; it costs about a microsecond a cycle."""
 
-    def next(self, wait: Callable[[float], object]) -> None:
+    def next(self, wait: Callable[[], object]) -> None:
         """Wait for the next cycle."""
         super().next(wait)
         # What was left out was due that much earlier.
@@ -50,7 +50,7 @@ class Sleeper(Node):
         wake_exactly()  # as the controller does
         pacer = TimedPacer(_PERIOD, 1.0)
         while not self._ended:
-            pacer.next(time.sleep)
+            pacer.next(lambda: time.sleep(pacer.left))
 
     def destroy_node(self) -> None:
         """End the thread, and the node."""

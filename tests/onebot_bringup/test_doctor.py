@@ -50,6 +50,7 @@ def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ({}, OK, "ROS_DOMAIN_ID=0, discovery by SUBNET"),
         ({"ROS_DOMAIN_ID": "233"}, PROBLEM, "not a number from 0 to 232"),
         ({"ROS_DOMAIN_ID": "one"}, PROBLEM, "not a number"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, PROBLEM, "=OFF discovers no other nodes"),
         ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, OK, "discovery by 10.0.0.1:11811"),
     ],
 )

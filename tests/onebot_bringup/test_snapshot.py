@@ -37,6 +37,8 @@ def test_command_line():
         ["a.png", "--height", "1e3"],
         ["a.png", "--camera", "1,2"],
         ["a.png", "--camera", "1,2,3:"],
+        ["a.png", "--camera", "nan,2,3"],
+        ["a.png", "--camera", "1,2,3:1,2,3"],
         ["a.png", "b.urdf", "--joints", "x=nan"],
         ["a.png", "--joints", "x=1"],
         ["a.png", "mesh:=no"],

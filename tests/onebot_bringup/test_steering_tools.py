@@ -145,7 +145,9 @@ def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem:
 LEGEND = {"kind": "trail", "name": "odometry", "color": [255, 176, 2]}
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"shown": [], "legend": [{"color": "red"}]}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"shown": [], "legend": [{"color": "red"}]}', "[" * 100_000]
+)
 def test_what_are_no_displays_shows_none(text: str) -> None:
     """Colours are as in CSS."""
     shown = [{"topic": "/a", "type": "std_msgs/msg/String", "visible": True}]

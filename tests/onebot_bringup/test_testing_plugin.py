@@ -90,7 +90,7 @@ def test_fixtures(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
-    """Its seed and time, and what it did last as a recording and a picture.
+    """Its seed, time and domain, and what it did last as a recording and a picture.
 
     Of a test that passes nothing is written.
     """
@@ -98,6 +98,7 @@ def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
     output = run(tmp_path, FAILS + PASSES)
     assert "1 failed, 1 passed" in output
     assert "seed 5, <Simulation at 1 s: robot at x 0." in output
+    assert "ROS_DOMAIN_ID " in output
     files = {path.name: path for path in (tmp_path / "failed_tests").iterdir()}
     recorded, picture = "test_robot-test_fails.rrd", "test_robot-test_fails.png"
     assert files.keys() == {recorded, picture}, output

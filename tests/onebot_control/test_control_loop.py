@@ -396,6 +396,16 @@ def test_stamps_increase(pauses_ms: list[int], steps_ms: list[int], rate: float)
     assert all(before < after for before, after in pairwise(found))
 
 
+def test_stamps_return_to_a_clock_that_went_back_a_little() -> None:
+    """At half speed: after 0.5 s back it takes a second."""
+    machine = BusyMachine()
+    start = machine.stamps.at(50.0)
+    machine.ahead -= 500_000_000
+    found = [machine.stamps.at(50.0 + 0.1 * cycle) - start for cycle in range(1, 13)]
+    assert found[:3] == [50_000_000, 100_000_000, 150_000_000] and type(found[0]) is int
+    assert found[-3:] == [500_000_000, 600_000_000, 700_000_000]
+
+
 @pytest.mark.parametrize(("rate", "one_in"), [(500, 1), (100, 1), (100 / 3, 3), (100 / 30, 30)])
 def test_divider_picks_every_so_many(rate: float, one_in: int) -> None:
     """The first and then each at the same distance, in spite of rounding; all where it is more."""

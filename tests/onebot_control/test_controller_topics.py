@@ -142,6 +142,8 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         assert not result.successful and reason in result.reason
     for wanted in (False, True):
         assert given(publish_limited_velocity=wanted)
+        topics = {publisher.topic_name for publisher in stepped.ros._nodes[0].publishers}
+        assert (OUT in topics) == wanted
         limited.clear()
         stepped.simulation.run(0.1)
         assert len(limited) == (10 if wanted else 0)

@@ -86,6 +86,15 @@ def test_pybullet_gets_only_the_hull_of_a_mesh(tmp_path, flat, most):
     assert 4 <= sum(line.startswith("v ") for line in text.splitlines()) <= most
 
 
+def test_a_mesh_of_one_triangle_has_no_hull(tmp_path):
+    """Its description may come from anywhere, and must not end a node."""
+    mesh = trimesh.Trimesh([(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0)], [(0, 1, 2)])
+    mesh.export(tmp_path / "one.obj")
+    bodies = rigid_bodies(robot(_SPHERE, f'<mesh filename="{tmp_path}/one.obj"/>'))
+    with converted_meshes(bodies.values()) as files:
+        assert len(files) == 1
+
+
 def test_a_changed_mesh_is_read_again(tmp_path):
     mesh, sizes = tmp_path / "part.obj", []
     for size in (0.04, 0.08):

@@ -181,9 +181,15 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
 
 
 def test_ends_at_once_and_cleanly(ros_domain: int, model: str) -> None:
-    """SIGTERM ends it with code 0, as Ctrl-C does, and nothing but log lines was printed."""
-    with NodeProcess(MODULE, model) as node:
+    """SIGTERM ends it with code 0, as Ctrl-C does, and nothing but log lines was printed.
+
+    One of them warns of a limit without effect.
+    """
+    limit = ["--ros-args", "-p", "linear.x.min_velocity:=-0.1"]
+    with NodeProcess(MODULE, model, *limit) as node:
         wait_for(lambda: "driving robot" in node.output, "the start")
+        text = "linear.x.min_velocity: limits nothing without linear.x.max_velocity"
+        assert text in node.output
         os.kill(node.process.pid, signal.SIGTERM)
         assert node.wait() == 0
         assert "pybullet" not in node.output

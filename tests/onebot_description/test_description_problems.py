@@ -86,6 +86,12 @@ def test_wrong_limits_are_mended_or_left_out(
     assert frames(description) == {"a": "base"}
 
 
+def test_negative_damping_counts_as_none() -> None:
+    """It would drive the joint."""
+    description = taken(robot(hinge("j", "a", f'{LIMIT}<dynamics damping="-1"/>')), "is negative")
+    assert not description.joints[0].damping
+
+
 FIXED = hinge("f", "b", "", "fixed")
 
 

@@ -172,6 +172,20 @@ def test_a_sensor_s_name_becomes_a_part_of_a_topic():
     assert scans == ["sensor_2d_lidar/scan", "Lidar__/scan"]
 
 
+@pytest.mark.parametrize(
+    "written",
+    [
+        camera(plugin=child(topic="camera_info")),
+        camera(f"<camera_info_topic>x</camera_info_topic>{child(topic='x')}"),
+    ],
+)
+def test_two_outputs_of_a_sensor_on_one_topic_are_a_fault(written):
+    found = read(written)
+    (problem,) = found.problems
+    assert found.sensors == ()
+    assert re.search(r'r:2: .*sensor "s": publishes two things on "(x|camera_info)"; give', problem)
+
+
 def test_cameras_of_different_types_without_topics_are_named_by_themselves():
     """Those whose outputs differ share a name: a colour camera and a depth camera."""
     kinds = {"colour": "camera", "all": "rgbd_camera", "depth": "depth_camera"}

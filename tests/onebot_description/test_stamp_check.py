@@ -17,7 +17,7 @@ from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NS_PER_S, stamp_at
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message
-from tests.ros_support import NodeProcess, Peer
+from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
 NOW = 1_795_000_000 * NS_PER_S
@@ -98,20 +98,24 @@ def publish(peer: Peer, message: type, topic: str, ahead: float) -> None:
 
 
 @pytest.mark.slow
-def test_nodes_warn_of_a_host_whose_clock_is_off(ros_domain: int) -> None:
+def test_nodes_warn_of_a_host_whose_clock_is_off(ros_domain: int, tmp_path: Path) -> None:
+    far = ("-r", "__ns:=/far")
+    recording = ros_args(viewer="none", save=tmp_path / "far.rrd")
     nodes = {
-        "onebot_description.robot_state_publisher": (str(ROBOT), "--ros-args", "-r", "__ns:=/far"),
+        "onebot_description.robot_state_publisher": (str(ROBOT), "--ros-args", *far),
+        "onebot_bringup.viewer.rerun_viewer": (*recording, *far),
         "onebot_control.velocity_controller": (str(ROBOT),),
     }
     joints, commands = "/far/joint_states", "/velocity_controller/cmd_vel"
     with ExitStack() as stack:
         peer = stack.enter_context(Peer(ros_domain))
-        state, controller = (
+        state, viewer, controller = (
             stack.enter_context(NodeProcess(module, *words)) for module, words in nodes.items()
         )
         publish(peer, JointState, joints, 3.0)
         publish(peer, TwistStamped, commands, -3.0)
-        wait_for(lambda: f"stamps of {joints} are " in state.output, "a warning")
-        assert "ahead of this computer's clock: keep the clocks" in state.output
+        for node in (state, viewer):
+            wait_for(lambda n=node: f"stamps of {joints} are " in n.output, "a warning")
+            assert "ahead of this computer's clock: keep the clocks" in node.output
         wait_for(lambda: f"stamps of {commands} are " in controller.output, "a warning")
         assert "behind this computer's clock: keep the clocks" in controller.output

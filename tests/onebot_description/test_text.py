@@ -14,6 +14,7 @@ def test_nearest_forgives_slips_and_case() -> None:
 
 def test_alike_are_those_with_the_most_similar_last_word() -> None:
     topics = ["/drive/cmd_vel", "/drive/odom", "/r10/odom", "/r2/odom", "/r3/odom", "/odometry"]
+    assert alike("/r10/odm", topics)[0] == "/r10/odom", "the one in its namespace"
     assert alike("/Odm", topics) == ["/drive/odom", "/r2/odom", "/r3/odom"]
     assert alike("/r1/odom", ["/r1/odom"]) == alike("/voltage", topics) == alike("/x", []) == []
 
