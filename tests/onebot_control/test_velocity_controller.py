@@ -185,10 +185,10 @@ def test_ends_at_once_and_cleanly(ros_domain: int, model: str) -> None:
 
     One of them warns of a limit without effect.
     """
-    limit = ["--ros-args", "-p", "linear.x.min_velocity:=-0.1"]
+    limit = ["--ros-args", "-p", "linear.x.min_jerk:=-1.0"]
     with NodeProcess(MODULE, model, *limit) as node:
         wait_for(lambda: "driving robot" in node.output, "the start")
-        text = "linear.x.min_velocity: limits nothing without linear.x.max_velocity"
+        text = "linear.x.min_jerk: limits nothing without linear.x.max_jerk"
         assert text in node.output
         os.kill(node.process.pid, signal.SIGTERM)
         assert node.wait() == 0
