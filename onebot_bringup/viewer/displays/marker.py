@@ -318,9 +318,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         arrows = kinds == ARROW
         if arrows.any():
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
-        numbers = np.hstack([incoming.poses, incoming.scales, incoming.colors])
-        sound = (np.abs(numbers) <= LARGEST).all(axis=1)
-        if not sound.all():
+        numbers = incoming.poses, incoming.scales, incoming.colors
+        if not all(map(is_drawable, numbers)):
+            sound = (np.abs(np.hstack(numbers)) <= LARGEST).all(axis=1)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
             incoming.poses[~sound] = _IDENTITY
             drawn = incoming.actions == ADD
