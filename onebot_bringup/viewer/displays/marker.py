@@ -89,34 +89,42 @@ class Incoming(NamedTuple):
     @classmethod
     def from_array(cls, markers: Any) -> "Incoming":
         """Return the markers of a MarkerArray, which is a table."""
-        return cls._read(markers, lambda column: column(markers), markers.points.counts)
+        return cls(
+            markers.ns,
+            markers.header.frame_id,
+            markers.id,
+            markers.type,
+            markers.action,
+            markers.frame_locked,
+            _nanoseconds(markers.lifetime),
+            lambda: _nanoseconds(markers.header.stamp),
+            markers.points.counts,
+            markers.pose.array().copy(),  # contiguous, which is faster
+            markers.scale.array().copy(),
+            markers.color.array().copy(),
+            markers,
+        )
 
     @classmethod
     def from_single(cls, markers: Sequence[Any]) -> "Incoming":
         """Return the markers of messages with one marker each."""
-        counts = np.array([len(marker.points) for marker in markers])
-        return cls._read(markers, lambda column: [column(marker) for marker in markers], counts)
 
-    @classmethod
-    def _read(
-        cls, markers: Any, read: Callable[[Callable[[Any], Any]], Any], points: Integers
-    ) -> "Incoming":
-        def numbers(column: Callable[[Any], Any]) -> NDArray[Any]:
-            return np.array(read(column))  # a copy, contiguous, which is faster
+        def column(read: Callable[[Any], Any]) -> NDArray[Any]:
+            return np.array([read(marker) for marker in markers])
 
         return cls(
-            read(lambda marker: marker.ns),
-            read(lambda marker: marker.header.frame_id),
-            numbers(lambda marker: marker.id),
-            numbers(lambda marker: marker.type),
-            numbers(lambda marker: marker.action),
-            numbers(lambda marker: marker.frame_locked),
-            numbers(lambda marker: _nanoseconds(marker.lifetime)),
-            lambda: numbers(lambda marker: _nanoseconds(marker.header.stamp)),
-            points,
-            numbers(lambda marker: marker.pose.array()),
-            numbers(lambda marker: marker.scale.array()),
-            numbers(lambda marker: marker.color.array()),
+            [marker.ns for marker in markers],
+            [marker.header.frame_id for marker in markers],
+            column(lambda marker: marker.id),
+            column(lambda marker: marker.type),
+            column(lambda marker: marker.action),
+            column(lambda marker: marker.frame_locked),
+            column(lambda marker: _nanoseconds(marker.lifetime)),
+            lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
+            column(lambda marker: len(marker.points)),
+            column(lambda marker: marker.pose.array()),
+            column(lambda marker: marker.scale.array()),
+            column(lambda marker: marker.color.array()),
             markers,
         )
 
