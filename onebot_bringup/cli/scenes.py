@@ -239,7 +239,8 @@ def _record_description(args: Namespace, recording: "rr.RecordingStream") -> Non
 
 def _mesh_problems(description: Description) -> tuple[str, ...]:
     parts = (part for link in description.links for part in (*link.visuals, *link.collisions))
-    return tuple(part.shape.problem for part in parts if isinstance(part.shape, Mesh))
+    meshes = [part.shape for part in parts if isinstance(part.shape, Mesh)]
+    return tuple(mesh.problem for mesh in meshes if mesh.problem)
 
 
 # --- a bag --------------------------------------------------------------------------------------

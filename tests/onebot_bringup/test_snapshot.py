@@ -11,6 +11,7 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import Framing, framed, robot_view_id
 from onebot_description.description import load_description
 from onebot_description.errors import OneBotError
+from tests.readme import CHECKOUT
 
 
 def test_command_line():
@@ -115,9 +116,12 @@ def test_the_view_of_the_robot_is_found():
 
 def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     """Of the picture, not of the file, too; other warnings of the file are given as well."""
-    mesh = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
+    mesh = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    meshes = 2 * mesh.format("no.stl") + mesh.format(
+        CHECKOUT / "onebot_description/meshes/wheel.dae"
+    )
     file = tmp_path / "r.urdf"
-    file.write_text(f'<robot name="r"><link name="a">{mesh * 2}</link><gazbo/></robot>')
+    file.write_text(f'<robot name="r"><link name="a">{meshes}</link><gazbo/></robot>')
     recording = open_recording(save=tmp_path / "r.rrd")
     args = parse_command_line(["a.png", str(file), "--view", "none"])
     args.description = load_description(file)
