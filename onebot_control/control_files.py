@@ -53,12 +53,13 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     Raises:
         ConfigError: with every problem of a section, each with its line.
     """
+    texts = {file: read_text(file) for file in files}
     unknown = unknown_by_node(controller)
-    manager = _section(files, namespace, MANAGER, unknown[MANAGER])
+    manager = _section(texts, namespace, MANAGER, unknown[MANAGER])
     drive = manager
     if controller != MANAGER:
-        drive = _section(files, namespace, controller, unknown[controller])
-    broadcaster = _section(files, namespace, BROADCASTER, unknown[BROADCASTER])
+        drive = _section(texts, namespace, controller, unknown[controller])
+    broadcaster = _section(texts, namespace, BROADCASTER, unknown[BROADCASTER])
     undeclared = {key: manager.values.pop(key) for key in [*manager.values] if _is_undeclared(key)}
     if problems := _wrong_types(undeclared, controller):
         raise ConfigError(problems, manager.places)
@@ -93,11 +94,12 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
     Raises:
         ConfigError: with every problem of a section, each with its line.
     """
-    manager = _section(files, namespace, MANAGER, lambda names: [])
+    texts = {file: read_text(file) for file in files}
+    manager = _section(texts, namespace, MANAGER, lambda names: [])
     kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
     controllers, places = [], dict[str, str]()
     for name, kind in kinds.items():
-        section = _section(files, namespace, name, kind.unknown)
+        section = _section(texts, namespace, name, kind.unknown)
         places |= {f"{name}.{key}": place for key, place in section.places.items()}
         with named(name, places):
             controllers.append(kind(name, section.values))
@@ -113,17 +115,15 @@ def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointControll
     }
 
 
-def _section(files: Sequence[Path], namespace: str, node: str, unknown: Unknown) -> Parameters:
-    """Return a node's parameters, without shared ones that only other nodes have.
+def _section(texts: Mapping[Path, str], namespace: str, node: str, unknown: Unknown) -> Parameters:
+    """Return a node's parameters from the texts of files, without those that only others have.
 
     Raises:
         ConfigError: a file is broken, or has names that ``unknown`` reports.
     """
     parameters = Parameters()
-    for file in files:
-        parameters.update(
-            read_parameters(read_text(file), str(file), f"{namespace.rstrip('/')}/{node}")
-        )
+    for file, text in texts.items():
+        parameters.update(read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}"))
     parameters.drop_shared(unknown)
     if problems := unknown(parameters.values):
         raise ConfigError(problems, parameters.places)

@@ -32,9 +32,9 @@ def alike(name: str, candidates: Iterable[str]) -> list[str]:
     ends = {name: name.rpartition("/")[2] for name in {name, *candidates}}
     others = sorted(ends.keys() - {name}, key=natural_order)
     end = nearest(ends[name], {ends[candidate] for candidate in others})
-    found = [candidate for candidate in others if ends[candidate] == end]
+    matches = [candidate for candidate in others if ends[candidate] == end]
     space = name.rpartition("/")[0]
-    return sorted(found, key=lambda full: full.rpartition("/")[0] != space)[:_MAX_SUGGESTED]
+    return sorted(matches, key=lambda full: full.rpartition("/")[0] != space)[:_MAX_SUGGESTED]
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:

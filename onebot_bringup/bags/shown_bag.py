@@ -144,7 +144,7 @@ class _Player:
         self._stream = stream
         self._warn = warn
         self._bad: Counter[str] = Counter()  # number of bad messages by topic
-        self._first_errors: dict[str, Exception] = {}  # by topic
+        self._first_errors: dict[str, Exception] = {}  # keys: topics
         self.now_ns = bag.start_ns
 
     def report(self, topic: str, error: Exception) -> None:

@@ -29,9 +29,9 @@ def run(argv: Sequence[str]) -> int:
     package, executable, *arguments = argv
     modules = EXECUTABLES.get(package, {})
     if executable not in modules:
-        known = [f"{name} {each}" for name, row in EXECUTABLES.items() for each in row]
-        named = f"{package} {executable}"
-        raise UsageError(f'onebot run has no "{named}"{did_you_mean(named, known)}')
+        pairs = [f"{name} {node}" for name, row in EXECUTABLES.items() for node in row]
+        pair = f"{package} {executable}"
+        raise UsageError(f'onebot run has no "{pair}"{did_you_mean(pair, pairs)}')
     use_local_discovery()
     os.environ.update(blas_variables())
     sys.argv[:] = [executable, *arguments]

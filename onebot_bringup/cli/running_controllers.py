@@ -55,9 +55,9 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
         return [name for name in _names(session) if full_name in ("", name)]
 
     if not session.look_for(found, full_name or "a joint_trajectory_controller"):
-        others = did_you_mean(full_name, _names(session), "controllers") if full_name else ""
+        hint = did_you_mean(full_name, _names(session), "controllers") if full_name else ""
         what = full_name or "joint_trajectory_controller"
-        raise OneBotError(f"no {what} found{others}; {_START}")
+        raise OneBotError(f"no {what} found{hint}; {_START}")
     if not full_name:
         session.discover()  # there may be more than the first one found
     controllers = [RunningController(session, name) for name in found()]

@@ -62,13 +62,13 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
     if not name:
         session.discover()  # there may be more than the first robot found
         session.spin(lambda: commanded_robots(session), PATIENCE)
-        found = commanded_robots(session)
-        if len(found) > 1 and not first:
+        robots = commanded_robots(session)
+        if len(robots) > 1 and not first:
             raise OneBotError(
-                f"{len(found)} robots take commands: {listing(robot.name for robot in found)}; "
+                f"{len(robots)} robots take commands: {listing(robot.name for robot in robots)}; "
                 "choose one by its name, or by its topic of commands"
             )
-        return found[0].topic if found else session.full_name(_COMMANDS)
+        return robots[0].topic if robots else session.full_name(_COMMANDS)
     topic = session.full_name(name)
 
     def named() -> list[str]:

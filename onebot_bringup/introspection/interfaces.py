@@ -36,9 +36,9 @@ def full_name(name: str, kind: str) -> str:
     names = installed(kind)
     if full in names:
         return full
-    end = full.rpartition("/")[2].lower()
-    same = [each for each in names if each.rpartition("/")[2].lower() == end]  # of other packages
-    hint = did_you_mean(full, same or names, "installed")
+    end = full.rpartition("/")[2].lower()  # another package may have a type of this name
+    namesakes = [known for known in names if known.rpartition("/")[2].lower() == end]
+    hint = did_you_mean(full, namesakes or names, "installed")
     raise OneBotError(f'no {_KINDS[kind]} type "{name}"{hint}')
 
 

@@ -62,7 +62,7 @@ class SteeringServer:
         self.app.on_shutdown.append(self._close_pages)
         self.app.router.add_get("/", self._get_index)
         self.app.router.add_get("/ws", self._serve_page)
-        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # of colcon
+        self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # colcon's
         self.view.add_to(self.app)
         self.tools.add_to(self.app)
 

@@ -186,7 +186,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         Within a process, Fast DDS delivers a message before ``publish`` returns: if no node has a
         callback after the robots ran all of theirs, nothing is on its way.
         """
-        executors = [each for each in (self._arms, self._executor) if each.get_nodes()]
+        executors = [executor for executor in (self._arms, self._executor) if executor.get_nodes()]
         for executor in executors:
             executor.take_time()
         while True:

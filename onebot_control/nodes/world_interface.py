@@ -194,7 +194,7 @@ class WorldInterface:
         for interface in self.robots:
             self.arm_nodes += interface.control_joints(loop, clock)
         loop.start()
-        self.set_factor(self.factor)  # the first robot's
+        self.set_factor(self.factor)  # the first robot's counts
 
     def set_factor(self, factor: float) -> None:
         """Set real_time_factor of all robots."""

@@ -291,8 +291,8 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
 def _meant(section: str, nodes: Sequence[str]) -> str:
     """Return what to write: a section of the same name for all nodes of that name, or any."""
     name = f"/{section.rpartition('/')[2]}"
-    found = [node for node in nodes if node.endswith(name)]
-    return f"write {f'/**{name}' if len(found) > 1 else listing(found or nodes)}"
+    namesakes = [node for node in nodes if node.endswith(name)]
+    return f"write {f'/**{name}' if len(namesakes) > 1 else listing(namesakes or nodes)}"
 
 
 def read_text(file: Path) -> str:
