@@ -25,7 +25,7 @@ from rclpy.task import Future
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
-from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.nodes.control_loop import ControlLoop, wake_exactly
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.world_interface import WorldInterface
@@ -85,6 +85,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             domain_id: the ROS domain; None for ROS_DOMAIN_ID.
         """
         self.simulation = simulation
+        wake_exactly()  # otherwise each wait for nothing takes 50 us
         # The robots' nodes have a context of their own: in one context, a topic cannot have two
         # types, as ~/cmd_vel may have.
         self._context = Context()
