@@ -263,7 +263,6 @@ class RobotView:
             display.flush()
             if display.limit is not None:
                 display.limit.spent(time.perf_counter() - began)
-        self._store_message_frames()
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
         """Use the view's settings from now on."""
