@@ -1,4 +1,4 @@
-"""Reads MCAP files, with checks that each record fits the file and a maximum size."""
+"""Reads MCAP files: whole records of one that was cut short; no record may be too large."""
 
 import heapq
 import io
@@ -47,7 +47,7 @@ _Found = Iterator[tuple[int, int, bytes]]  # channel, time and data of each mess
 class _Declared:
     """The declarations in a file, from its summary or between its messages."""
 
-    room: int  # bytes of records that may still be stored
+    room: int  # bytes of memory left for declarations
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)

@@ -42,7 +42,7 @@ def run(argv: Sequence[str]) -> int:
 
     # This is slower to import.
     from onebot_description.description import describe, load_description
-    from onebot_description.description.sizes import shape_sizes, size_warnings
+    from onebot_description.description.unit_check import shape_sizes, size_warnings
 
     description = load_description(file, xacro_values)
     sizes, faults = shape_sizes(description)

@@ -29,10 +29,10 @@ def run(argv: Sequence[str]) -> int:
         from onebot_description.description import load_description  # slower to import
 
         args.description = load_description(args.source, args.arguments)
-    from onebot_bringup.cli.scenes import draw  # the slowest
+    from onebot_bringup.cli.pictures import draw  # the slowest
 
     with KeyboardInterrupts(), tempfile.TemporaryDirectory(prefix="onebot-") as folder:
-        draw(args, Path(folder) / "scene.rrd")
+        draw(args, Path(folder) / "snapshot.rrd")
     print(f"wrote {args.file} ({args.width} x {args.height})")
     return 0
 

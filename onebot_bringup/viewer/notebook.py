@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from IPython.display import display
 from ipywidgets import FloatSlider, VBox
 
-from onebot_bringup.viewer.core.scene import COLLISION_ENTITY, Scene
+from onebot_bringup.viewer.core.robot_shapes import COLLISION_ENTITY, RobotShapes
 from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
@@ -61,7 +61,7 @@ class NotebookRobot:
 
         self._viewer = Viewer(width="auto", height=height, recording=self.recording, theme="dark")
         self.recording.send_blueprint(self._blueprint())
-        for problem in Scene(self.recording).set_robot(description):
+        for problem in RobotShapes(self.recording).set_robot(description):
             warnings.warn(problem, stacklevel=2)
         fixed = self.model.fixed
         for parent, child, pose in zip(fixed.parents, fixed.children, fixed.constant, strict=True):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from onebot_bringup.viewer.core.scene import marker_size
+from onebot_bringup.viewer.core.robot_shapes import marker_size
 from onebot_description.arrays import Floats
 from onebot_description.elements.description import Description, Geometry, Link
 from onebot_description.errors import OneBotError
@@ -17,7 +17,7 @@ def corners(geometry: Geometry) -> Floats:
     """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
     import trimesh  # slow to import
 
-    from onebot_bringup.viewer.core.shapes import load_shape
+    from onebot_bringup.viewer.core.glb import load_shape
 
     local = trimesh.bounds.corners(load_shape(geometry.shape).bounds)
     return matrices.transformed(local, matrices.of_origin(geometry.origin))

@@ -25,7 +25,7 @@ from onebot_bringup.viewer.core.inbox import (
     WantedTopic,
 )
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
-from onebot_bringup.viewer.core.scene import COLLISION_ENTITY
+from onebot_bringup.viewer.core.robot_shapes import COLLISION_ENTITY
 from onebot_bringup.viewer.core.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS

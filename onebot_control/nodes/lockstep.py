@@ -25,8 +25,9 @@ from rclpy.task import Future
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
-from onebot_control.nodes.control_loop import ControlLoop, wake_exactly
+from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.nodes.pacing import wake_exactly
 from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.sensing.sensors import Sensors

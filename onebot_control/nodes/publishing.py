@@ -51,7 +51,13 @@ class Publishers:
     """
 
     def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
-        """Create the publishers; ``clock``: also of /clock; ``stands``: there is no odometry."""
+        """Create the publishers.
+
+        Args:
+            node: of the robot.
+            clock: whether to publish /clock, too.
+            stands: whether the robot does not drive: then there is no odometry.
+        """
         self._node, self._stands = node, stands
         self._joint_states = node.create_publisher(JointState, "joint_states", DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)

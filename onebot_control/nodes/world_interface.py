@@ -15,7 +15,7 @@ from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.frames import Frames, check_frames
 from onebot_control.nodes.publishing import ScenePublisher
-from onebot_control.nodes.real_time import PaceReports
+from onebot_control.nodes.real_time_factor import PaceReports
 from onebot_control.nodes.robot_interface import RobotInterface
 from onebot_control.nodes.sensing import Sensing, SensingThread
 from onebot_control.nodes.simulation_services import SimulationServices

@@ -38,8 +38,8 @@ from onebot_description.model.rigid_bodies import Body, rigid_frames
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
 _GLIDING = 0.01  # coefficient of friction of parts that glide
-# Rigid casters in front of and behind the wheels would carry the robot alone. Round shapes up to
-# _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
+# Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:
+# round shapes up to _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
 _LEVEL, _LIFT = 0.005, 0.0002
 # The same for meshes and boxes of a base that round shapes support. PyBullet uses a mesh's
 # convex hull, which also fills the space between the wheels.

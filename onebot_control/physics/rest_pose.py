@@ -17,7 +17,7 @@ from onebot_control.physics.spawning import (
     make_world,
 )
 from onebot_description.description import Description
-from onebot_description.description.sizes import LARGEST_ROBOT
+from onebot_description.description.unit_check import LARGEST_ROBOT
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import (
     Quaternion,

@@ -40,7 +40,7 @@ def calibration(camera: Camera) -> dict[str, str | list[float]]:
 
 
 def camera_rays(camera: Camera) -> Rays:
-    """Return the rays of the pixels, row by row from the top, of length 1 along the axis (x)."""
+    """Return the rays of the pixels, row by row from the top; their x, along the axis, is 1."""
     # glibc returns free memory to the system once it exceeds twice the largest block ever freed.
     # Freeing a large block once avoids that: fetching memory again for each image would take a
     # third of the time.

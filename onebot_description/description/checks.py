@@ -1,7 +1,8 @@
 """Checks of a robot description beyond single values, which ``reading`` checks.
 
 It checks names, the tree of links, mimic joints, masses, mesh files, materials, elements and
-attributes that are not part of URDF, and xacro that is not expanded.
+attributes that are not part of URDF, and xacro that is not expanded. ``unit_check`` finds lengths
+that are in millimetres.
 """
 
 import re

@@ -1,9 +1,9 @@
 """Locates mesh files, and loads their surfaces for the viewer, the simulation and its sensors.
 
 To publish a description, files are only located. yourdfpy loads the surfaces. Added here is what
-RViz shows, but yourdfpy ignores: the <unit> of a Collada file, and surfaces with a broken material
-(both ignore <up_axis>). yourdfpy and trimesh are imported in functions, because they are slow to
-import.
+RViz shows, but yourdfpy ignores: the <unit> of a Collada file, and surfaces with a broken material.
+As in both of them, <up_axis> has no effect. yourdfpy and trimesh are imported in functions, because
+they are slow to import.
 """
 
 import io

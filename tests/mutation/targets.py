@@ -19,7 +19,7 @@ def _description(*names: str) -> tuple[str, ...]:
 
 _SIMULATION = ("simulation_loading", "simulation_state", "simulation_motion")
 _CHECKS = (
-    *("description_checks", "description_sizes", "description_problems"),
+    *("description_checks", "description_unit_check", "description_problems"),
     *("description_faults", "description_loading"),
 )
 _SOURCE = ("joints_source", "joints_mimic")
@@ -37,6 +37,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/fleet.py": _control("fleet", "control_loop"),
     "onebot_control/frame_names.py": _control("frame_names"),
     "onebot_control/nodes/control_loop.py": _control("control_loop"),
+    "onebot_control/nodes/pacing.py": _control("pacing"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
     "onebot_control/drive/parameters.py": (

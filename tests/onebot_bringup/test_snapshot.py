@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.cli.scenes import _record_description
+from onebot_bringup.cli.pictures import _record_description
 from onebot_bringup.cli.snapshot import check_picture, parse_command_line
 from onebot_bringup.launch.arguments import UsageError
 from onebot_bringup.viewer.display_server import open_recording

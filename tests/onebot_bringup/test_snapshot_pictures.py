@@ -10,7 +10,7 @@ import psutil
 import pytest
 from PIL import Image
 
-from onebot_bringup.cli.scenes import record_pose
+from onebot_bringup.cli.pictures import record_pose
 from onebot_bringup.viewer import rendering
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer, still

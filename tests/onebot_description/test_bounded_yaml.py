@@ -126,3 +126,7 @@ def test_a_tag_that_does_not_suit_its_value_is_invalid(text: str) -> None:
         read_map(f"a: {text}\n", "view.yaml")
     with pytest.raises(yaml.YAMLError):
         bounded_yaml.load(f"a: {text}\n")
+
+
+def test_exponents_need_no_point() -> None:
+    assert bounded_yaml.load("[1e5, -1E-05, .5e3, '1e5', e5]") == [1e5, -1e-05, 500.0, "1e5", "e5"]

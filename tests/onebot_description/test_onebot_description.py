@@ -11,8 +11,8 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.core.scene import Scene
-from onebot_bringup.viewer.core.shapes import load_shape
+from onebot_bringup.viewer.core.glb import load_shape
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.elements.description import Cylinder, Mesh, Sphere
 from onebot_description.elements.packages import package_share
@@ -73,7 +73,7 @@ def test_rerun_shows_the_robot_without_complaint(combination):
     """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
     robot = parse_description(_load(*combination).urdf, "robot_description")
     assert robot.notices == ()
-    assert Scene(rr.RecordingStream("onebot_test")).set_robot(robot) == []
+    assert RobotShapes(rr.RecordingStream("onebot_test")).set_robot(robot) == []
     for visual in (visual for link in robot.links for visual in link.visuals):
         assert visual.color is not None
         if isinstance(visual.shape, Mesh):

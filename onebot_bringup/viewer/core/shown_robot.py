@@ -7,7 +7,7 @@ import rerun as rr
 
 from onebot_bringup.introspection.transforms import FrameTree
 from onebot_bringup.viewer.core.columns import entity_path
-from onebot_bringup.viewer.core.scene import Scene
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import did_you_mean, listing
 
@@ -68,7 +68,7 @@ class ShownRobot:
         """
         self.names, self.root = names, root
         self.frames, self._resolve = frames, resolve
-        self.scene = Scene(recording, names.frame_prefix, root)
+        self.shapes = RobotShapes(recording, names.frame_prefix, root)
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # length of axes that suits the robot, m; 0: unknown
@@ -112,7 +112,7 @@ class ShownRobot:
             OneBotError: the URDF is invalid.
         """
         robot = description or parse_description(urdf, self.names.description.strip("/"))
-        warnings = self.scene.set_robot(robot)
+        warnings = self.shapes.set_robot(robot)
         self.urdf, self.description = urdf, robot
         return warnings
 
@@ -172,7 +172,7 @@ class ShownRobot:
 
     def entity_of(self, link: str) -> str:
         """Return the entity that moves with a link: its first visual, or else its axes."""
-        return self.scene.visual_of(link) or axes_entity(self.frame_of(link))
+        return self.shapes.visual_of(link) or axes_entity(self.frame_of(link))
 
 
 def unknown_frame(wanted: str, fixed_frame: str, frames: FrameTree) -> str:

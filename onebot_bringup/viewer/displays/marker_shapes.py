@@ -253,7 +253,7 @@ class MeshVariant(NamedTuple):
 
     def pieces(self) -> Sequence[Piece]:
         """Return the columns of the mesh itself."""
-        from onebot_bringup.viewer.core.shapes import load_shape  # imports trimesh
+        from onebot_bringup.viewer.core.glb import load_shape  # imports trimesh
 
         asset = load_shape(locate_mesh(Resources(None), self.uri))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF

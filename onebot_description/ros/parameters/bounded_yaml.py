@@ -6,6 +6,7 @@ and refused before a tree is built.
 """
 
 import os
+import re
 import stat
 from pathlib import Path
 from typing import IO, Any
@@ -13,7 +14,13 @@ from typing import IO, Any
 import yaml
 
 # libyaml's, which rcl uses as well; not in every build of PyYAML.
-SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+SafeLoader: Any = type("SafeLoader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
+# YAML 1.2, rcl and RViz take 1e-05 for a number, too; PyYAML, of YAML 1.1, for a string.
+SafeLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    [*"+-.0123456789"],
+)
 
 _MOST_BYTES = 50_000_000  # a node's parameters may hold a whole URDF
 _MOST_LEVELS = 64

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from onebot_description.description import describe, load_description, parse_description
-from onebot_description.description.sizes import shape_sizes, size_warnings
+from onebot_description.description.unit_check import shape_sizes, size_warnings
 from onebot_description.elements.packages import package_share
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_bringup.viewer.core.shapes import file_state, load_shape
+from onebot_bringup.viewer.core.glb import file_state, load_shape
 from onebot_description.elements.description import Box, Capsule, Cylinder, Sphere
 from onebot_description.elements.meshes import locate_mesh
 from onebot_description.elements.packages import Resources

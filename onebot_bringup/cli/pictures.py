@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     import rerun as rr
 
 
-def draw(args: Namespace, scene: Path) -> None:
-    """Draw what the command line asks for; ``scene`` is a path for a temporary recording."""
+def draw(args: Namespace, file: Path) -> None:
+    """Draw what the command line asks for; ``file`` is a path for a temporary recording."""
     if args.kind == "rrd":
         _render(args, Path(args.source))
         return
@@ -43,12 +43,12 @@ def draw(args: Namespace, scene: Path) -> None:
         "bag": _record_bag,
         "description": _record_description,
     }[args.kind]
-    recording = open_recording(save=scene)
+    recording = open_recording(save=file)
     try:
         record(args, recording.stream)
     finally:
         recording.close()
-    _render(args, scene)
+    _render(args, file)
 
 
 def _render(args: Namespace, source: Path) -> None:

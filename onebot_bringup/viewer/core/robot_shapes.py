@@ -34,7 +34,7 @@ _MOST_REASONS = 10  # reasons named for missing shapes
 _MISSING_SIZE = 0.1  # m, if the size of the robot is unknown
 
 
-class Scene:
+class RobotShapes:
     """Keeps a recording's static part equal to the robot's description."""
 
     def __init__(
@@ -83,7 +83,7 @@ class Scene:
 
     def _draw(self, path: str, link: str, geometry: Geometry, color: Rgba32 | None) -> None:
         """Draw ``geometry`` in its file's own colours, or else in ``color``."""
-        from onebot_bringup.viewer.core.shapes import file_state, load_shape  # imports trimesh
+        from onebot_bringup.viewer.core.glb import file_state, load_shape  # imports trimesh
 
         what = (link, geometry, file_state(geometry.shape))
         if self._drawn.get(path) == what:

@@ -1,4 +1,4 @@
-"""Computes sizes of a robot's shapes, and warns of wrong units, mostly millimetres."""
+"""Warns of wrong units, mostly millimetres, by the sizes of a robot's shapes."""
 
 import math
 from collections.abc import Iterator, Mapping

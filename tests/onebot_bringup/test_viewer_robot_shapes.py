@@ -1,6 +1,6 @@
-"""The scene: shapes, frames, and what is said of those that are missing."""
+"""The shapes of a robot in a recording, and the warnings of those that are missing."""
 
-from onebot_bringup.viewer.core.scene import Scene
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
@@ -49,14 +49,14 @@ def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
         '<cylinder radius=".3" length=".6"/>', lost.replace("x.stl", "y.stl")
     )
     recording = open_recording(save=tmp_path / "x.rrd")
-    scene = Scene(recording.stream)
-    [problem] = scene.set_robot(parse_description(urdf))
+    shapes = RobotShapes(recording.stream)
+    [problem] = shapes.set_robot(parse_description(urdf))
     assert problem.startswith("link base, tip: not drawn but marked by a box: mesh no ROS package")
-    assert scene.visual_of("base") == "robot/visual/base/0/missing"
-    assert scene.visual_of("tip") == "robot/visual/tip/0/missing"
+    assert shapes.visual_of("base") == "robot/visual/base/0/missing"
+    assert shapes.visual_of("tip") == "robot/visual/tip/0/missing"
     # Found again, it takes the place of its mark.
-    assert scene.set_robot(parse_description(ARM)) == []
-    assert scene.visual_of("base") == "robot/visual/base/0"
+    assert shapes.set_robot(parse_description(ARM)) == []
+    assert shapes.visual_of("base") == "robot/visual/base/0"
     recording.close()
 
 
