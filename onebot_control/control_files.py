@@ -44,14 +44,14 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
 
     Args:
         files: YAML files; later ones override earlier ones.
-        namespace: of the nodes, such as "/".
+        namespace: namespace of the nodes, such as "/".
         controller: name of the controller's node, such as "velocity_controller".
 
     Returns:
         The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
 
     Raises:
-        ConfigError: with every problem of a section, each with its line.
+        ConfigError: values are wrong; it names all in a section, with their lines.
     """
     texts = {file: read_text(file) for file in files}
     unknown = unknown_by_node(controller)
@@ -89,10 +89,10 @@ def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointContro
 
     Args:
         files: YAML files; later ones override earlier ones.
-        namespace: of the nodes, such as "/".
+        namespace: namespace of the nodes, such as "/".
 
     Raises:
-        ConfigError: with every problem of a section, each with its line.
+        ConfigError: values are wrong; it names all in a section, with their lines.
     """
     texts = {file: read_text(file) for file in files}
     manager = _section(texts, namespace, MANAGER, lambda names: [])

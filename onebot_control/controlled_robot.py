@@ -174,7 +174,7 @@ class PreparedRobot(NamedTuple):
             description: the robot.
             config: its parameters.
             name: prefix of error messages.
-            controllers: of joints other than wheels; none for the default controller.
+            controllers: controllers of joints other than wheels; none for the default controller.
             stands: whether its base stands still.
 
         Raises:

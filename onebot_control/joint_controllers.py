@@ -70,7 +70,7 @@ class JointController(ABC, Generic[F]):
         """Check the parameters ``values`` of the controller ``name``.
 
         Raises:
-            ConfigError: with every problem.
+            ConfigError: values are wrong; it names each of them.
         """
         self.name, self.values = name, values
         self.config = self._read(values)
@@ -174,7 +174,7 @@ def named(name: str, places: Mapping[str, str] = MappingProxyType({})) -> Iterat
     """Prefix the parameters in ConfigErrors with their controller, as in arm_controller.joints.
 
     Args:
-        name: of the controller.
+        name: name of the controller.
         places: file and line of parameters, by the prefixed name.
     """
     try:

@@ -97,7 +97,7 @@ class RobotSetup:
         y: start position in the world, m.
         yaw: start heading, rad.
         model: a URDF or xacro file, or a Description; None for the Simulation's model.
-        parameters: of its controller, by their ROS names; they override the Simulation's.
+        parameters: parameters of its controller, by ROS names; they override the Simulation's.
     """
 
     x: float = 0.0
@@ -142,10 +142,10 @@ class Simulation(AbstractContextManager["Simulation"]):
                 ``sensors_enabled``, as OneBot's (a lidar, an IMU and a camera), or a URDF or xacro
                 file with further ones. The sensors in a URDF are always simulated.
             noise: whether sensors have the noise that the URDF specifies.
-            seed: of that noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
+            seed: seed of that noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
             arguments: xacro arguments of the model, by name.
-            parameters: of the controller, by their ROS names, such as ``linear.x.max_velocity``;
-                they override OneBot's control.yaml.
+            parameters: parameters of the controller, by their ROS names, such as
+                ``linear.x.max_velocity``; they override OneBot's control.yaml.
             robots: several robots in this world, by name, instead of a single one.
 
         Raises:
@@ -439,7 +439,7 @@ class SimulatedRobot:
 
         Args:
             linear: forward, m/s.
-            angular: to the left, rad/s.
+            angular: velocity of turning to the left, rad/s.
 
         Raises:
             ValueError: a velocity is not finite.
@@ -497,8 +497,8 @@ class SimulatedRobot:
         """Move the robot to another pose in the world, at rest; its odometry does not change.
 
         Args:
-            x: of the root link in the world, m.
-            y: of the root link in the world, m.
+            x: x coordinate of the root link in the world, m.
+            y: y coordinate of the root link in the world, m.
             yaw: heading in the world, rad.
 
         Raises:

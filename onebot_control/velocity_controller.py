@@ -117,7 +117,7 @@ def simulation_nodes(
     """Create a node for each robot of a world; they start once every description is known.
 
     Args:
-        name: of the nodes: velocity_controller, or controller_manager for robots that stand.
+        name: name of the nodes: velocity_controller, or controller_manager for robots that stand.
         robots: the ROS arguments of each robot's node; empty for a single robot.
         file: URDF or xacro file; None for each node's parameter or topic robot_description.
         arguments: ROS arguments of all nodes.

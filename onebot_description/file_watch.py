@@ -52,7 +52,7 @@ class FileWatch:
         """Watch files.
 
         Args:
-            files: to watch; they need not exist.
+            files: files to watch; they need not exist.
             since_ns: files written after this time (ns since 1970) count as changed.
             clock: returns seconds.
         """

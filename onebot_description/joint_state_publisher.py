@@ -75,7 +75,7 @@ class JointParameters:
         """Declare every parameter that was set, and the others with their defaults.
 
         Raises:
-            ConfigError: with every problem.
+            ConfigError: values are wrong; it names each of them.
         """
         self._node = node
         set_doubles(node, JointsConfig)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.core.inbox import DESCRIPTION
 from onebot_bringup.viewer.core.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow
-from onebot_bringup.viewer.core.transforms import TF
+from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_source import ViewSource

@@ -11,9 +11,9 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType, IndexType, Writer
 
+from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interface_text import full_definition
-from onebot_description.whole_file import write_whole
 
 _METADATA = "metadata.yaml"
 CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's default

@@ -24,7 +24,7 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
-from onebot_description.elements.description import Mesh
+from onebot_description.elements.urdf import Mesh
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.ros.steady_timer import steady_timer

@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
+from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.signals import KeyboardInterrupts
-from onebot_description.whole_file import refuse_unwritable
 
 
 def run(argv: Sequence[str]) -> int:

@@ -35,13 +35,13 @@ from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import prefixed
+from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.discovery import discovery_variables
 from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
 from onebot_description.ros.shared_memory import remove_stale_in_background
 from onebot_description.ros.signals import KeyboardInterrupts
-from onebot_description.whole_file import refuse_unwritable
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot

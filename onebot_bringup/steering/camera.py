@@ -76,7 +76,7 @@ class CameraFeed:
         """Follow publishers that come and go; call this several times per second.
 
         Args:
-            namespace: of the robot.
+            namespace: namespace of the robot.
             watched: whether there is a page.
         """
         names = namespace.topics(self._node, {_IMAGE})

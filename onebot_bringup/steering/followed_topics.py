@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import FrameTree
-from onebot_description.ros.message_age import boot_time
+from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import compatible_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
+from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import (
     BAD_MESSAGE,

@@ -16,7 +16,7 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.transforms import TransformError
+from onebot_bringup.introspection.frame_tree import TransformError
 from onebot_bringup.steering.followed_topics import (
     FollowedTopics,
     FollowedTransforms,

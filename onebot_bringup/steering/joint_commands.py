@@ -52,7 +52,7 @@ class JointCommands:
         """Follow the robot's joint controllers; call this several times per second.
 
         Args:
-            namespace: of the robot.
+            namespace: namespace of the robot.
             description: the robot's description, if it is known.
             watched: whether there is a page.
         """

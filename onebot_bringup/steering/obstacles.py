@@ -182,7 +182,7 @@ class Obstacles:
         """Follow publishers that come and go; call this several times per second.
 
         Args:
-            namespace: of the robot.
+            namespace: namespace of the robot.
             watched: whether there is a page.
         """
         sensors = namespace.topics(self._node, _SENSORS) if watched else {}

@@ -30,8 +30,8 @@ from onebot_bringup.serving.ports import (
     open_in_browser,
 )
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
+from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.errors import OneBotError
-from onebot_description.whole_file import refuse_unwritable
 
 # Rerun's own program, run as a child process that never outlives us, however we end. (The ``rerun``
 # script is a Python shim: killing it would leave the program running.)

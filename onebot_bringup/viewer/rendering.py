@@ -22,10 +22,10 @@ from rerun.experimental import ViewerClient, ViewerState
 from onebot_bringup.serving.ports import LOOPBACK, free_port
 from onebot_bringup.viewer.blueprint import ROBOT_VIEW
 from onebot_bringup.viewer.display_server import Child, open_recording
+from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import in_background
 from onebot_description.geometry.poses import Triple
-from onebot_description.whole_file import write_whole
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from onebot_bringup.viewer.core.robot_shapes import marker_size
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import Description, Geometry, Link
+from onebot_description.elements.urdf import Description, Geometry, Link
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Triple

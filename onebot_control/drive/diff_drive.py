@@ -51,7 +51,7 @@ class DiffDriveController:
 
     Attributes:
         odometry: the robot's pose and twist by its wheels, in the time of the cycles.
-        pace: how many seconds of cycles ran per second of time, averaged over
+        pace: time of the cycles divided by the time that passed, averaged over
             velocity_rolling_window_size cycles: 1, or less if cycles were late. A velocity times
             the pace is the change of position per change of stamp.
     """
@@ -88,7 +88,7 @@ class DiffDriveController:
 
         Args:
             linear: forward, m/s; clamped to +-1e6.
-            angular: to the left, rad/s; clamped to +-1e6.
+            angular: velocity of turning to the left, rad/s; clamped to +-1e6.
             age: seconds since the command was given. None (unknown) and negative ages (the sender's
                 clock is ahead, or ours was set back) count as 0.
 

@@ -46,7 +46,7 @@ class DiffDriveKinematics:
 
         Args:
             linear: forward, m/s.
-            angular: to the left, rad/s.
+            angular: velocity of turning to the left, rad/s.
         """
         across = angular * self.separation / 2.0
         return (linear - across) / self.left_radius, (linear + across) / self.right_radius
@@ -82,7 +82,7 @@ class PoseCovariance(NamedTuple):
             dx: step in x, m.
             dy: step in y, m.
             errors: columns of G, (2, 3): how each of two independent errors acts on x, y and yaw.
-            variances: of these errors, the diagonal of Q.
+            variances: variances of these errors, the diagonal of Q.
         """
         xx, xy, yy, xt, yt, tt = self
         (ax, ay, at), (bx, by, bt) = errors
@@ -133,12 +133,18 @@ class Odometry:
         heading: rad, not wrapped.
         linear: forward velocity, m/s: the rolling mean, or in open loop the command.
         angular: velocity of turning to the left, rad/s, likewise.
-        covariance: of the pose.
+        covariance: covariance of the pose.
         noise: variances of the left and right wheels' distances, m^2 per metre.
     """
 
     def __init__(self, kinematics: DiffDriveKinematics, window: int = 10) -> None:
-        """Start at zero, with a twist averaged over ``window`` updates."""
+        """Start at zero.
+
+        Args:
+            kinematics: converts wheel to body motion.
+            window: number of updates that the twist is averaged over
+                (velocity_rolling_window_size).
+        """
         self.kinematics, self.noise = kinematics, (0.0, 0.0)
         self._wheels: tuple[float, float] | None = None
         # The twists of the last updates, which are averaged.

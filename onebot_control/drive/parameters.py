@@ -195,10 +195,10 @@ class ControlConfig(SimulationConfig):
         """Check parameters, and convert them to a config.
 
         Args:
-            values: by their dotted ROS names, such as ``linear.x.max_velocity``.
+            values: values by their dotted ROS names, such as ``linear.x.max_velocity``.
 
         Raises:
-            ConfigError: with every problem, each naming the parameter and what would be right.
+            ConfigError: values are wrong; it names each of them, and what would be right.
         """
         return read(cls, values)
 

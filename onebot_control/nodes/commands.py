@@ -10,12 +10,13 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
-from onebot_description.ros.message_age import Age, Delivery, SenderClock, boot_time
+from onebot_description.ros.message_age import Age, Delivery, SenderClock
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.throttled import Throttled, Warn
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
+from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 
 _TOPIC = "~/cmd_vel"
@@ -142,7 +143,7 @@ class CommandGate:
 
     Attributes:
         lock: the robot's ~/cmd_vel_lock.
-        subscription: to ~/cmd_vel; None for a robot that stands.
+        subscription: subscription to ~/cmd_vel; None for a robot that stands.
         answered: stamp of the newest command, ns.
     """
 
@@ -150,8 +151,8 @@ class CommandGate:
         """Subscribe.
 
         Args:
-            node: of the robot.
-            slot: of the robot, which gets the commands.
+            node: node of the robot.
+            slot: slot of the robot, which gets the commands.
             warn: logs warnings.
             stands: whether the robot stands, and receives no commands.
         """

@@ -12,7 +12,7 @@ from onebot_control.fleet import Fleet
 from onebot_control.nodes.pacing import Pacer, SystemStamps, wake_exactly
 from onebot_control.nodes.real_time_factor import PaceMeter
 from onebot_description.errors import OneBotError
-from onebot_description.ros.message_age import WAKE, WakeDetector
+from onebot_description.ros.wake_detector import WAKE, WakeDetector
 
 T = TypeVar("T")
 
@@ -115,7 +115,7 @@ class ControlLoop:
 
     @property
     def left(self) -> float:
-        """Seconds of system time until what is called now takes effect."""
+        """Seconds of system time until the next cycle, in which a call made now takes effect."""
         return self._pacer.left
 
     def set_factor(self, factor: float) -> None:

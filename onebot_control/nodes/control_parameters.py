@@ -53,12 +53,12 @@ class ControlParameters:
         A node named controller_manager has only the simulation's parameters: its robot stands.
 
         Args:
-            node: to declare them on.
+            node: node to declare them on.
             arguments: the node's ROS arguments.
             given: values that override files and command line.
 
         Raises:
-            ConfigError: with every problem.
+            ConfigError: values are wrong; it names each of them.
         """
         namespace, name = node.get_namespace(), node.get_name()
         self.stands = name == MANAGER
@@ -95,11 +95,11 @@ class ControlParameters:
         """Return the configuration with these parameters set; nothing changes yet.
 
         Args:
-            parameters: to set.
+            parameters: parameters to set.
             simulated: whether the node keeps simulated time.
 
         Raises:
-            ConfigError: with every problem.
+            ConfigError: values are wrong; it names each of them.
         """
         if problems := _clock_problems(parameters, simulated):
             raise ConfigError(problems)

@@ -73,11 +73,11 @@ class ControllerNode(Generic[F]):
 
         Args:
             node: the node, with the controller's name.
-            controller: with the parameters of the files.
+            controller: controller with the parameters of the files.
             robot: returns the current robot.
             loop: the control loop, which calls everything that changes the robot.
             refused: returns why commands are refused now; "" if they are not.
-            clock: of the timers.
+            clock: clock of the timers.
         """
         self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
         self._refused, self._clock = refused, clock

@@ -32,7 +32,7 @@ class LocalizerWatch:
         """Prepare; ``poll`` subscribes.
 
         Args:
-            nodes: of the robots, whose own publishers do not count.
+            nodes: nodes of the robots, whose own publishers do not count.
             robots: publish the truth.
         """
         self._nodes, self._all_robots = nodes, robots

@@ -32,7 +32,7 @@ class Frames(NamedTuple):
         Args:
             config: its parameters.
             description: the robot.
-            namespace: of its node.
+            namespace: namespace of its node.
             in_scene: whether there is a scene around it.
             stands: whether it has no odometry; then its root link may be the world's frame.
         """
@@ -86,7 +86,7 @@ def check_frames(
     """Check the frames that a robot would have.
 
     Args:
-        frames: with other parameters, or another description.
+        frames: names with other parameters, or another description.
         present: those that it has now.
         others: frames of the other robots, by node.
         scene: the scene around the robots.

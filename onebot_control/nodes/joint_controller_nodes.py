@@ -43,9 +43,9 @@ class JointControllerNodes:
 
         Args:
             beside: the robot's node; these are in the same namespace.
-            slot: of the robot.
-            lock: of the robot; while it is locked, commands are refused.
-            clock: of the actions' timers; None for each node's own clock.
+            slot: slot of the robot.
+            lock: lock of the robot; while it is locked, commands are refused.
+            clock: clock of the actions' timers; None for each node's own clock.
         """
         self._slot = slot
         robot = slot.robot

@@ -35,8 +35,8 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import configure_discovery, use_local_discovery
-from onebot_description.ros.message_age import WakeDetector
 from onebot_description.ros.topic_qos import is_transient_local
+from onebot_description.ros.wake_detector import WakeDetector
 
 T = TypeVar("T")
 
@@ -82,7 +82,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         already.
 
         Args:
-            simulation: with the robots.
+            simulation: simulation of the robots.
             domain_id: the ROS domain; None for ROS_DOMAIN_ID.
         """
         self.simulation = simulation
@@ -148,7 +148,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         ``close`` destroys them.
 
         Args:
-            nodes: of rclpy's default context; for timers, use_sim_time has to be true.
+            nodes: nodes of rclpy's default context; for timers, use_sim_time has to be true.
             timeout: wall time to wait, s.
 
         Raises:

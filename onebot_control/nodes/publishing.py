@@ -54,7 +54,7 @@ class Publishers:
         """Create the publishers.
 
         Args:
-            node: of the robot.
+            node: node of the robot.
             clock: whether to publish /clock, too.
             stands: whether the robot does not drive: then there is no odometry.
         """
@@ -134,7 +134,7 @@ class Publishers:
 
         Args:
             snapshot: state of the robot.
-            stamp_ns: of the cycle, ns.
+            stamp_ns: stamp of the cycle, ns.
             sensed: a sensor measures in this cycle, and needs transforms of this time.
         """
         robot = self._robot
@@ -255,8 +255,8 @@ class ScenePublisher:
         """Publish the poses if they are due; call it in each control cycle.
 
         Args:
-            stamp_ns: of the cycle, ns.
-            poses: of the movable bodies in the world.
+            stamp_ns: stamp of the cycle, ns.
+            poses: poses of the movable bodies in the world.
         """
         if not self._announced:
             self._announced = True

@@ -41,7 +41,7 @@ class SharedWorld(Protocol):
     Attributes:
         scene: what stands around the robots; None on bare ground.
         simulated: whether stamps are simulated time.
-        seed: of the sensors' noise.
+        seed: seed of the sensors' noise.
         factor: the real_time_factor of all robots.
     """
 
@@ -66,7 +66,7 @@ class RobotInterface:
     Attributes:
         node: the robot's.
         settings: the parameters.
-        description: of the robot; None until it is known.
+        description: description of the robot; None until it is known.
         slot: the robot's place in the control loop.
         publishing: publishes its state.
         commands: receives ~/cmd_vel and its lock.
@@ -82,7 +82,7 @@ class RobotInterface:
         Args:
             world: shared with other robots.
             row: the robot's index in its fleet.
-            node: of the robot.
+            node: node of the robot.
             settings: its parameters.
         """
         self._world, self.node, self.settings = world, node, settings
@@ -159,7 +159,7 @@ class RobotInterface:
 
         Args:
             loop: the control loop.
-            clock: of the actions' timers; None for each node's own clock.
+            clock: clock of the actions' timers; None for each node's own clock.
         """
         self.slot.loop = loop
         self._arms = JointControllerNodes(self.node, self.slot, self.commands.lock, clock)
@@ -249,7 +249,7 @@ class RobotInterface:
         """Refuse changes of TF parameters that would have no effect.
 
         Raises:
-            ConfigError: with the reason.
+            ConfigError: it cannot be used; it says why.
         """
         previous, in_scene = self.settings.config, self._world.scene is not None
         if in_scene and not config.world_frame_id and previous.world_frame_id:

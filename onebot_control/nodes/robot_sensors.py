@@ -32,7 +32,7 @@ class RobotSensors:
         Args:
             node: the robot's, which publishes.
             changed: called when the file was edited.
-            seed: of the noise.
+            seed: seed of the noise.
         """
         self._node, self._changed, self._seed = node, changed, seed
         self._sensors: list[Sensor] = []
@@ -56,7 +56,7 @@ class RobotSensors:
 
         Args:
             row: index of the robot in its fleet.
-            description: of the robot.
+            description: description of the robot.
             config: its parameters.
 
         Raises:

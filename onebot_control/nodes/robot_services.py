@@ -31,8 +31,8 @@ class RobotServices:
         """Subscribe, and offer the services.
 
         Args:
-            node: of the robot.
-            slot: of the robot.
+            node: node of the robot.
+            slot: slot of the robot.
             odom_frame: returns the frame of the odometry; None for a robot without odometry, which
                 has no ~/set_odometry and ~/reset_odometry.
             warn: logs a warning, given a key and a text.

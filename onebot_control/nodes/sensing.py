@@ -132,8 +132,8 @@ class Sensing:
         """Make, or queue, every measurement due in this cycle.
 
         Args:
-            stamp: of the cycle, ns.
-            snapshots: of the robots.
+            stamp: stamp of the cycle, ns.
+            snapshots: snapshots of the robots.
             boxes: poses of movable boxes in the world.
         """
         frame = self._sensors.frame(stamp, snapshots, self._last, boxes)

@@ -156,7 +156,7 @@ class SensorPublisher:
         Args:
             instrument: measures with the sensor.
             frame: frame_id of the messages.
-            publishers: by output.
+            publishers: publishers by output.
         """
         self._instrument, self._frame, self._publishers = instrument, frame, publishers
 

@@ -17,7 +17,7 @@ class StepTopics:
         """Wait for nothing; call ``choose`` afterwards.
 
         Args:
-            node: of the robot.
+            node: node of the robot.
             sensors: publish the topics.
             commands: answer their messages.
         """

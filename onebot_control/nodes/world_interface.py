@@ -44,7 +44,7 @@ class WorldInterface:
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all robots.
         scene: what stands around the robots; None on bare ground.
-        seed: of the sensors' noise.
+        seed: seed of the sensors' noise.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class WorldInterface:
             settings: the parameters of each node.
             scene: what stands around the robots; None on bare ground.
             simulated: whether stamps are simulated time.
-            seed: of the sensors' noise.
+            seed: seed of the sensors' noise.
         """
         self.loop: ControlLoop | None = None
         self.arm_nodes: list[Node] = []
@@ -178,7 +178,7 @@ class WorldInterface:
         Args:
             loop: the control loop.
             sensing: measures with the robots' sensors.
-            clock: of the actions' timers; None for each node's own clock.
+            clock: clock of the actions' timers; None for each node's own clock.
         """
         self._sensing, fleet = sensing, loop.fleet
         for interface, robot in zip(self.robots, fleet.robots, strict=True):
@@ -219,8 +219,8 @@ class WorldInterface:
         """Publish the robots' states in a control cycle, and make due measurements.
 
         Args:
-            snapshots: of the robots.
-            stamp: of the cycle, ns.
+            snapshots: snapshots of the robots.
+            stamp: stamp of the cycle, ns.
         """
         sensing, world = self._sensing, self.loop.fleet.world if self.loop else None
         assert sensing is not None and world is not None

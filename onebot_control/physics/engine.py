@@ -93,7 +93,7 @@ class Bullet:
     """One of PyBullet's worlds: has the functions of ``engine``, without their physicsClientId.
 
     Attributes:
-        client: that number.
+        client: its physicsClientId.
         close: frees the world, as garbage collection does.
     """
 

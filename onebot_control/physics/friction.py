@@ -20,7 +20,7 @@ import numpy as np
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
 from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
-from onebot_description.elements.description import (
+from onebot_description.elements.urdf import (
     Box,
     Cylinder,
     Description,
@@ -217,7 +217,7 @@ def set_contact(
         robot: PyBullet's index of the robot.
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
-        settings: of the physics.
+        settings: settings of the physics.
         grasps: use friction anchors, so that a grasped object stays where it was touched as long
             as friction suffices. Without them it creeps, a box in a gripper by 0.4 mm in 10 s.
     """

@@ -10,7 +10,7 @@ class Settings:
 
     Attributes:
         rate: physics steps per simulated second, Hz.
-        iterations: of the constraint solver in each step.
+        iterations: iterations of the constraint solver in each step.
         gravity: downwards, m/s^2.
         friction: coefficient of the ground, and of links without <contact><lateral_friction> in
             the URDF; the friction of a contact is the product of both.

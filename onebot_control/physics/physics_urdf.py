@@ -12,7 +12,7 @@ import numpy as np
 
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import (
+from onebot_description.elements.urdf import (
     MOVING_KINDS,
     Box,
     Cylinder,

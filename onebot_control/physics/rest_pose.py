@@ -37,7 +37,7 @@ _DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in the gro
 
 # In a scene.
 _STEP = 1e-3  # m; steps of the search for a height at which the robot is free
-_ABOVE = 1e-3  # m above that height at which it is released: the last step may have left it so deep
+_ABOVE = 1e-3  # m; it is released so far above that height, which may be one step too low
 _SWIVELLING = 0.02  # m/s and rad/s; allowed speed, as of casters that still turn downhill
 _AWAY = 0.1  # m that a robot may slide before it rests
 
@@ -66,7 +66,7 @@ def settle(
         robot: alone in its world.
         spawn: what was loaded.
         starts: start positions of all joints, rad or m.
-        settings: of the physics.
+        settings: settings of the physics.
 
     Raises:
         OneBotError: the robot does not stay on the ground or upright, or is not in metres.
@@ -199,10 +199,10 @@ def pose_on(
     Args:
         scene: the scene's description.
         spawn: the robot.
-        settings: of the physics.
+        settings: settings of the physics.
         rest: the robot's pose on level ground.
         where: x, y (m) and yaw (rad).
-        positions: of all joints, rad or m.
+        positions: positions of all joints, rad or m.
 
     Raises:
         OneBotError: the robot cannot stand there.

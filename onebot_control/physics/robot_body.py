@@ -61,7 +61,7 @@ class MassVelocity(NamedTuple):
         """Return the velocity of the root link's frame: v - w x c, turned into the frame's axes.
 
         Args:
-            rotation: of the root link's frame in the world.
+            rotation: rotation of the root link's frame in the world.
         """
         back = conjugate(rotation)
         x, y, z = rotate(back, self.linear)
@@ -179,8 +179,8 @@ class RobotBody:
         """Set the motors' target velocities, which stay until others are set.
 
         Args:
-            velocities: in the order of ``driven``, rad/s (m/s for prismatic joints); they are
-                clamped to the joints' limits.
+            velocities: velocities in the order of ``driven``, rad/s (m/s for prismatic joints);
+                they are clamped to the joints' limits.
 
         Raises:
             ValueError: one is not finite; then nothing has changed.
@@ -245,8 +245,8 @@ class RobotBody:
         Joint positions and time continue, so that odometry is not affected.
 
         Args:
-            x: of the root link's frame in the world, m.
-            y: of the root link's frame in the world, m.
+            x: x coordinate of the root link's frame in the world, m.
+            y: y coordinate of the root link's frame in the world, m.
             yaw: heading of that frame, rad.
 
         Raises:

@@ -20,7 +20,7 @@ from onebot_control.physics.spawning import (
     make_world,
 )
 from onebot_description.description.loading import load_world
-from onebot_description.elements.description import Description
+from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform
@@ -59,9 +59,9 @@ class SceneBodies:
     """The bodies of a scene in a PyBullet world.
 
     Attributes:
-        description: of the scene.
+        description: description of the scene.
         links: the first link of each movable body.
-        poses: of these links' frames in the world, as last read.
+        poses: poses of these links' frames in the world, as last read.
         finite: whether these poses are finite.
     """
 
@@ -117,7 +117,7 @@ class SceneBodies:
         Args:
             bullet: the world.
             ground: PyBullet's index of its ground.
-            settings: of the physics.
+            settings: settings of the physics.
             free: also load the movable bodies.
 
         Raises:

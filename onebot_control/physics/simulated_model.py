@@ -26,7 +26,8 @@ from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import (
+from onebot_description.elements.meshes import read_mesh
+from onebot_description.elements.urdf import (
     Description,
     Inertial,
     Joint,
@@ -34,7 +35,6 @@ from onebot_description.elements.description import (
     Mesh,
     Mimic,
 )
-from onebot_description.elements.meshes import read_mesh
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import about

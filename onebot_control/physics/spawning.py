@@ -14,8 +14,8 @@ from onebot_control.physics.engine import Bullet, captured, engine, log
 from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
-from onebot_description.elements.description import Description, Mesh, Mimic
 from onebot_description.elements.meshes import read_mesh
+from onebot_description.elements.urdf import Description, Mesh, Mimic
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.model.rigid_bodies import Body
@@ -110,7 +110,7 @@ def make_world(bullet: Bullet, settings: Settings, residual: float = 0.0) -> int
 
     Args:
         bullet: the world.
-        settings: of the physics.
+        settings: settings of the physics.
         residual: the solver stops early once an iteration changes no velocity (rad/s or m/s) by
             more than its square root; 0: never.
 
@@ -149,7 +149,7 @@ def load_robot(
         bullet: the world.
         ground: PyBullet's index of its ground.
         spawn: the robot; its pose is not used.
-        settings: of the physics.
+        settings: settings of the physics.
 
     Raises:
         OneBotError: the robot cannot be simulated.

@@ -28,7 +28,7 @@ class World(AbstractContextManager["World"]):
     same time.
 
     Attributes:
-        settings: of the physics.
+        settings: settings of the physics.
         bullet: the world of PyBullet, for direct calls.
         robots: the robots in the given order.
         scene: bodies around the robots; None on bare ground.
@@ -46,7 +46,7 @@ class World(AbstractContextManager["World"]):
 
         Args:
             spawns: the robots.
-            settings: of the physics.
+            settings: settings of the physics.
             scene: walls, ramps and boxes; see ``onebot_control.physics.scene``.
             at_start: place each robot at its start; otherwise the caller has to place them.
 
@@ -167,7 +167,7 @@ class World(AbstractContextManager["World"]):
         Args:
             row: index of the robot to replace.
             spawn: the new robot, and its pose now.
-            settings: of the new world's physics.
+            settings: settings of the new world's physics.
 
         Raises:
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.

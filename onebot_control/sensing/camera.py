@@ -65,8 +65,8 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
 
     Args:
         camera: the sensor.
-        hits: of its rays.
-        generator: of the noise; None for no noise.
+        hits: hits of its rays.
+        generator: generator of the noise; None for no noise.
     """
     measured = hits.distances
     if generator is not None:
@@ -89,7 +89,7 @@ def cloud(
     """Return the point cloud of a depth image, (H, W) of COLORED_POINT.
 
     Args:
-        rays: of the camera.
+        rays: rays of the camera.
         depth_image: (H, W), m.
         picture: (H, W, 3), colours of the points; None for black.
         pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.

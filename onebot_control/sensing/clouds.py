@@ -31,7 +31,7 @@ def cloud_of(
     """Return a cloud, (R, C) of points whose fields other than x, y and z are zeros.
 
     Args:
-        layout: of a point.
+        layout: layout of a point.
         shape: R and C.
         rays: R C rays, in the sensor's frame.
         distances: (R C,) or (R, C), along the rays, in lengths of their directions.

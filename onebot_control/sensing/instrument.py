@@ -75,10 +75,10 @@ class Instrument(ABC, Generic[M]):
         Args:
             sensor: the sensor's description.
             row: index of the robot in its fleet.
-            namespace: of the robot; the noise depends on it.
+            namespace: namespace of the robot; the noise depends on it.
             cycles: control cycles per second, Hz.
             noisy: whether measurements have the sensor's noise.
-            seed: of the noise.
+            seed: seed of the noise.
         """
         self.sensor, self.row, self._noisy, self._seed = sensor, row, noisy, seed
         model: Any = sensor.model  # the table of instruments determines its type
@@ -93,7 +93,7 @@ class Instrument(ABC, Generic[M]):
         """Measure with the sensor.
 
         Args:
-            world: to measure in.
+            world: world to measure in.
             wanted: the outputs to compute, keys of ``Sensor.topics``.
 
         Returns:
@@ -137,9 +137,9 @@ class Instrument(ABC, Generic[M]):
         """Return what the sensor's rays hit, other than its own link and its housing.
 
         Args:
-            world: to measure in.
-            pose: of the sensor.
-            rays: of the sensor.
+            world: world to measure in.
+            pose: pose of the sensor.
+            rays: rays of the sensor.
             least: least distance that is measured, in lengths of the directions.
             reach: greatest distance, in lengths of the directions.
         """

@@ -50,9 +50,9 @@ def ranges(
 
     Args:
         lidar: the sensor.
-        hits: of its rays.
-        offset: of all ranges, m; see ``noise.bias``.
-        generator: of the noise; None for no noise.
+        hits: hits of its rays.
+        offset: offset of all ranges, m; see ``noise.bias``.
+        generator: generator of the noise; None for no noise.
     """
     measured = hits.distances
     if generator is not None:

@@ -42,10 +42,10 @@ def add_noise(
     """Return values with noise.
 
     Args:
-        values: of any shape.
+        values: values of any shape.
         noise: its parameters, in the unit of the values.
         offset: the result of ``bias``.
-        generator: of this control cycle; see ``noise_generator``.
+        generator: generator of this control cycle; see ``noise_generator``.
     """
     if noise == _NONE:
         return values

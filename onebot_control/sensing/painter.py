@@ -42,7 +42,7 @@ class Painter:
             position: (3,), of the sensor in the world, m.
             hits: what the rays hit.
             targets: the moving surfaces at that time.
-            generator: of the noise; None for no noise.
+            generator: generator of the noise; None for no noise.
         """
         seen, distances = hits.surfaces, hits.distances
         if camera.depth_far > camera.far:  # the rays are cast beyond what is seen

@@ -105,7 +105,7 @@ class Rays:
         Args:
             centers: (B, 3), in the rays' frame.
             radii: (B,), m.
-            reach: in lengths of the directions.
+            reach: longest distance, in lengths of the directions.
         """
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
@@ -175,7 +175,7 @@ def cast(
     """Return what the rays of a sensor hit first.
 
     Args:
-        rays: of the sensor.
+        rays: rays of the sensor.
         rotation: (3, 3), of the sensor in the world.
         position: (3,), of the sensor in the world, m.
         still: everything that stands still, in the world's frame; its index is 0.
@@ -239,8 +239,8 @@ def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDA
 
     Args:
         upwards: (N,), z of the directions.
-        height: of the rays' origin, m.
-        reach: in lengths of the directions.
+        height: height of the rays' origin, m.
+        reach: longest distance, in lengths of the directions.
     """
     if height <= 0.0:
         full = np.full(len(upwards), reach, np.float32)

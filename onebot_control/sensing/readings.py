@@ -35,7 +35,7 @@ class PlanarVelocity:
 
     Attributes:
         linear: forward, m/s.
-        angular: to the left, rad/s.
+        angular: velocity of turning to the left, rad/s.
     """
 
     linear: float
@@ -70,7 +70,7 @@ class JointState:
     Attributes:
         position: rad, or m for a prismatic joint; never wrapped.
         velocity: rad/s, or m/s.
-        effort: of its motor, Nm or N; 0 without motor.
+        effort: effort of its motor, Nm or N; 0 without motor.
     """
 
     position: float

@@ -72,8 +72,8 @@ class Sensors:
         """Return the frame of a control cycle.
 
         Args:
-            stamp: of the cycle, ns.
-            snapshots: of the robots in this cycle.
+            stamp: stamp of the cycle, ns.
+            snapshots: snapshots of the robots in this cycle.
             last: the last snapshots before; used if they are from one cycle ago.
             boxes: poses of movable boxes in the world.
         """

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats, Singles
-from onebot_description.elements.description import (
+from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
+from onebot_description.elements.urdf import (
     Box,
     Capsule,
     Cylinder,
@@ -24,7 +25,6 @@ from onebot_description.elements.description import (
     Rgba,
     Sphere,
 )
-from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.model.robot_model import RobotModel

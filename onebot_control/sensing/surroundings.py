@@ -10,7 +10,7 @@ from onebot_control.sensing.rays import NOTHING, Surface, Targets
 from onebot_control.sensing.solids import solid_of
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
-from onebot_description.elements.description import Geometry
+from onebot_description.elements.urdf import Geometry
 from onebot_description.geometry.poses import Quaternion, Transform, Triple
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.model.rigid_bodies import rigid_frames
@@ -173,7 +173,7 @@ class RobotKind:
     """Robots of the same description, whose link poses are computed together.
 
     Attributes:
-        rows: of these R robots in their world.
+        rows: rows of these R robots in their world.
         numbers: indices of the L links, by name.
         seen: indices of the S links that have a shape.
         targets: (R, S), indices of these links among the surfaces.

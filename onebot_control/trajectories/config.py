@@ -141,10 +141,10 @@ class TrajectoryConfig:
         """Check parameters, and convert them to a config; those of single joints are left out.
 
         Args:
-            values: by their dotted ROS names.
+            values: values by their dotted ROS names.
 
         Raises:
-            ConfigError: with every problem, each naming the parameter and what would be right.
+            ConfigError: values are wrong; it names each of them, and what would be right.
         """
         return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
 
@@ -182,7 +182,7 @@ def joint_constraints(
         joints: names of the controller's joints.
 
     Raises:
-        ConfigError: with every problem, each naming the parameter and what would be right.
+        ConfigError: values are wrong; it names each of them, and what would be right.
     """
     constraint_values = {name: value for name, value in values.items() if _is_constraint(name)}
     constraints = read(JointParameters, constraint_values).constraints

@@ -59,7 +59,7 @@ class Outcome(NamedTuple):
 
 
 class GoalHolder:
-    """Has an action goal, or none.
+    """Holds the active action goal, if there is one.
 
     Attributes:
         active: the token of the action goal that is followed; None if there is none.
@@ -174,9 +174,10 @@ class TrajectoryFollower(GoalHolder):
                 of the topic, which leaves an active goal active: the new trajectory decides it.
             tolerances: those of an action goal; None for the defaults.
             from_command: joints that begin at rest at their last command; the others begin with
-                their measured motion. A finger that presses on something keeps pressing so.
-            absolute: continuous joints make whole turns to the goal's positions; otherwise they
-                take the shortest way to its first one, as joint_trajectory_controller's.
+                their measured motion. So a finger that presses on something keeps pressing.
+            absolute: whether continuous joints go to the goal's positions as given, by whole turns
+                if necessary; otherwise they take the shortest way to the first one, as those of
+                joint_trajectory_controller.
 
         Returns:
             The outcome of the action goal that this one replaces; None if there is none.

@@ -111,7 +111,7 @@ def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
 
 
 def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
-    """Return the polynomials from ``start`` to ``end``; their degree depends on common fields."""
+    """Return the polynomials from ``start`` to ``end``, by the derivatives that both have."""
     duration = end.time - start.time
     columns = [start.positions, end.positions]
     polynomial: Callable[..., _Coefficients] = _linear
@@ -190,7 +190,7 @@ def braking(motion: JointMotion, decelerations: Sequence[float]) -> Trajectory:
 
     Args:
         motion: the motion to stop.
-        decelerations: of the joints, above 0, rad/s2 or m/s2.
+        decelerations: decelerations of the joints, above 0, rad/s2 or m/s2.
     """
     durations = [abs(v) / a for v, a in zip(motion.velocities, decelerations, strict=True)]
     # Between two moments at which a joint comes to rest, each joint's parabola is its cubic.

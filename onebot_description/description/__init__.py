@@ -11,7 +11,7 @@ Example:
 
 from onebot_description.description.loading import load_description, parse_description
 from onebot_description.description.summary import describe
-from onebot_description.elements.description import Description, Joint, Mimic
+from onebot_description.elements.urdf import Description, Joint, Mimic
 from onebot_description.errors import DescriptionError
 
 __all__ = [

@@ -67,7 +67,7 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
     Args:
         function: ``module:name`` of a function that takes the request and a ``Place``.
         request: any JSON value; so is the result.
-        bounds: of memory and processor time.
+        bounds: bounds of memory and processor time.
 
     Raises:
         BoundExceeded: the function exceeded a bound.

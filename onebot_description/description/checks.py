@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from onebot_description.elements.description import MOVING_KINDS, Joint, Material
 from onebot_description.elements.reading import ELEMENTS, Element, Findings, local_name
+from onebot_description.elements.urdf import MOVING_KINDS, Joint, Material
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
 
@@ -63,7 +63,7 @@ def check_tree(
     """Check that the links form one tree.
 
     Args:
-        findings: of the document; faults are added.
+        findings: findings of the document; faults are added.
         joints: elements by name.
         links: elements by name.
         ends: parent and child link of each joint.

@@ -136,7 +136,7 @@ class _Run:
         xacro.handle_macro_call = self.handle_macro_call
         setattr(minidom, "NodeList", _Children)  # noqa: B010 (which elements are made with)
         xacro.safe_eval = evaluate
-        # Private: of $(find ...) and $(eval ...), and the latter's names.
+        # Private functions behind $(find ...) and $(eval ...), and the names that the latter knows.
         substitution_args._eval_find = self.find
         substitution_args._eval = self.eval
         names = substitution_args._eval_dict

@@ -37,7 +37,7 @@ def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression.
 
     Args:
-        expression: in the syntax of Python.
+        expression: expression in the syntax of Python.
         names: variables and functions, looked up when needed.
 
     Raises:

@@ -21,7 +21,6 @@ from onebot_description.description.checks import (
 from onebot_description.description.ros2_control import read_interfaces
 from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.elements import xml
-from onebot_description.elements.description import Description
 from onebot_description.elements.packages import package_share, resolve
 from onebot_description.elements.reading import (
     Findings,
@@ -31,6 +30,7 @@ from onebot_description.elements.reading import (
     read_materials,
 )
 from onebot_description.elements.sensor import Sensor
+from onebot_description.elements.urdf import Description
 from onebot_description.errors import (
     DescriptionError,
     OneBotError,
@@ -150,8 +150,8 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     Args:
         urdf: the text; an encoding that it declares is ignored. If a bringup created it from files,
             messages name their lines.
-        name: of the text in messages. If it is the path of a file, relative mesh paths start from
-            that file's folder.
+        name: name of the text in messages. If it is the path of a file, relative mesh paths start
+            from that file's folder.
 
     Raises:
         DescriptionError: the robot cannot be published; the text lists all problems.

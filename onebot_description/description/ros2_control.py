@@ -2,8 +2,8 @@
 
 from collections.abc import Collection
 
-from onebot_description.elements.description import JointInterfaces
 from onebot_description.elements.reading import Element, Findings, number_fault
+from onebot_description.elements.urdf import JointInterfaces
 
 
 def read_interfaces(findings: Findings, joints: Collection[str]) -> dict[str, JointInterfaces]:

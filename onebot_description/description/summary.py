@@ -7,7 +7,8 @@ from types import MappingProxyType
 
 from onebot_description.description.sensors.kind_table import MESSAGE_TYPES
 from onebot_description.description.tree_text import aligned, branches, cell
-from onebot_description.elements.description import (
+from onebot_description.elements.sensor import Sensor
+from onebot_description.elements.urdf import (
     Box,
     Capsule,
     Description,
@@ -17,7 +18,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.elements.sensor import Sensor
 from onebot_description.elements.xml import shown_path
 from onebot_description.errors import printable
 from onebot_description.geometry.poses import Triple

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from onebot_description.elements.description import Box, Description, Mesh, Shape, Sphere
 from onebot_description.elements.meshes import mesh_corners
+from onebot_description.elements.urdf import Box, Description, Mesh, Shape, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import ZERO, Triple
 

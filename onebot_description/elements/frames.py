@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from onebot_description.elements.description import Joint
+from onebot_description.elements.urdf import Joint
 from onebot_description.geometry.poses import (
     Origin,
     Transform,
@@ -23,7 +23,7 @@ def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> tuple[str, Tra
     Args:
         link: the link.
         origin: a pose in its frame.
-        joints: to follow upwards.
+        joints: joints to follow upwards.
 
     Returns:
         The topmost link, and the pose in its frame.

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from onebot_description.elements.description import MESH_SUFFIXES, Mesh
 from onebot_description.elements.packages import Resources
+from onebot_description.elements.urdf import MESH_SUFFIXES, Mesh
 from onebot_description.elements.xml import shown_path
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple

@@ -12,7 +12,9 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
-from onebot_description.elements.description import (
+from onebot_description.elements.meshes import locate_mesh
+from onebot_description.elements.packages import Resources
+from onebot_description.elements.urdf import (
     JOINT_KINDS,
     MOVING_KINDS,
     Box,
@@ -29,8 +31,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.elements.meshes import locate_mesh
-from onebot_description.elements.packages import Resources
 from onebot_description.elements.xml import Document
 from onebot_description.errors import (
     DescriptionError,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from onebot_description.elements.description import Mimic
+from onebot_description.elements.urdf import Mimic
 
 
 def followers(

@@ -161,10 +161,10 @@ class JointsConfig:
         """Check parameters, and convert them to a config.
 
         Args:
-            parameters: by dotted names, or in nested maps as in YAML.
+            parameters: parameters by dotted names, or in nested maps as in YAML.
 
         Raises:
-            ConfigError: with every problem, each naming the parameter and what would be right.
+            ConfigError: values are wrong; it names each of them, and what would be right.
         """
         return read(cls, parameters)
 

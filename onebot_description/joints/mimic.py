@@ -50,7 +50,7 @@ def resolve(
     Args:
         joints: the N movable joints.
         all_joints: all joints of the robot, for error messages.
-        limits: of the N joints.
+        limits: limits of the N joints.
         dependent: the parameters dependent_joints, which override mimic tags.
         use_mimic_tags: whether mimic tags are applied.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import MOVING_KINDS, Joint
+from onebot_description.elements.urdf import MOVING_KINDS, Joint
 from onebot_description.ros.parameters.reader import Problem
 
 

@@ -41,7 +41,7 @@ class Plan:
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: Floats  # (N,) positions of joints that nothing moves
     motions: tuple[Motion, ...]  # N; followers' are not used
-    unsuitable: tuple[Problem, ...]  # parameters for which a change of them is refused
+    unsuitable: tuple[Problem, ...]  # parameters whose change is refused
     reports: tuple[Problem, ...]  # all warnings, including these and motions beyond limits
 
 
@@ -161,7 +161,7 @@ def _named(config: JointsConfig) -> dict[str, str]:
 def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], names: Mapping[str, str]
 ) -> list[Problem]:
-    """Return a problem for each of ``names``, by parameter, that is no joint that moves."""
+    """Return a problem for each of ``names``, by parameter, that no moving joint has."""
     moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
     problems = []

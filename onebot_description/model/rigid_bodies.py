@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import Description, Inertial, Link, Shape
+from onebot_description.elements.urdf import Description, Inertial, Link, Shape
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 

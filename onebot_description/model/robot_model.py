@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
-from onebot_description.elements.description import MOVING_KINDS, Description, Joint, Mimic
+from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.joints.chains import followers
@@ -79,7 +79,7 @@ class JointArrays:
         constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
         sine: (M, 4): the factor of sin(q/2) in the rotation.
         slide: (M, 3): the factor of the position in the translation, m/m.
-        address: of the struct joints; valid while this object exists.
+        address: address of the struct joints; valid while this object exists.
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:

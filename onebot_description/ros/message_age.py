@@ -1,59 +1,16 @@
-"""Estimates how old a message is, and whether it was sent before this process woke from a stop.
+"""Estimates how old a message is.
 
 DDS may deliver messages that waited while the process was stopped, at any time after that.
 """
 
-import math
-import time
-from collections.abc import Callable
 from typing import NamedTuple
 
 from onebot_description.ros.wire.cdr import NS_PER_S
 
-_LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
-_SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
 _STEADY_NS = NS_PER_S // 10  # transit times of one sender differ by less
 # A sender's clock is known from so many messages over this time.
 _SAMPLES, _SPAN_NS = 5, NS_PER_S // 2
 _LONGEST_TRANSIT = 10.0  # s; assumed if no stamp shows how long a message was under way
-# Unlike the monotonic clock, it includes time in which the computer is suspended.
-_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-
-
-def boot_time() -> float:
-    """Return the seconds since the computer started, by a clock that nobody can set."""
-    return time.clock_gettime(_CLOCK)
-
-
-class WakeDetector:
-    """Detects that this process was stopped: by SIGSTOP, a suspended computer, or no CPU time.
-
-    Attributes:
-        woke: when the process last woke, by ``boot_time``; -inf if it was never stopped.
-    """
-
-    def __init__(self, clock: Callable[[], float] = boot_time) -> None:
-        self._clock = clock
-        self._checked = clock()
-        self.woke = self._resumed = -math.inf
-
-    def check(self) -> float:
-        """Update and return ``woke``; call it several times a second, from any thread."""
-        now = self._clock()
-        if now - self._checked > _LONGEST_GAP:
-            self.woke = now
-        self._checked = now
-        return self.woke
-
-    def resumed(self) -> None:
-        """Note a SIGCONT, which also follows a stop too short for ``check``."""
-        now = self._clock()
-        if now - self._resumed > _SAME_SIGNAL:
-            self.woke = self._resumed = now
-
-
-WAKE = WakeDetector()
-"""The wake detector of this process; ``run_node`` notifies it of each SIGCONT."""
 
 
 class Delivery(NamedTuple):

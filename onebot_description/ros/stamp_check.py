@@ -1,4 +1,4 @@
-"""Warns of stamps by a wrong clock, such as that of another computer."""
+"""Warns if stamps are by a wrong clock, such as another computer's."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ class StampCheck:
         """Compare the stamps of ``topic``, and log differences.
 
         Args:
-            topic: for the text.
+            topic: topic that the text names.
             log: logs a warning.
             is_simulated: returns whether time is simulated; then stamps are not compared.
         """

@@ -36,7 +36,7 @@ def offers(
     so that an early subscription does not miss the first messages.
 
     Args:
-        node: to ask.
+        node: node that looks at the graph.
         topic: full name.
         accepted: only these types count; None for all.
     """

@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
-from onebot_bringup.viewer.core.transforms import TF_ENTITY
+from onebot_bringup.viewer.core.transform_stream import TF_ENTITY
 from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.displays.joint_plot import POSITION_ENTITY
 from onebot_description.ros.wire.definition import type_name

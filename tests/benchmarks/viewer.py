@@ -27,7 +27,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.viewer.core.columns import TIMELINE
 from onebot_bringup.viewer.core.inbox import DESCRIPTION
-from onebot_bringup.viewer.core.transforms import TF
+from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_bringup.viewer.display_server import Recording, open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_description.ros.wire.cdr import NS_PER_S

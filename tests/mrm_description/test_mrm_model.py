@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from onebot_description.description import load_description
-from onebot_description.elements.description import Box, Cylinder
 from onebot_description.elements.packages import package_share
+from onebot_description.elements.urdf import Box, Cylinder
 from onebot_description.geometry.poses import Origin
 
 SHARE = package_share("mrm_description")

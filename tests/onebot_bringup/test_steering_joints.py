@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
 from onebot_bringup.steering.joint_motion import SteeredJoint, short_motion
-from onebot_description.elements.description import Joint
+from onebot_description.elements.urdf import Joint
 from tests.onebot_bringup.joints_support import SPEED, STANDING, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
 from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
-from onebot_bringup.viewer.core.transforms import TransformStream
+from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.ros.wire.messages import TfArrays
 from tests.onebot_bringup import viewer_support as support

@@ -6,9 +6,9 @@ import pytest
 import trimesh
 
 from onebot_bringup.viewer.core.glb import file_state, load_shape
-from onebot_description.elements.description import Box, Capsule, Cylinder, Sphere
 from onebot_description.elements.meshes import locate_mesh
 from onebot_description.elements.packages import Resources
+from onebot_description.elements.urdf import Box, Capsule, Cylinder, Sphere
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 

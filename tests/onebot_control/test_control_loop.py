@@ -16,7 +16,7 @@ from onebot_control.nodes.control_loop import (
 from onebot_control.nodes.real_time_factor import PaceMeter
 from onebot_control.physics import World
 from onebot_description.errors import OneBotError
-from onebot_description.ros.message_age import WakeDetector
+from onebot_description.ros.wake_detector import WakeDetector
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
 

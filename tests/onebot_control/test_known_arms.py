@@ -15,7 +15,7 @@ import pytest
 
 from onebot_bringup.cli import check
 from onebot_control import Simulation
-from onebot_description.elements.description import Joint
+from onebot_description.elements.urdf import Joint
 from onebot_description.model import RobotModel
 from tests.onebot_control.arm_models import HAND_DOWN, RATE, quintic, simulate
 

@@ -13,7 +13,7 @@ from onebot_control.physics import RobotSpawn, Settings
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.spawning import make_world
 from onebot_description.description import parse_description
-from onebot_description.elements.description import Box
+from onebot_description.elements.urdf import Box
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import yaw_of
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, Simulation, robot, simulate

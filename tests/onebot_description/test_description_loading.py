@@ -14,7 +14,7 @@ from onebot_description.description import (
     load_description,
     parse_description,
 )
-from onebot_description.elements.description import Box, Cylinder, Geometry, Inertial, Link
+from onebot_description.elements.urdf import Box, Cylinder, Geometry, Inertial, Link
 from onebot_description.geometry.poses import Origin
 
 ROBOTS = Path(__file__).parents[1] / "robots"

@@ -11,7 +11,7 @@ from onebot_description.description import (
     load_description,
     parse_description,
 )
-from onebot_description.elements.description import Capsule, Sphere
+from onebot_description.elements.urdf import Capsule, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from tests.onebot_description.joints_support import constant, rest_of

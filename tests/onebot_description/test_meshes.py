@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.elements.description import Mesh
 from onebot_description.elements.meshes import locate_mesh, mesh_scene
 from onebot_description.elements.packages import Resources
+from onebot_description.elements.urdf import Mesh
 from onebot_description.errors import OneBotError
 
 CHECKOUT = Path(__file__).parents[2]

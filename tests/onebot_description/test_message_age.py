@@ -1,10 +1,8 @@
-"""How old messages are by their senders' clocks, and when this process woke. No ROS."""
-
-import math
+"""How old messages are by their senders' clocks. No ROS."""
 
 import pytest
 
-from onebot_description.ros.message_age import Age, Delivery, SenderClock, WakeDetector
+from onebot_description.ros.message_age import Age, Delivery, SenderClock
 from onebot_description.ros.wire.cdr import NS_PER_S
 
 _NOW = 1_700_000_000 * NS_PER_S
@@ -90,32 +88,3 @@ def test_a_middleware_that_does_not_count_messages() -> None:
         sender.now += 50 * _MS
         age = sender.clock.age(sender.message()._replace(number=None), sender.now)
     assert age == pytest.approx((0.0, 0.0), abs=1e-6)
-
-
-def test_a_process_that_did_not_run_has_woken() -> None:
-    """A gap between two checks tells it, or SIGCONT, which two threads may notice."""
-    now = [100.0]
-    wake = WakeDetector(lambda: now[0])
-    for _ in range(50):
-        now[0] += 0.4
-        assert wake.check() == -math.inf
-    now[0] += 3600.0
-    assert wake.check() == wake.woke == now[0]
-    now[0] += 1.0
-    wake.resumed()
-    assert wake.woke == now[0] == wake.check() + 0.0
-    first = now[0]
-    now[0] += 0.02
-    wake.resumed()
-    assert wake.check() == first
-
-
-def test_a_stop_soon_after_a_gap_counts() -> None:
-    """A process that starts slowly has a gap, and may be stopped before it has run for long."""
-    now = [100.0]
-    wake = WakeDetector(lambda: now[0])
-    now[0] += 0.6
-    assert wake.check() == now[0]
-    now[0] += 0.1
-    wake.resumed()
-    assert wake.woke == now[0]

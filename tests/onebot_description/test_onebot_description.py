@@ -14,8 +14,8 @@ import yourdfpy
 from onebot_bringup.viewer.core.glb import load_shape
 from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_description.description import Description, load_description, parse_description
-from onebot_description.elements.description import Cylinder, Mesh, Sphere
 from onebot_description.elements.packages import package_share
+from onebot_description.elements.urdf import Cylinder, Mesh, Sphere
 from onebot_description.model.robot_model import RobotModel
 
 SHARE = package_share("onebot_description")

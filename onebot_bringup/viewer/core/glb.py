@@ -19,7 +19,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from onebot_description.elements.description import (
+from onebot_description.elements.meshes import has_colors, mesh_scene
+from onebot_description.elements.urdf import (
     Box,
     Capsule,
     Cylinder,
@@ -27,7 +28,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.elements.meshes import has_colors, mesh_scene
 from onebot_description.errors import OneBotError
 
 _CYLINDER_SECTIONS = 72

@@ -15,7 +15,7 @@ from typing import Any
 import rerun as rr
 
 from onebot_bringup.viewer.core.columns import entity_path
-from onebot_description.elements.description import Description, Geometry, Mesh, Rgba
+from onebot_description.elements.urdf import Description, Geometry, Mesh, Rgba
 from onebot_description.errors import OneBotError, condensed, listing
 from onebot_description.geometry.poses import from_rpy
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import rerun as rr
 
-from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import entity_path
 from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_description.description import Description, parse_description

@@ -7,7 +7,7 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, send
 from onebot_bringup.viewer.core.inbox import MessageType, message_type
 from onebot_bringup.viewer.core.shown_robot import (
@@ -16,7 +16,7 @@ from onebot_bringup.viewer.core.shown_robot import (
     ShownRobot,
     unknown_frame,
 )
-from onebot_bringup.viewer.core.transforms import TransformStream
+from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_description.description import Description
 from onebot_description.errors import listing
 from onebot_description.ros.wire.interface_text import full_definition

@@ -208,7 +208,7 @@ _FIELD = re.compile(r"[A-Za-z]\w*(\[\d+\]|\.[A-Za-z]\w*)*", re.ASCII)
 class CurveSettings:
     """A curve."""
 
-    topic: str = setting(REQUIRED, "of any type", topic)
+    topic: str = setting(REQUIRED, "a topic of any type", topic)
     field: str = setting(
         REQUIRED,
         "a number of its messages",

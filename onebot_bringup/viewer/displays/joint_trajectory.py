@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import MOVING_KINDS, Description, Joint
+from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.wire.messages import JointStateArrays

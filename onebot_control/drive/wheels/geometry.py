@@ -9,7 +9,7 @@ import numpy as np
 from onebot_control.drive.wheels.finding import axles, find_wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyres
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import Description
+from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body, rigid_frames
@@ -77,7 +77,7 @@ class Wheels:
 
         Args:
             separation: distance between left and right wheels, m.
-            radius: of the wheels, m.
+            radius: radius of the wheels, m.
 
         Raises:
             OneBotError: the description does not define it.

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.elements.description import (
+from onebot_description.elements.meshes import mesh_corners
+from onebot_description.elements.urdf import (
     Box,
     Cylinder,
     Description,
@@ -17,7 +18,6 @@ from onebot_description.elements.description import (
     Shape,
     Sphere,
 )
-from onebot_description.elements.meshes import mesh_corners
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
@@ -89,7 +89,7 @@ def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
     """Return the greatest circle of a mesh about ``axis``; None if it is not round."""
     try:
         corners = mesh_corners(mesh)
-    except OneBotError:  # reported by who needs the mesh
+    except OneBotError:  # whoever needs the mesh reports it
         return None
     corners = matrices.transformed(corners, pose)
     along = corners @ axis

@@ -41,11 +41,11 @@ class Block:
     """One <sensor> while it is read.
 
     Attributes:
-        findings: of its document; faults are added.
+        findings: findings of its document; faults are added.
         element: the <sensor>.
-        link: that it lies in.
-        frames: of the robot.
-        pose: of the sensor, relative to the link.
+        link: link that it lies in.
+        frames: frames of the robot.
+        pose: pose of the sensor, relative to the link.
         wrong: whether it has a problem, because of which it is left out.
     """
 
@@ -68,9 +68,9 @@ class Block:
 
         Args:
             parent: contains the value's element.
-            path: of that element.
+            path: path of that element.
             default: the value if there is no such element; None if there has to be one.
-            rule: of the value.
+            rule: rule of the value.
         """
         element = parent.find(path)
         text = "" if element is None else (element.text or "").strip()

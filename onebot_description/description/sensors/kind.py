@@ -48,12 +48,12 @@ class Kind(ABC, Generic[M]):
     Each kind of sensor is a subclass, and has what is declared and abstract here.
 
     Attributes:
-        types: of the <sensor>.
-        message_types: of all outputs, by their names.
+        types: types of the <sensor>.
+        message_types: message types of all outputs, by their names.
         frame_tags: elements that name the frame of the messages, before those of all kinds.
-        elements: by element, the elements in it that are read, or have no effect here.
+        elements: keyed by element, the elements in it that are read, or have no effect here.
         plugin_elements: those in a plugin.
-        substitutes: for plugins without a <sensor>.
+        substitutes: substitutes for plugins without a <sensor>.
         plugin: the plugin; None for the <sensor> itself.
         topic: the <topic> of the <sensor>; "" without one.
         named: topics that the plugin names, by output; empty if it names none.

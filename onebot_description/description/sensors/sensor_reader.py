@@ -13,10 +13,10 @@ from onebot_description.description.sensors.unread import (
     warn_of_unknown,
     warn_of_unread,
 )
-from onebot_description.elements.description import Joint
 from onebot_description.elements.frames import Frames
 from onebot_description.elements.reading import Element, Findings
 from onebot_description.elements.sensor import Sensor, SensorModel
+from onebot_description.elements.urdf import Joint
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.values import Rule, ValueType
 
@@ -34,9 +34,9 @@ def read_sensors(
     """Read the sensors of a document.
 
     Args:
-        findings: of the document; faults are added.
-        links: of the robot.
-        joints: of the robot.
+        findings: findings of the document; faults are added.
+        links: links of the robot.
+        joints: joints of the robot.
 
     Returns:
         The sensors, and the names of unreadable ones.

@@ -43,7 +43,7 @@ def warn_of_unread(
 
     Args:
         findings: the warning is added.
-        plugin: of the <sensor>.
+        plugin: plugin of the <sensor>.
         of_kind: elements that are read in the plugins of its kind.
         idle: remappings of the plugin that match no topic.
     """

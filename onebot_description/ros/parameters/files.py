@@ -66,7 +66,7 @@ def read_parameters(text: str, name: str, node: str) -> Parameters:
 
     Args:
         text: the YAML.
-        name: of the file, for messages.
+        name: name of the file, for messages.
         node: full name, such as ``/joint_state_publisher``.
 
     Raises:
@@ -260,7 +260,7 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
     Args:
         file: its sections for one node are checked by that node.
         nodes: the full names of the nodes.
-        unknown: of each node, what reports the names that it does not declare.
+        unknown: a function for each node that reports the names that it does not declare.
 
     Returns:
         A warning for each name that sections of several nodes have for none of these.

@@ -340,7 +340,7 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
         places: where each was written, such as ``joints.yaml:7``, for the error.
 
     Raises:
-        ConfigError: with every problem, each naming the parameter and what would be right.
+        ConfigError: values are wrong; it names each of them, and what would be right.
     """
     node_values = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
     problems: list[Problem] = []
@@ -433,7 +433,7 @@ def declare(
     a double is declared as a double.
 
     Args:
-        node: to declare them on.
+        node: node to declare them on.
         kind: the dataclass.
         values: replace the defaults, and add names that the user chooses; None for one that the
             command line sets.
@@ -514,7 +514,7 @@ def follow_changes(
     """Follow changes of a node's parameters.
 
     Args:
-        node: with the parameters.
+        node: node that has the parameters.
         check: called before they are set; raises OneBotError to refuse them, with the reason.
         apply: called after they were set.
     """

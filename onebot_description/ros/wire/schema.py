@@ -12,8 +12,8 @@ whole message; after that each field is made when it is asked for. Numbers of a 
 into the message, which is never copied; structs of varying size (those with strings) are read into
 rows of equal size, in one compiled call.
 
-Strings are UTF-8, what is not is replaced, as rclpy does; the characters of a wstring are UTF-16,
-as Fast DDS from Jazzy on and Cyclone DDS write them. Upper bounds are not checked.
+Strings are UTF-8, and invalid bytes are replaced, as by rclpy; the characters of a wstring are
+UTF-16, as Fast DDS from Jazzy on and Cyclone DDS write them. Upper bounds are not checked.
 """
 
 import ctypes
@@ -199,7 +199,7 @@ class _Group:
         return cast("type[_V]", type(base.__name__, (base,), {**attributes, "_group": self}))
 
     def find(self, path: str) -> tuple["_Leaf | _Group", int]:
-        """Return a field, or one of a field's: names are joined by dots."""
+        """Return a field, or a field within fields by its path with dots."""
         name, dot, inner = path.partition(".")
         if name not in self.fields:
             hint = did_you_mean(name, filter(None, self.fields), "fields")
@@ -261,10 +261,10 @@ class _Program:
         return _Group(self._name, zip(self._leaves, self._leaves.values(), offsets, strict=True))
 
     def _stride(self, phase: int) -> int:
-        """Bytes from one struct to the next, 0 if that is not constant, by where the first starts.
+        """Return the bytes from a struct at ``phase`` to the next one; 0 if they vary.
 
-        If all fields move by the same from the first to the second, that is a multiple of each
-        alignment, and so it goes on.
+        If all fields of the second struct are equally far from those of the first, this distance is
+        a multiple of each alignment, so that all later structs follow at it, too.
         """
         first = _places(self._on_wire, phase)
         second = _places(self._on_wire, first[-1])

@@ -106,7 +106,7 @@ class JointStatePlan:
     message gives them a value of their own (robot_state_publisher's rules).
 
     Attributes:
-        names: of the message's joints.
+        names: names of the message's joints.
         rows: (K,) the model's joints that move.
         joints: their arrays.
         columns: (K,) which of the message's positions each joint follows.
@@ -327,9 +327,9 @@ class StateConverter:
         """Return the TFMessage of the joints that never move.
 
         Args:
-            stamp_ns: of the transforms, ns.
-            floating: with the floating joints; usually what moves their link, such as an odometry,
-                publishes them.
+            stamp_ns: stamp of the transforms, ns.
+            floating: whether to include floating joints; usually what moves their link, such as an
+                odometry, publishes them.
         """
         links, moved_by_others = self._model.fixed.children, self._model.floating
         rows = [row for row, link in enumerate(links) if floating or link not in moved_by_others]

@@ -119,9 +119,9 @@ class Definition(NamedTuple):
 
     Attributes:
         name: ``package/msg/Type``, or with srv or action.
-        fields: of a message; a service and an action have those that REP-2011 gives them.
-        encoding: of the text: msg, srv or action; "implicit" without one.
-        text: of the file that defines it.
+        fields: fields of a message; a service and an action have those that REP-2011 gives them.
+        encoding: encoding of the text: msg, srv or action; "implicit" without one.
+        text: text of the file that defines it.
     """
 
     name: str

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.introspection.transforms import FrameTree
+from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import (
     ColumnMaker,
     ReadyColumn,
@@ -79,7 +79,7 @@ class TransformStream:
     def add_static(self, transforms: TfArrays) -> None:
         """Log the changed transforms of a message of /tf_static, on one entity per frame.
 
-        Of several static chunks on one entity, a file would keep only a part.
+        If several static chunks shared an entity, a file would keep only some of them.
         """
         transforms = self._only_usable(transforms)
         self._frames.update(transforms, static=True)

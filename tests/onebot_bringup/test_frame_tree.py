@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from onebot_bringup.introspection.transforms import FrameTree, TransformError
+from onebot_bringup.introspection.frame_tree import FrameTree, TransformError
 from onebot_description.ros.wire.messages import (
     TfArrays,
 )

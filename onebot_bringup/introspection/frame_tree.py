@@ -82,8 +82,8 @@ class _Block:
     def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
         """Return translation and rotation, interpolated at a time; for 0, the latest.
 
-        Before the history they are its first ones, unless another clock seems to be in use; after
-        it the latest.
+        A time before the history gets its first transform, or the latest if the time is so early
+        that it seems to be of another clock; a time after the history gets the latest.
         """
         history = self.history
         first, last = self.span(row) if history else (0, 0)

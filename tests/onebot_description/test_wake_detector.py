@@ -1,0 +1,34 @@
+"""When this process woke. No ROS."""
+
+import math
+
+from onebot_description.ros.wake_detector import WakeDetector
+
+
+def test_a_process_that_did_not_run_has_woken() -> None:
+    """A gap between two checks tells it, or SIGCONT, which two threads may notice."""
+    now = [100.0]
+    wake = WakeDetector(lambda: now[0])
+    for _ in range(50):
+        now[0] += 0.4
+        assert wake.check() == -math.inf
+    now[0] += 3600.0
+    assert wake.check() == wake.woke == now[0]
+    now[0] += 1.0
+    wake.resumed()
+    assert wake.woke == now[0] == wake.check() + 0.0
+    first = now[0]
+    now[0] += 0.02
+    wake.resumed()
+    assert wake.check() == first
+
+
+def test_a_stop_soon_after_a_gap_counts() -> None:
+    """A process that starts slowly has a gap, and may be stopped before it has run for long."""
+    now = [100.0]
+    wake = WakeDetector(lambda: now[0])
+    now[0] += 0.6
+    assert wake.check() == now[0]
+    now[0] += 0.1
+    wake.resumed()
+    assert wake.woke == now[0]
