@@ -200,6 +200,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
         self.simulation._ros = None
+        wake_exactly(False)
         self._executor.shutdown()
         self._arms.shutdown()
         for node in (*self._added, *self._arm_nodes):

@@ -119,11 +119,14 @@ class SystemStamps:
         return system - (start + end) // 2, end - start
 
 
-def wake_exactly() -> None:
+def wake_exactly(exactly: bool = True) -> None:
     """Make waits of the calling thread end on time; by default, Linux may end them 50 us late.
 
     On other systems, and where it is not allowed, it does nothing.
+
+    Args:
+        exactly: False for the default again.
     """
     if sys.platform == "linux":
-        one_ns = ctypes.c_ulong(1)  # 0 would be the default again
-        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, one_ns)
+        slack = ctypes.c_ulong(exactly)  # ns; 0 stands for the default
+        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, slack)

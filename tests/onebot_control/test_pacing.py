@@ -182,4 +182,6 @@ def test_waits_of_one_thread_end_on_time() -> None:
     with ThreadPoolExecutor(1) as pool:
         pool.submit(wake_exactly)
         assert pool.submit(slack, asking).result() == 1
+        pool.submit(wake_exactly, False)
+        assert pool.submit(slack, asking).result() == before
     assert slack(asking) == before > 1
