@@ -138,6 +138,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._arm_nodes = interface.arm_nodes
         for node in self._arm_nodes:
             self._arms.add_node(node)
+        self._subscribed = set(self._topics_subscribed())
         return interface
 
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
@@ -229,8 +230,15 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                     hint = did_you_mean(topic, robots, "the robot's")
                     node.get_logger().warning(f"nobody publishes {topic}{hint}")
 
+    def _topics_subscribed(self) -> Iterator[str]:
+        return (sub.topic_name for node in self._robot_nodes for sub in node.subscriptions)
+
     def _unconnected(self) -> Iterator[str]:
         """Yield the topics on which a node and a robot are not yet connected in both directions."""
+        # While ~/cmd_vel changes its type, no robot subscribes to it.
+        changing = self._subscribed.difference(self._topics_subscribed())
+        names = (pub.topic_name for node in self._added for pub in node.publishers)
+        yield from changing.intersection(names)
         pair = self._robot_nodes, self._added
         for nodes, other_nodes in (pair, pair[::-1]):
             publishers = {pub.topic_name: pub for node in nodes for pub in node.publishers}
