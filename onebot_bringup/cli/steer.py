@@ -25,8 +25,8 @@ from onebot_bringup.launch.nodes import (
     VIEWER,
     RosNodes,
 )
-from onebot_bringup.launcher.child import temporary_folder
 from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.serving.ports import listen
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file

@@ -29,9 +29,9 @@ from onebot_bringup.launch.nodes import (
     given_files,
     world_frame,
 )
-from onebot_bringup.launcher.child import temporary_folder
 from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
+from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import prefixed

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-from onebot_bringup.launcher.child import die_with_this_thread
+from onebot_bringup.launcher.orphans import die_with_this_thread
 from onebot_description.ros.process_start import blas_variables
 
 OnExit = Literal["shutdown", "ignore"]

@@ -13,7 +13,7 @@ from unittest.mock import patch
 
 from onebot_bringup.launch.bringup import UP
 from onebot_bringup.launch.nodes import BRINGUPS
-from onebot_bringup.launcher.child import die_with_this_thread
+from onebot_bringup.launcher.orphans import die_with_this_thread
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.discovery import configure_discovery
 

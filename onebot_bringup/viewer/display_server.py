@@ -18,7 +18,7 @@ from urllib.parse import quote
 import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
-from onebot_bringup.launcher.child import die_with_this_thread, temporary_folder
+from onebot_bringup.launcher.orphans import die_with_this_thread, temporary_folder
 from onebot_bringup.serving.grpc_gate import GrpcGate
 from onebot_bringup.serving.ports import (
     LOOPBACK,

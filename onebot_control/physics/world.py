@@ -1,4 +1,4 @@
-"""Worlds in which robots move on the same ground, among the same walls."""
+"""Worlds in which robots move on the same ground, among the same walls, which ``scene`` loads."""
 
 import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -11,8 +11,8 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.description.checks import cycles
 from onebot_description.errors import did_you_mean
-from onebot_description.joints.chains import followers
 from onebot_description.joints.config import Dependent
+from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import JointLimits
 from onebot_description.ros.parameters.reader import Problem
 

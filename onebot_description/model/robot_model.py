@@ -23,7 +23,7 @@ from onebot_description.compiled.library import load_library
 from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint, Mimic
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
-from onebot_description.joints.chains import followers
+from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import zero_position
 
 _POSE = 7  # numbers in a transform: translation x y z, rotation x y z w

@@ -138,6 +138,7 @@ def test_a_refused_command_leaves_the_one_before() -> None:
     drive = controller(cmd_vel_timeout=0.5)
     drive.accept(0.2, 0.1)
     assert drive.accept(0.7, 0.7, age=0.5) == "0.500 s old, and cmd_vel_timeout is 0.5 s"
+    assert drive.accept(0.7, 0.7, age=0.6) == "0.600 s old, and cmd_vel_timeout is 0.5 s"
     assert drive.update(REST, 0.1)[2:4] == (0.2, 0.1)
     assert drive.accept(0.7, 0.7, age=0.499) is None
     assert drive.update(REST, 0.1)[2:4] == (0.7, 0.7)

@@ -311,13 +311,14 @@ def test_a_wheel_that_leads_is_not_wrapped() -> None:
 
 def test_a_wheel_that_leads_takes_the_whole_way_to_its_new_motion() -> None:
     """The short way would not bring its follower to where it ought to be."""
-    source = source_from(WHEELS, {"motions": {"left": constant(5.0)}})
+    source = source_from(WHEELS, {"motions": {"left": constant(5.0), "free": constant(2.0)}})
     source.sample(0.0)
     source.sample(100.0)
-    configure(source, {"motions": {"left": constant(-1.0)}})
+    configure(source, {"motions": {"left": constant(-1.0), "free": constant(3.0)}})
     course = [source.sample(100.0 + t)[0] for t in (1.0, 2.0, 3.0, 9.0)]
     assert [left for left, _, _ in course] == pytest.approx([3.0, 1.0, -1.0, -1.0])
     assert [right for _, right, _ in course] == pytest.approx([-1.25, -0.25, 0.75, 0.75])
+    assert [free for _, _, free in course] == pytest.approx([3.0] * 4)
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=5))

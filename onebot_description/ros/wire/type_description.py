@@ -1,4 +1,4 @@
-"""Describes types as REP-2011 has it, and hashes the description: a type's identity on the wire.
+"""Describes types as REP-2011 has it, and hashes the description (RIHS01): a type's identity.
 
 The structures are rosidl_runtime_c's of ROS 2 Jazzy; type ids are those of
 type_description_interfaces/msg/FieldType.
