@@ -86,7 +86,7 @@ def check_frames(
     """Check the frames that a robot would have.
 
     Args:
-        frames: names with other parameters, or another description.
+        frames: its frames under other parameters, or by another description.
         present: those that it has now.
         others: frames of the other robots, by node.
         scene: the scene around the robots.

@@ -15,6 +15,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 
+from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from tests.benchmarks.measuring import WrongAnswer, bringup, command, median, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import Peer
@@ -82,9 +83,9 @@ def _measure(robots: int, words: list[str], quick: bool) -> Window:
         states.clear()
         scans.clear()
         drive(1.0 if quick else 8.0)
-        stamps, heard = [_seconds(state) for state in list(states)], len(scans)
+        stamps, heard = [nanoseconds(state.header.stamp) for state in list(states)], len(scans)
         _check(_truths(domain, names, drive))
-        simulated = stamps[-1] - stamps[0]
+        simulated = (stamps[-1] - stamps[0]) / NS_PER_S
         return Window(
             (len(stamps) - 1) / simulated / _RATE,
             heard / (robots * _SCANS * simulated),
@@ -100,10 +101,6 @@ def _truths(domain: int, names: list[str], drive: Callable[[float], None]) -> di
         while not all(heard.values()):
             drive(0.1)
     return {name: truths[-1] for name, truths in heard.items()}
-
-
-def _seconds(state: JointState) -> float:
-    return float(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
 
 
 def _drives(truth: Odometry) -> bool:
