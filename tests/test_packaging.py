@@ -85,7 +85,12 @@ def test_every_data_folder_is_in_the_table():
 
 @pytest.mark.parametrize(
     ("system", "machine", "wheels"),
-    [("linux", "x86_64", 2), ("linux", "aarch64", 0), ("darwin", "arm64", 0)],
+    [
+        ("linux", "x86_64", 2),
+        ("linux", "aarch64", 0),
+        ("darwin", "arm64", 0),
+        ("win32", "AMD64", 0),
+    ],
 )
 def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
     """Elsewhere pip installs the rest, and ROS is an installed one."""
@@ -94,8 +99,30 @@ def test_wheels_of_ros_are_asked_for_where_they_exist(system, machine, wheels):
     platform = {"sys_platform": system, "platform_machine": machine}
     asked = [each.name for each in required if not each.marker or each.marker.evaluate(platform)]
     assert len([name for name in asked if name.startswith("ros-")]) == wheels
-    assert {"xacro", "rerun-sdk", "pybullet"} <= set(asked)
-    assert ("embreex" in asked) == (machine == "x86_64" or system == "darwin")
+    assert {"xacro", "rerun-sdk"} <= set(asked)
+    assert ("embreex" in asked) == (machine in ("x86_64", "AMD64") or system == "darwin")
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "python", "name"),
+    [
+        ("linux", "x86_64", "3.10", "pybullet"),
+        ("linux", "x86_64", "3.11", "pybullet"),
+        ("linux", "x86_64", "3.12", "pybullet-arm64"),
+        ("linux", "x86_64", "3.13", "pybullet-arm64"),
+        ("linux", "aarch64", "3.12", "pybullet"),
+        ("darwin", "arm64", "3.10", "pybullet-arm64"),
+        ("win32", "AMD64", "3.11", "pybullet-arm64"),
+    ],
+)
+def test_one_pybullet_is_required_everywhere(system, machine, python, name):
+    """Where pybullet has a wheel, or neither has, itself; its fork elsewhere."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    place = {"sys_platform": system, "platform_machine": machine, "python_version": python}
+    required = map(Requirement, project["dependencies"])
+    found = [each.name for each in required if each.name.startswith("pybullet")
+             and (not each.marker or each.marker.evaluate(place))]  # fmt: skip
+    assert found == [name]
 
 
 def _environment_without_ros_variables() -> dict[str, str]:

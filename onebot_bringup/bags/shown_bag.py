@@ -18,7 +18,7 @@ from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.ros.names import absolute
-from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -26,6 +26,9 @@ _LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
 _REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a requirement that has no marker (extra, platform)
 _PROJECT = "pyproject.toml"
+_BULLETS = ("pybullet", "pybullet-arm64")  # the second is a fork of the first
+_HAS_WHEELS = sys.platform == "linux" and sys.version_info < (3, 12)  # of the first, for x86-64
+_BULLET = _BULLETS[0 if _HAS_WHEELS else 1]
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
 
@@ -47,6 +50,7 @@ def run(argv: Sequence[str]) -> int:
     print(f"onebot {onebot_description.__version__}, {python}")
     checks: dict[str, Callable[[], Verdict]] = {
         "dependencies": lambda: dependencies(_required()),
+        "pybullet": pybullet,
         "compiled library": _library,
         "rclpy": _rclpy,
         "domain": lambda: domain(os.environ),
@@ -88,6 +92,18 @@ def dependencies(required: Iterable[str]) -> Verdict:
     if problems := [line for line in lines if line.startswith(f"{_NAME} ")]:
         return Verdict(PROBLEM, "; ".join(problems), f"pip install --upgrade {_NAME}")
     return Verdict(OK, f"{len(names)} found")
+
+
+def pybullet() -> Verdict:
+    """Check that one distribution has installed the module pybullet, and only one."""
+    installed = [name for name in _BULLETS if any(metadata.distributions(name=name))]
+    if len(installed) == 1:
+        return Verdict(OK, f"of {installed[0]} {metadata.version(installed[0])}")
+    again = f"pip install --force-reinstall --no-deps {_BULLET}"
+    if not installed:
+        return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", again)
+    text = f"{' and '.join(_BULLETS)} are both installed, and overwrite each other's files"
+    return Verdict(PROBLEM, text, f"pip uninstall -y {' '.join(_BULLETS)} && {again}")
 
 
 def _library() -> Verdict:

@@ -182,7 +182,7 @@ class _Transforms:
             session.node.create_subscription(TFMessage, topic, received, qos, raw=True)
 
     def _receive(self, topic: str, data: bytes) -> None:
-        from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
+        from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
 
         try:
             message = tf_arrays(data)

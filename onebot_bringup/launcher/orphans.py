@@ -14,22 +14,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
-_LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
 
-def die_with_this_thread() -> Callable[[], None]:
+def die_with_this_thread() -> Callable[[], None] | None:
     """Return a ``preexec_fn`` for a child that is killed when the calling thread ends.
 
-    Linux follows the *thread* that starts the child, so that has to be one that lives as long as
-    the process: the main thread.
+    It is None where the system has no such signal. Linux follows the *thread* that starts the
+    child, so that has to be one that lives as long as the process: the main thread.
     """
+    if sys.platform != "linux":
+        return None
     parent = os.getpid()
+    libc = ctypes.CDLL(None)  # before the fork, because the child may not allocate much
 
     def arrange() -> None:
-        if sys.platform == "linux":
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-            if os.getppid() != parent:  # the parent died before the call above
-                os._exit(1)
+        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # the parent died before the call above
+            os._exit(1)
 
     return arrange
 
@@ -37,8 +38,10 @@ def die_with_this_thread() -> Callable[[], None]:
 def temporary_folder(kind: str) -> tempfile.TemporaryDirectory[str]:
     """Make a temporary folder, and remove those of this kind whose process was killed."""
     prefix = f"onebot-{kind}-"  # the id of the process follows
-    for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
-        process = folder.name.removeprefix(prefix).partition("-")[0]
-        if not Path("/proc", process).exists():
-            shutil.rmtree(folder, ignore_errors=True)
+    processes = Path("/proc")
+    if processes.is_dir():  # as on Linux
+        for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
+            process = folder.name.removeprefix(prefix).partition("-")[0]
+            if not Path(processes, process).exists():
+                shutil.rmtree(folder, ignore_errors=True)
     return tempfile.TemporaryDirectory(prefix=f"{prefix}{os.getpid()}-", ignore_cleanup_errors=True)

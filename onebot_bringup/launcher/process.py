@@ -164,9 +164,10 @@ async def spawn(node: NodeProcess, out: Sink, err: Sink) -> RunningProcess:
     return process
 
 
-def _set_up_child(node: NodeProcess, die_with_parent: Callable[[], None]) -> None:
+def _set_up_child(node: NodeProcess, die_with_parent: Callable[[], None] | None) -> None:
     """Prepare a child between fork and exec."""
-    die_with_parent()
+    if die_with_parent is not None:
+        die_with_parent()
     if node.hold_interrupt:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.nice(node.nice)

@@ -13,13 +13,13 @@ from onebot_description.ros.topic_qos import compatible_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
 from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
-from onebot_description.ros.wire.messages import (
+from onebot_description.ros.wire.message_arrays import (
     BAD_MESSAGE,
     TfArrays,
-    deserialize_message,
     odometry_sample,
     tf_arrays,
 )
+from onebot_description.ros.wire.messages import deserialize_message
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 _TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"

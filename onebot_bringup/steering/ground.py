@@ -27,7 +27,7 @@ from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.messages import OdometrySample
+from onebot_description.ros.wire.message_arrays import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"

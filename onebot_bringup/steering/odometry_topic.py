@@ -9,7 +9,7 @@ from rclpy.node import Node
 from onebot_bringup.steering.followed_topics import ODOMETRY, FollowedTopics
 from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.names import node_name
-from onebot_description.ros.wire.messages import OdometrySample
+from onebot_description.ros.wire.message_arrays import OdometrySample
 
 
 def choose_odometry(

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from std_msgs.msg import String
 
 from onebot_bringup.viewer.core.shown_robot import WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
@@ -14,13 +13,13 @@ from onebot_bringup.viewer.rendering import render
 from onebot_bringup.viewer.robot_messages import (
     Published,
     RobotMessages,
-    published,
+    published_description,
     published_transforms,
 )
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_control.frame_names import WORLD_FRAME
-from onebot_control.nodes.publishing import scene_transforms
+from onebot_control.physics.scene import scene_frames
 from onebot_control.simulation import Simulation
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
@@ -68,8 +67,9 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
         start = moments[0].stamp
         messages += (message for robot in robots for message in robot.standing(start))
         if world is not None:
-            messages.append(published(WORLD_DESCRIPTION, String(data=world.urdf)))
-            messages.append(published("/tf_static", scene_transforms(world, WORLD_FRAME, start)))
+            frames = scene_frames(world, WORLD_FRAME)
+            messages.append(published_description(WORLD_DESCRIPTION, world.urdf))
+            messages.append(published_transforms("/tf_static", start, *frames))
     for moment in moments:
         for robot, pose, joints in zip(robots, moment.poses, moment.joints, strict=True):
             messages.append(_in_world(moment.stamp, {robot.root: pose}))

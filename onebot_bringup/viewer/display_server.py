@@ -1,9 +1,9 @@
 """Opens the recording, and the page or window that shows it."""
 
-import fcntl
 import os
 import re
 import subprocess
+import sys
 import tempfile
 import threading
 import weakref
@@ -166,20 +166,27 @@ class RecordingFile:
     def __init__(self, path: Path) -> None:
         """Open a file beside ``path``; ``replace`` gives it that name, else it is deleted."""
         self._path = path
-        self._new = path.resolve().with_name(f".{path.name}-{os.getpid()}")
+        # On Windows a pipe has no path, and an open file cannot be renamed: Rerun writes the file.
+        self._piped = os.name != "nt"
+        new = f".{path.name}-{os.getpid()}" if self._piped else path.name
+        self._new = path.resolve().with_name(new)
         self._file = _opened(path, self._new)
         self._discard = weakref.finalize(self, self._new.unlink, missing_ok=True)
         self._error: OSError | None = None
         source, self._target = os.pipe()
-        with suppress(OSError):  # a user with many pipes gets small ones
-            fcntl.fcntl(source, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
+        if sys.platform == "linux":
+            import fcntl
+
+            with suppress(OSError):  # a user with many pipes gets small ones
+                fcntl.fcntl(source, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
         self._thread = threading.Thread(target=self._copy, args=(source,), daemon=True)
         self._thread.start()
 
     def sink(self) -> rr.FileSink:
         """Return the sink that Rerun writes to; after opening it, call ``opened``."""
         # A footer would keep a record of every chunk in memory, too much for a run of days.
-        return rr.FileSink(f"/proc/self/fd/{self._target}", write_footer=False)
+        path = f"/dev/fd/{self._target}" if self._piped else self._new
+        return rr.FileSink(path, write_footer=False)
 
     def opened(self) -> None:
         """Close our end of the pipe, so that it ends with the recording, which has opened it."""

@@ -1,32 +1,28 @@
-"""Makes the messages that the nodes of a robot would publish, to show it without nodes."""
+"""Makes the messages that the nodes of a robot would publish, to show it without nodes or ROS."""
 
 from collections.abc import Sequence
-from typing import Any
-
-from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
 
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.model import RobotModel
 from onebot_description.model.robot_model import JointArrays
-from onebot_description.ros.wire.definition import type_name
-from onebot_description.ros.wire.messages import time_message, transforms_message
+from onebot_description.ros.wire.cdr import Writer
 
 Published = tuple[str, str, bytes]
-"""A topic, its type's name, and a message."""
+"""A topic, its type's name, and a serialized message."""
 
 
-def published(topic: str, message: Any) -> Published:
-    """Return a message as it comes on a topic."""
-    return topic, type_name(message), bytes(serialize_message(message))
+def published_description(topic: str, urdf: str) -> Published:
+    """Return a description as it is published on a topic."""
+    message = Writer()
+    message.string(urdf)
+    return topic, "std_msgs/msg/String", bytes(message.data)
 
 
 def published_transforms(
     topic: str, stamp_ns: int, parents: Sequence[str], children: Sequence[str], values: Floats
 ) -> Published:
-    """Return transforms as they come on a topic.
+    """Return transforms as they are published on a topic.
 
     Args:
         topic: /tf or /tf_static.
@@ -35,8 +31,14 @@ def published_transforms(
         children: the frames.
         values: (N, 7) poses of the frames in their parents: x y z in m, and a quaternion x y z w.
     """
-    message = transforms_message(time_message(stamp_ns), parents, children, values)
-    return published(topic, message)
+    message = Writer()
+    message.u32(len(parents))
+    for parent, child, pose in zip(parents, children, values.tolist(), strict=True):
+        message.stamp(stamp_ns)
+        message.string(parent)
+        message.string(child)
+        message.doubles(pose)
+    return topic, "tf2_msgs/msg/TFMessage", bytes(message.data)
 
 
 class RobotMessages:
@@ -60,9 +62,8 @@ class RobotMessages:
     def standing(self, stamp_ns: int) -> list[Published]:
         """Return the description, and the transforms of the fixed joints."""
         fixed = self.model.fixed
-        text = String(data=self._description.urdf)
         return [
-            published(f"{self._space}robot_description", text),
+            published_description(f"{self._space}robot_description", self._description.urdf),
             self._transforms("/tf_static", stamp_ns, fixed, fixed.constant),
         ]
 
@@ -73,11 +74,19 @@ class RobotMessages:
             stamp_ns: the time, nanoseconds.
             positions: (M,) positions of the movable joints in the model's order, rad or m.
         """
-        moving, header = self.model.moving, Header(stamp=time_message(stamp_ns))
-        state = JointState(header=header, name=self.model.joints, position=positions.tolist())
+        moving = self.model.moving
+        state = Writer()
+        state.stamp(stamp_ns)
+        state.string("")  # the header's frame
+        state.u32(len(self.model.joints))
+        for name in self.model.joints:
+            state.string(name)
+        for values in (positions.tolist(), [], []):  # no velocities, no efforts
+            state.u32(len(values))
+            state.doubles(values)
         return [
             self._transforms("/tf", stamp_ns, moving, moving.transforms(positions)),
-            published(f"{self._space}joint_states", state),
+            (f"{self._space}joint_states", "sensor_msgs/msg/JointState", bytes(state.data)),
         ]
 
     def _transforms(

@@ -19,6 +19,7 @@ from typing import NamedTuple
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.speed_limiter import SpeedLimiter, clamp
+from onebot_description.arrays import total
 
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
@@ -166,7 +167,7 @@ class DiffDriveController:
         self._passed.append((cycle, seconds))
         if self.pace < 1.0 or cycle < seconds:
             cycles, durations = zip(*self._passed, strict=True)
-            self.pace = sum(cycles) / sum(durations)
+            self.pace = total(cycles) / total(durations)
 
     def _limited(self, dt: float) -> tuple[float, float]:
         # A timed-out command becomes a zero reference, ramped down by the limiter.

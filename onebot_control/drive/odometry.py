@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from onebot_description.arrays import total
 from onebot_description.geometry.poses import PlanarPose, Triple
 
 if TYPE_CHECKING:
@@ -205,7 +206,7 @@ class Odometry:
         self._linear.append(distance / dt)
         self._angular.append(turn / dt)
         count = len(self._linear)
-        self.linear, self.angular = sum(self._linear) / count, sum(self._angular) / count
+        self.linear, self.angular = total(self._linear) / count, total(self._angular) / count
 
     def _integrate(self, distance: float, turn: float) -> None:
         """Move along the arc that constant wheel velocities make.

@@ -14,7 +14,7 @@ from onebot_control.nodes.publishing import Publishers
 from onebot_description.geometry.poses import of_arrays
 from onebot_description.ros.topic_qos import make_qos
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import BAD_MESSAGE, tf_arrays
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": False, "/tf_static": True}  # whether each is latched
 # Messages kept between two polls; localizers repeat what is lost. At ten polls a second it bounds

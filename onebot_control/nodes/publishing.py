@@ -7,7 +7,6 @@ The messages are created once and filled again in each cycle, because rclpy has 
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, TransformStamped, TwistStamped
 from geometry_msgs.msg import Transform as TransformMessage
@@ -24,9 +23,9 @@ from onebot_control.drive.odometry import fill_diagonal
 from onebot_control.fleet import Divider
 from onebot_control.nodes.frames import Frames
 from onebot_control.physics import SceneBodies, Twist
+from onebot_control.physics.scene import scene_frames
 from onebot_description.description import Description
-from onebot_description.geometry.poses import PlanarPose, Transform, compose, inverse
-from onebot_description.model.robot_model import JointArrays
+from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.wire.cdr import NS_PER_S
@@ -271,14 +270,7 @@ class ScenePublisher:
 
 def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
     """Return the transforms of a scene's fixed links, below ``world_frame``."""
-    fixed = [joint for joint in description.joints if joint.kind == "fixed"]
-    joints = JointArrays(fixed)
-    parents, children, values = list(joints.parents), list(joints.children), joints.constant
-    if description.root_link != world_frame:
-        parents.append(world_frame)
-        children.append(description.root_link)
-        values = np.vstack([values, np.hstack(PlanarPose().transform)])
-    return transforms_message(time_message(stamp_ns), parents, children, values)
+    return transforms_message(time_message(stamp_ns), *scene_frames(description, world_frame))
 
 
 def _fill_transform(message: TransformMessage, pose: Transform) -> None:

@@ -6,21 +6,37 @@ import logging
 import os
 import re
 import sys
+import tempfile
 import threading
 import weakref
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
+from typing import IO, Any
 
-__all__ = ["Bullet", "captured", "engine", "log", "logger"]
+__all__ = ["Bullet", "captured", "engine", "log", "logger", "scratch_file"]
 
 logger = logging.getLogger("onebot_control.physics")
 
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
-_LIBC = ctypes.CDLL(None)
+# The C library that PyBullet prints by; on Windows it is no part of the process's own symbols.
+_LIBC = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
 # Bullet's prefix of each warning names a line of its sources.
 _ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
+
+
+@contextlib.contextmanager
+def scratch_file() -> Iterator[tuple[IO[bytes], str]]:
+    """Yield an empty file, and a path that opens it again.
+
+    On Linux the file is in memory, so that a killed process leaves nothing behind.
+    """
+    if sys.platform == "linux":
+        with open(os.memfd_create("onebot"), "w+b") as file:
+            yield file, f"/proc/self/fd/{file.fileno()}"
+    else:
+        with tempfile.TemporaryDirectory() as folder, open(f"{folder}/scratch", "w+b") as file:
+            yield file, file.name
 
 
 @contextlib.contextmanager
@@ -34,9 +50,7 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
         A list, which is filled with the captured lines when the block ends, even by an exception.
     """
     lines: list[str] = []
-    # A file in memory.
-    file = open(os.memfd_create("captured"), "w+b")
-    with _lock, file, contextlib.ExitStack() as restoring:
+    with _lock, scratch_file() as (file, _), contextlib.ExitStack() as restoring:
         _flush()
         for descriptor in descriptors or (1,):
             # A closed descriptor has nothing to write to, nor to restore.

@@ -289,7 +289,7 @@ class RobotBody:
         states = self._read_motors()
         # Not sum(), which rounds differently from Python 3.12 on.
         self._sums = [
-            total + state[_EFFORT] for total, state in zip(self._sums, states, strict=True)
+            effort + state[_EFFORT] for effort, state in zip(self._sums, states, strict=True)
         ]
         if self.commanded:
             self._commanded_positions = [state[0] for state in states[len(self.driven) :]]

@@ -10,6 +10,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.spawning import (
@@ -23,8 +26,9 @@ from onebot_description.description.loading import load_world
 from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
-from onebot_description.geometry.poses import Transform
+from onebot_description.geometry.poses import PlanarPose, Transform
 from onebot_description.model.rigid_bodies import Body, rigid_frames
+from onebot_description.model.robot_model import JointArrays
 
 _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
 # m. PyBullet separates bodies gently that overlap by up to 15 mm, as measured; deeper ones are
@@ -199,3 +203,21 @@ class SceneBodies:
         """Return how deep two bodies overlap, m; 0 if they do not."""
         near = self._bullet.getClosestPoints(one, other, 0.0)
         return max((-point[8] for point in near), default=0.0)
+
+
+def scene_frames(
+    description: Description, world_frame: str
+) -> tuple[list[str], list[str], NDArray[np.float64]]:
+    """Return the frames of a scene's fixed links, below ``world_frame``.
+
+    Returns:
+        The parent of each frame, the frames, and their (N, 7) poses in their parents: x y z in m,
+        and a quaternion x y z w.
+    """
+    joints = JointArrays([joint for joint in description.joints if joint.kind == "fixed"])
+    parents, children, values = list(joints.parents), list(joints.children), joints.constant
+    if description.root_link != world_frame:
+        parents.append(world_frame)
+        children.append(description.root_link)
+        values = np.vstack([values, np.hstack(PlanarPose().transform)])
+    return parents, children, values

@@ -25,7 +25,7 @@ from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
-from onebot_description.arrays import Floats
+from onebot_description.arrays import Floats, total
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
     Description,
@@ -436,7 +436,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
     # The wheels slide on their axles, so their mass across does not resist the robot's turning.
-    yaw = max(yaw - mass * sum(place[0] ** 2 for place in places.values()), _LEAST_TURNING * yaw)
+    yaw = max(yaw - mass * total(place[0] ** 2 for place in places.values()), _LEAST_TURNING * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch
     return float(tyre.radius**2 / max(sideways - base, _LEAST_TURNING * sideways))

@@ -1,7 +1,6 @@
 """Creates PyBullet worlds with level ground, and loads robots and scenes into them."""
 
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.physics.engine import Bullet, captured, engine, log
+from onebot_control.physics.engine import Bullet, captured, engine, log, scratch_file
 from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
+from onebot_description.arrays import total
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Description, Mesh, Mimic
 from onebot_description.errors import OneBotError
@@ -186,7 +186,7 @@ def load_robot(
     for name, mimic in spawn.gears.items():
         _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
-    soften(bullet, robot, skidding, sum(body.mass for body in bodies.values()), settings)
+    soften(bullet, robot, skidding, total(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
         bullet.changeDynamics(robot, -1, **{damping: 0.0})
@@ -252,11 +252,11 @@ def _load(
 
 @contextmanager
 def _file(text: str) -> Iterator[str]:
-    """Yield the path of a file in memory with ``text``."""
-    with open(os.memfd_create("robot.urdf"), "w", encoding="utf-8") as file:
-        file.write(text)
+    """Yield the path of a temporary file with ``text``."""
+    with scratch_file() as (file, path):
+        file.write(text.encode())
         file.flush()
-        yield f"/proc/self/fd/{file.fileno()}"
+        yield path
 
 
 @contextmanager

@@ -3,6 +3,9 @@
 Forking takes some milliseconds, but is safe only in a process without other threads: nobody would
 release their locks in the child, such as the loader's. A process with threads (a node) starts an
 interpreter instead, which forks; that takes a tenth of a second. The answer is passed as JSON.
+
+macOS does not limit a process's memory. Windows neither forks nor limits: there the new interpreter
+runs the function itself, and is killed when the processor time has passed on the clock.
 """
 
 import importlib
@@ -10,7 +13,6 @@ import json
 import math
 import mmap
 import os
-import resource
 import signal
 import sys
 import time
@@ -18,12 +20,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
+try:
+    import resource
+except ModuleNotFoundError:  # on Windows
+    resource = None  # type: ignore[assignment]
+
 # Isolated (-I), so that no file in the current folder is imported instead of a module. Without site
 # (-S), the prefix would be that of the interpreter of which the environment was made.
 _START = (
     "import sys; sys.path[:] = sys.argv[1].split('\\n'); sys.prefix = sys.argv[2];"
     "from onebot_description.description import bounded_process; bounded_process.main()"
 )
+
+_FORKS = hasattr(os, "fork")
 
 
 class Bounds(NamedTuple):
@@ -73,13 +82,20 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
         BoundExceeded: the function exceeded a bound.
         RuntimeError: the function failed; its traceback is on stderr.
     """
-    start = _fork if len(os.listdir("/proc/self/task")) == 1 else _spawn
+    start = _fork if _is_single_threaded() else _spawn
     answer = json.loads(start(function, request, bounds))
     if "met" in answer:
         raise BoundExceeded(*answer["met"])
     if "failed" in answer:
         raise RuntimeError(answer["failed"])
     return answer["result"]
+
+
+def _is_single_threaded() -> bool:
+    try:
+        return len(os.listdir("/proc/self/task")) == 1
+    except OSError:  # only Linux tells
+        return False
 
 
 def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
@@ -94,9 +110,17 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
         start_new_session=True,  # Ctrl-C in a terminal must only reach the waiting process
     ) as process:
         try:
-            answer, _ = process.communicate(json.dumps([function, request, bounds]).encode())
+            answer, _ = process.communicate(
+                json.dumps([function, request, bounds]).encode(),
+                None if _FORKS else bounds.processor,
+            )
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return json.dumps({"met": [f"{bounds.processor} s", "the description"]}).encode()
         except BaseException:
-            os.killpg(process.pid, signal.SIGKILL)  # its fork, too
+            if _FORKS:
+                os.killpg(process.pid, signal.SIGKILL)  # its fork, too
+            process.kill()
             raise
     return answer or json.dumps({"failed": f"the interpreter ended with {process.wait()}"}).encode()
 
@@ -106,9 +130,15 @@ def main() -> None:
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
     os.dup2(2, 1)  # the function's prints must not mix with the answer
-    answer = _fork(function, request, Bounds(*bounds))
+    run = _fork if _FORKS else _run
+    answer = run(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
+
+
+def _run(function: str, request: Any, bounds: Bounds) -> bytes:
+    """Run the function in this process; return its answer."""
+    return _answer(function, request, bounds, Place())
 
 
 def _fork(function: str, request: Any, bounds: Bounds) -> bytes:
@@ -166,9 +196,10 @@ def _answer(function: str, request: Any, bounds: Bounds, place: Place) -> bytes:
 
 def _limit(bounds: Bounds) -> None:
     """Limit this process; memory that it already uses does not count."""
-    Path("/proc/self/oom_score_adj").write_text("1000")  # killed before the robot's processes
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + bounds.memory)
+    with suppress(FileNotFoundError):  # only Linux has these files, and obeys RLIMIT_AS
+        Path("/proc/self/oom_score_adj").write_text("1000")  # killed before the robot's processes
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + bounds.memory)
     _lower(resource.RLIMIT_CPU, math.ceil(time.process_time()) + bounds.processor)
     _lower(resource.RLIMIT_CORE, 0)
 

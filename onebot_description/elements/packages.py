@@ -298,10 +298,11 @@ def cache_folder() -> Path:
             return folder
     import tempfile  # slow to import
 
-    folder = Path(tempfile.gettempdir(), f"onebot-{os.getuid()}")
+    user = os.getuid() if hasattr(os, "getuid") else 0  # on Windows 0 owns each file
+    folder = Path(tempfile.gettempdir(), f"onebot-{user}")
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.stat().st_uid == os.getuid():  # not a folder prepared by another user
+        if folder.stat().st_uid == user:  # not a folder prepared by another user
             return folder
     raise OneBotError(f"neither ~/.cache nor {folder} can be written; set XDG_CACHE_HOME")
 

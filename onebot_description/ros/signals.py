@@ -18,8 +18,10 @@ _LONGEST_STOP = 1.0  # s to wait for what a signal calls
 
 def stop_signals() -> tuple[signal.Signals, ...]:
     """Return the signals that stop a command: SIGHUP too, unless ignored as under nohup."""
-    nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
-    return _STOP if nohup else (*_STOP, signal.SIGHUP)
+    hangup: signal.Signals | None = getattr(signal, "SIGHUP", None)  # Windows has none
+    if hangup is None or signal.getsignal(hangup) == signal.SIG_IGN:
+        return _STOP
+    return (*_STOP, hangup)
 
 
 class KeyboardInterrupts:

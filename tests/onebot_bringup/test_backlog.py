@@ -13,7 +13,7 @@ from onebot_bringup.serving.backlog import Backlog
 from onebot_bringup.serving.rerun_messages import GRPC_WEB, HEAD, SERVICE, subjects
 from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_description.ros.wire.messages import TfArrays
+from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 
 _TWO = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 2)  # poses of two frames

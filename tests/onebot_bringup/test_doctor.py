@@ -17,6 +17,7 @@ from onebot_bringup.cli.doctor import (
     PROBLEM,
     dependencies,
     domain,
+    pybullet,
     shared_memory,
 )
 from onebot_bringup.viewer.rendering import renderer_problem
@@ -42,6 +43,23 @@ def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     verdict = dependencies(required[:1])
     assert verdict.level == PROBLEM and "onebot-robots 9 has requirement numpy<1" in verdict.text
+
+
+def test_two_builds_of_pybullet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is as it should be; the fork beside it overwrites its files."""
+    assert pybullet().level == OK
+    for name in ("pybullet", "pybullet_arm64"):
+        folder = tmp_path / f"{name}-9.dist-info"
+        folder.mkdir()
+        text = f"Metadata-Version: 2.1\nName: {name.replace('_', '-')}\nVersion: 9\n"
+        (folder / "METADATA").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    both = pybullet()
+    assert both.level == PROBLEM and "both installed" in both.text
+    assert both.remedy.startswith("pip uninstall -y pybullet pybullet-arm64 && pip install ")
+    monkeypatch.setattr(sys, "path", [])
+    neither = pybullet()
+    assert (neither.level, "neither" in neither.text) == (PROBLEM, True)
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from onebot_bringup.introspection.frame_tree import FrameTree, TransformError
-from onebot_description.ros.wire.messages import (
-    TfArrays,
-)
+from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.support import assert_time_grows_with_size
 
 SECOND = 1_000_000_000

@@ -10,7 +10,7 @@ from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
-from onebot_description.ros.wire.messages import TfArrays
+from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, stamps
 from tests.onebot_bringup.viewer_support import START_NS, transforms

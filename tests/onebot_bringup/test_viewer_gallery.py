@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from onebot_bringup.viewer.rendering import headless_viewer, render
-from onebot_description.ros.wire.messages import TfArrays, time_message, transforms_message
+from onebot_description.ros.wire.message_arrays import TfArrays
+from onebot_description.ros.wire.messages import time_message, transforms_message
 from tests.onebot_bringup.test_viewer_camera_info import camera
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.test_viewer_imu import imu

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Imu
 
-from onebot_description.ros.wire.messages import TfArrays
+from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.onebot_bringup.drive_support import column, frames, stamps
 from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show, stamped, take_tf
 

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 
-from onebot_bringup.cli.pictures import RunningRobots, running_robots
+from onebot_bringup.cli.running_picture import RunningRobots, running_robots
 from onebot_bringup.cli.session import Session
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
@@ -203,13 +203,15 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch)
         recording = open_recording(save=tmp_path / "x.rrd")
         sent: list[rrb.Blueprint] = []
         recording.stream.send_blueprint = lambda item, **_: sent.append(item)
-        shown = RunningRobots(session, "", recording.stream, robots)
+        shown = RunningRobots(session, "", recording.stream, robots, print)
         shown.await_descriptions()
         assert shown.record() == []
         recording.close()
         assert "Background" in sent[-1].root_container.contents[0].properties
         assert column(tmp_path / "x.rrd", "/right/robot/visual/tip/0", FRAME) == [["right/tip"]]
-        late = RunningRobots(session, "none", recording.stream, [*robots, RobotToShow("/later")])
+        late = RunningRobots(
+            session, "none", recording.stream, [*robots, RobotToShow("/later")], print
+        )
         monkeypatch.setattr("onebot_bringup.cli.pictures._FRAMES", 1.0)
         with pytest.raises(OneBotError, match="no description within 1 s of the robots in /later"):
             late.await_descriptions()

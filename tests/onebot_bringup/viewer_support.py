@@ -13,7 +13,8 @@ from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.ros.wire.definition import type_name
-from onebot_description.ros.wire.messages import TfArrays, time_message, transforms_message
+from onebot_description.ros.wire.message_arrays import TfArrays
+from onebot_description.ros.wire.messages import time_message, transforms_message
 from tests.ros_support import NodeProcess, ros_args
 
 ORANGE = (255, 107, 10)

@@ -8,7 +8,7 @@ from sensor_msgs.msg import JointState
 
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import odometry_sample, one_joint_state, tf_arrays
+from onebot_description.ros.wire.message_arrays import odometry_sample, one_joint_state, tf_arrays
 from tests.any_message import messages, serialized
 
 

@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from onebot_description.description import parse_description
 from onebot_description.model import RobotModel
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import one_joint_state
+from onebot_description.ros.wire.message_arrays import one_joint_state
 from onebot_description.ros.wire.state_converter import JointStatePlan, StateConverter
 from tests.any_message import broken
 from tests.random_robots import chain, robots

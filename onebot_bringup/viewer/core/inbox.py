@@ -9,10 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
-from std_msgs.msg import String
-
 from onebot_description.ros.wire.cdr import SYSTEM_TIME_NS, nanoseconds
-from onebot_description.ros.wire.messages import BAD_MESSAGE, deserialize_message, known_schema
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, known_schema
 from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
@@ -83,7 +81,7 @@ def _stamp_of(schema: Schema) -> Callable[[Any], int]:
 
 DESCRIPTION: MessageType[str] = MessageType(
     "std_msgs/msg/String",
-    lambda data: str(deserialize_message(data, String).data),
+    lambda data: str(known_schema("std_msgs/msg/String").read(data).data),
     lambda _: 0,
 )
 

@@ -21,7 +21,7 @@ from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
-from onebot_description.ros.wire.messages import TfArrays, tf_arrays
+from onebot_description.ros.wire.message_arrays import TfArrays, tf_arrays
 
 TF_ENTITY = "tf"
 TF_STATIC_ENTITY = "tf_static"

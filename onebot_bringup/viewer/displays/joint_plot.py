@@ -14,7 +14,7 @@ from onebot_bringup.viewer.core.rerun_limits import SELDOM
 from onebot_bringup.viewer.core.settings import Color, setting
 from onebot_bringup.viewer.displays.curves import Curves
 from onebot_description.elements.urdf import Description, Joint
-from onebot_description.ros.wire.messages import JointStateArrays, one_joint_state
+from onebot_description.ros.wire.message_arrays import JointStateArrays, one_joint_state
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"

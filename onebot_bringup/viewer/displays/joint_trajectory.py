@@ -20,7 +20,7 @@ from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel
-from onebot_description.ros.wire.messages import JointStateArrays
+from onebot_description.ros.wire.message_arrays import JointStateArrays
 
 # Most points drawn of a trajectory; of a longer one, they are evenly chosen from first to last.
 _MOST_POINTS = 1000

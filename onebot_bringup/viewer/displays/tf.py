@@ -11,7 +11,7 @@ from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.core.settings import name_list, setting
 from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
 from onebot_bringup.viewer.core.transform_stream import TF, TF_STATIC
-from onebot_description.ros.wire.messages import TfArrays
+from onebot_description.ros.wire.message_arrays import TfArrays
 
 _DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metres
 

@@ -23,6 +23,7 @@ SafeLoader.add_implicit_resolver(
 )
 
 _MOST_BYTES = 50_000_000  # a node's parameters may hold a whole URDF
+_NO_WAITING = getattr(os, "O_NONBLOCK", 0)  # Windows has no such pipes
 _MOST_LEVELS = 64
 _MOST_VALUES = 500_000  # 10,000 joints with a motion each are 120,000
 
@@ -39,7 +40,7 @@ def read_text(file: Path) -> str:
 def open_regular(file: Path) -> IO[bytes]:
     """Open a file; raises OSError if it is not a regular one, which may never end."""
     # Without waiting: to open a pipe takes until somebody writes to it.
-    opened = open(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+    opened = open(file, "rb", opener=lambda path, flags: os.open(path, flags | _NO_WAITING))
     if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
         opened.close()
         raise OSError(0, "not a regular file")

@@ -11,6 +11,7 @@ with WireError.
 """
 
 import struct
+from collections.abc import Sequence
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000  # nanoseconds in a second
@@ -73,6 +74,17 @@ class Writer:
         encoded = text.encode()
         self.u32(len(encoded) + 1)
         self._put(encoded + b"\x00")
+
+    def stamp(self, stamp_ns: int) -> None:
+        """Write nanoseconds as builtin_interfaces/Time."""
+        self.leave_out(0, 4)
+        self._put(_STAMP.pack(*divmod(stamp_ns, NS_PER_S)))
+
+    def doubles(self, numbers: Sequence[float]) -> None:
+        """Write 64-bit floating-point numbers, as of an array or of fields in a row."""
+        if numbers:
+            self.leave_out(0, 8)
+            self._put(struct.pack(f"<{len(numbers)}d", *numbers))
 
     def leave_out(self, size: int, alignment: int) -> int:
         """Leave out ``size`` bytes at a multiple of ``alignment``; return where they begin."""

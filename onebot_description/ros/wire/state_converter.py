@@ -34,13 +34,12 @@ from onebot_description.ros.wire.cdr import (
     Writer,
 )
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import (
+from onebot_description.ros.wire.message_arrays import (
     LARGEST_KEPT,
     JointStateArrays,
     one_joint_state,
-    time_message,
-    transforms_message,
 )
+from onebot_description.ros.wire.messages import time_message, transforms_message
 
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]

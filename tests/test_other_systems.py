@@ -1,0 +1,71 @@
+"""What needs no ROS also runs where there is none, and where Linux's own calls are missing.
+
+macOS and Windows are not at hand. A Python on Linux that lacks what they lack runs the same scenes
+to the same bits, and mypy checks for each of them that no other call is missing there.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.other_system import sitecustomize
+from tests.scenes import SCENES
+from tests.support import run_to_end
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+SYSTEMS = ("macos", "windows")
+# The modules that only nodes, the launcher and what watches running robots use: they need ROS.
+NEEDS_ROS = (
+    "onebot_bringup/launcher/",
+    "onebot_bringup/testing/domains",
+    "onebot_bringup/cli/teleop",
+    "onebot_bringup/cli/doctor",
+    "onebot_bringup/bags/writer",
+    "onebot_description/ros/wake_detector",
+    "onebot_description/ros/shared_memory",
+    "onebot_description/ros/signals.py:1",  # StopSignals, from line 100 on
+)
+
+
+@pytest.fixture(params=SYSTEMS)
+def environment(request: pytest.FixtureRequest, tmp_path: Path) -> dict[str, str]:
+    """The variables of a Python like that of the system."""
+    (tmp_path / "sitecustomize.py").write_text(sitecustomize(request.param))
+    return {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{CHECKOUT}"}
+
+
+@pytest.mark.slow
+def test_the_scenes_end_bit_identically(environment: dict[str, str]) -> None:
+    words = [sys.executable, "tests/scenes.py"]
+    elsewhere = run_to_end(words, env=environment, cwd=CHECKOUT)
+    here = run_to_end(words, cwd=CHECKOUT)
+    assert elsewhere.returncode == 0, elsewhere.stderr
+    assert len(here.stdout.splitlines()) == len(SCENES)
+    assert elsewhere.stdout == here.stdout
+
+
+@pytest.mark.slow
+def test_commands_that_need_no_ros(environment: dict[str, str], tmp_path: Path) -> None:
+    """A xacro file is checked and drawn; ROS is asked for only where it is needed."""
+    model = str(CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro")
+    onebot = [sys.executable, "-m", "onebot_bringup.cli.main"]
+    for words in (["check", model], ["snapshot", str(tmp_path / "onebot.png"), model]):
+        done = run_to_end([*onebot, *words], env=environment, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "onebot.png").read_bytes().startswith(b"\x89PNG")
+    listed = run_to_end([*onebot, "topic", "list"], env=environment, cwd=tmp_path)
+    assert listed.returncode == 1 and listed.stderr.startswith("error: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("platform", ["darwin", "win32"])
+def test_nothing_else_is_missing_elsewhere(platform: str, tmp_path: Path) -> None:
+    """Mypy knows what each system's standard library has."""
+    mypy = [sys.executable, "-m", "mypy", "--platform", platform, "--cache-dir", str(tmp_path)]
+    done = subprocess.run(mypy, cwd=CHECKOUT, capture_output=True, text=True)
+    errors = [line for line in done.stdout.splitlines() if ": error: " in line]
+    assert [line for line in errors if not line.startswith(NEEDS_ROS)] == []
+    assert done.returncode in (0, 1) and done.stdout.splitlines()[-1].startswith(("Found", "Succ"))
