@@ -11,7 +11,8 @@ Publishes:
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
     the same topic with the suffix _lock (std_msgs/Bool): true while a page stops the robot, false
-        before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists.
+        before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists,
+        before a page moves joints.
     joint_trajectory (trajectory_msgs/JointTrajectory) of each joint_trajectory_controller in the
         robot's namespace: at ``rate`` while a slider of its joints is held, then three to stop.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point

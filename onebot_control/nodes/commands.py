@@ -63,6 +63,8 @@ class CommandLock:
         topics = [self._topic] if above is None else [self._topic, above._topic]
         # The topics on which they were locked and not unlocked.
         self._lockers = {above._topic} if above is not None and above.locked else set()
+        drives = "presses a control that drives in onebot steer, or r in onebot teleop"
+        self._unlocks = drives if above is None else "moves a joint in onebot steer"
         self._state = node.create_publisher(Bool, f"{commands}_locked", LATCHED)
         self._state.publish(Bool(data=self.locked))
         for topic in topics:
@@ -75,10 +77,8 @@ class CommandLock:
     @property
     def reason(self) -> str:
         """Why commands are ignored, and what ends it."""
-        return (
-            f"the robot is locked until false is published on {self._topic}, or until somebody "
-            "presses a control that drives in onebot steer, or r in onebot teleop"
-        )
+        text = f"the robot is locked until false is published on {self._topic}"
+        return f"{text}, or until somebody {self._unlocks}"
 
     def _on_lock(self, topic: str, message: Bool) -> None:
         before = self.locked
