@@ -15,6 +15,8 @@ Subscribes:
         only linear.x and angular.z are used.
     ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): after true the robot brakes and ignores
         all commands until false, whoever publishes them; if ~/cmd_vel is remapped, the lock is too.
+    controller_manager/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): the lock of joints that
+        controllers move, which ~/cmd_vel_lock locks, too; see README.md.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): moves the robot to a pose, at rest, unless
         something is in the way; frame_id is world_frame_id (or empty) or odom_frame_id. The
         odometry does not change.
@@ -35,7 +37,7 @@ Publishes (reliable, depth 10, unless noted):
         world, its fixed links instead.
     /world_description (std_msgs/msg/String, transient local): the URDF of the world, if any.
     ~/cmd_vel_locked (std_msgs/msg/Bool, transient local): whether the robot is locked, at every
-        change.
+        change; likewise controller_manager/cmd_vel_locked of its joints.
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity is true; otherwise the topic does not exist.
     measurements of the sensors in the URDF (LaserScan, PointCloud2, Imu, Image and CameraInfo of

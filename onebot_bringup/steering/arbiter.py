@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
-from onebot_bringup.steering.protocol import Command, Drive, Release, SetLimits, Stop
+from onebot_bringup.steering.protocol import Command, Drive, Parts, Release, SetLimits, Stop
 from onebot_description.ros.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
@@ -23,7 +23,7 @@ ZEROS = 3  # zero commands published after the last command, in case one gets lo
 @dataclass
 class _Page:
     holding: bool = False  # holds a control: it drives, or has to release first
-    moved: bool = False  # has commanded a motion since its last release
+    moved: Parts = Parts.NONE  # what it has commanded to move since its last release
     late: bool = False  # its commands are too old, or have stopped
 
 
@@ -51,7 +51,7 @@ class Arbiter:
         self,
         limits: Limits,
         publish: Callable[[Command], None],
-        lock: Callable[[bool], None],
+        lock: Callable[[bool, Parts], None],
         clock: Callable[[], float] = boot_time,
         woke: Callable[[], float] = lambda: -math.inf,
     ) -> None:
@@ -60,8 +60,9 @@ class Arbiter:
         Args:
             limits: the limits of commands.
             publish: called with each command, from any thread, one call at a time.
-            lock: called likewise, with True when a page stops the robot, and with False before the
-                first motion that a page commands after taking control.
+            lock: called likewise, with True and all parts when a page stops the robot, and with
+                False and the parts that move before the first motion of each that a page commands
+                after taking control.
             clock: returns the time, s; the stamps of commands are times of this clock.
             woke: returns when this process last woke from a stop, by that clock; commands sent
                 before that do not drive.
@@ -107,7 +108,7 @@ class Arbiter:
             elif isinstance(message, Stop):
                 self._stops += 1
                 self._take_control()
-                self._lock_robot(True)
+                self._lock_robot(True, Parts.ALL)
             else:
                 self._limits = replace(self._limits, chosen=message)
 
@@ -164,9 +165,9 @@ class Arbiter:
             self._granted = self._limits.range
         if self._driver != page:
             return
-        if not sender.moved and message.command != Command():
-            sender.moved = True
-            self._lock_robot(False)
+        if moving := message.command.parts & ~sender.moved:
+            sender.moved |= moving
+            self._lock_robot(False, moving)
         self._latest, self._stamp, self._deadline = message.command, message.stamp, deadline
         self._moving, self._zeros = True, ZEROS
 

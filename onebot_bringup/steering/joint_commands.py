@@ -22,7 +22,7 @@ from onebot_description.description import Description
 
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _STATE_TOPIC, _COMMAND_TOPIC = "controller_state", "joint_trajectory"
-_LOCK = "controller_manager/cmd_vel"  # prefix of the lock of a standing robot, without commands
+_LOCK = "controller_manager/cmd_vel"  # prefix of the lock of joints
 _DEPTH = 10
 _LIVE = 0.15  # s since the last state after which joints are not moved
 _OLD = 1.0  # s since the last state after which positions are not shown
@@ -78,7 +78,7 @@ class JointCommands:
         return lock is not None and lock.locked
 
     def lock(self, locked: bool) -> None:
-        """Lock or unlock a standing robot; see ``RobotLock.set``."""
+        """Lock or unlock the joints; see ``RobotLock.set``."""
         with self._lock:
             if self._robot_lock is not None:
                 self._robot_lock.set(locked)

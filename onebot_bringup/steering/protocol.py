@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import Flag, auto
 from typing import Any
 
 from onebot_description.errors import OneBotError
@@ -58,6 +59,15 @@ def _share(clamped: float, speed: float) -> float:
     return clamped / speed if speed else 1.0
 
 
+class Parts(Flag):
+    """Parts of a robot, each with its lock."""
+
+    NONE = 0
+    WHEELS = auto()
+    JOINTS = auto()
+    ALL = WHEELS | JOINTS
+
+
 @dataclass(frozen=True)
 class Command:
     """A commanded motion of the robot."""
@@ -65,6 +75,12 @@ class Command:
     velocity: Velocity = Velocity()
     # Velocities of joints by name, rad/s or m/s; other joints should be at rest.
     joints: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def parts(self) -> Parts:
+        """What it moves."""
+        wheels = Parts.NONE if self.velocity == Velocity() else Parts.WHEELS
+        return wheels | Parts.JOINTS if self.joints else wheels
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ Publishes:
         depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
         three zero commands, and nothing more, so that other nodes can drive.
     the same topic with the suffix _lock (std_msgs/Bool): true while a page stops the robot, false
-        before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists.
+        before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists,
+        before a page moves joints.
     joint_trajectory (trajectory_msgs/JointTrajectory) of each joint_trajectory_controller in the
         robot's namespace: at ``rate`` while a slider of its joints is held, then three to stop.
     goal_pose (geometry_msgs/PoseStamped), initialpose (PoseWithCovarianceStamped), clicked_point
@@ -77,7 +78,7 @@ from onebot_bringup.steering.joint_commands import JointCommands
 from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
-from onebot_bringup.steering.protocol import Command, Velocity
+from onebot_bringup.steering.protocol import Command, Parts, Velocity
 from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
@@ -201,8 +202,9 @@ class SteeringPage(Node):
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
             "others": commands.others,  # the other nodes that publish commands
-            # A locked robot ignores all commands until a page drives again.
+            # Locked wheels or joints ignore all commands until a page moves them again.
             "locked": commands.locked or self._joints.locked,
+            "wheels_locked": commands.locked,
             "joints": self._joints.fields(),
             "controllers": self._controllers.names,  # the nodes whose limits are known
             "braking": asdict(self._braking) if self._braking else None,
@@ -257,9 +259,11 @@ class SteeringPage(Node):
         self._commands.publish(command.velocity)
         self._joints.publish(command.joints)
 
-    def _lock(self, locked: bool) -> None:
-        self._commands.lock(locked)
-        self._joints.lock(locked)
+    def _lock(self, locked: bool, parts: Parts) -> None:
+        if Parts.WHEELS in parts:
+            self._commands.lock(locked)
+        if Parts.JOINTS in parts:
+            self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
         """Have a page that drove release and drive again to unlock the robot."""

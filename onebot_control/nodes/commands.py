@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -23,6 +24,7 @@ _TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=DEPTH)
 _TWIST = "geometry_msgs/msg/Twist"
 _TYPES = {_TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
+_JOINTS = "controller_manager/cmd_vel"  # its lock is that of joints, also of a robot that drives
 _USUAL = "cmd_vel"  # tutorials publish commands there
 _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
@@ -44,28 +46,48 @@ class CommandLock:
     robot stays locked. If ~/cmd_vel is remapped, both topics have the new name, too.
     """
 
-    def __init__(self, node: Node, brake: Callable[[], None]) -> None:
-        """Start unlocked; ``brake`` is called when the robot is locked."""
+    def __init__(
+        self, node: Node, name: str, brake: Callable[[], None], above: "CommandLock | None" = None
+    ) -> None:
+        """Start unlocked.
+
+        Args:
+            node: node of the robot.
+            name: name of the commands that are locked.
+            brake: called when they are locked.
+            above: a lock that locks these commands, too; unlocking them leaves it locked.
+        """
         self._node, self._brake = node, brake
-        self.locked = False
-        commands = node.resolve_topic_name(_TOPIC)
+        commands = node.resolve_topic_name(name)
         self._topic = f"{commands}_lock"
+        topics = [self._topic] if above is None else [self._topic, above._topic]
+        # The topics on which they were locked and not unlocked.
+        self._lockers = {above._topic} if above is not None and above.locked else set()
+        drives = "presses a control that drives in onebot steer, or r in onebot teleop"
+        self._unlocks = drives if above is None else "moves a joint in onebot steer"
         self._state = node.create_publisher(Bool, f"{commands}_locked", LATCHED)
-        self._state.publish(Bool())
-        node.create_subscription(Bool, self._topic, self._on_lock, _QOS)
+        self._state.publish(Bool(data=self.locked))
+        for topic in topics:
+            node.create_subscription(Bool, topic, partial(self._on_lock, topic), _QOS)
+
+    @property
+    def locked(self) -> bool:
+        return bool(self._lockers)
 
     @property
     def reason(self) -> str:
         """Why commands are ignored, and what ends it."""
-        return (
-            f"the robot is locked until false is published on {self._topic}, or until somebody "
-            "presses a control that drives in onebot steer, or r in onebot teleop"
-        )
+        text = f"the robot is locked until false is published on {self._topic}"
+        return f"{text}, or until somebody {self._unlocks}"
 
-    def _on_lock(self, message: Bool) -> None:
-        if message.data == self.locked:
+    def _on_lock(self, topic: str, message: Bool) -> None:
+        before = self.locked
+        if message.data:
+            self._lockers.add(topic)
+        else:
+            self._lockers -= self._lockers if topic == self._topic else {topic}
+        if self.locked == before:
             return
-        self.locked = message.data
         self._state.publish(message)
         if self.locked:
             self._brake()
@@ -156,12 +178,19 @@ class CommandGate:
             warn: logs warnings.
             stands: whether the robot stands, and receives no commands.
         """
-        self._slot, self._warn, self.answered = slot, warn, 0
+        self._node, self._slot, self._warn, self.answered = node, slot, warn, 0
         # Created before the commands: an unlock sent with a command is then received first.
-        self.lock = CommandLock(node, self._brake)
+        self.lock = CommandLock(node, _TOPIC, self._brake)
         self.subscription: CommandSubscription | None = None
         if not stands:
             self.subscription = CommandSubscription(node, self._receive, warn)
+
+    @cached_property
+    def joint_lock(self) -> CommandLock:
+        """The lock of its joints, which is that of the robot if it stands."""
+        if self.subscription is None:
+            return self.lock
+        return CommandLock(self._node, _JOINTS, self._hold, above=self.lock)
 
     def _receive(self, command: Command) -> None:
         loop, now = self._slot.loop, boot_time()
@@ -193,12 +222,13 @@ class CommandGate:
 
     def _brake(self) -> None:
         if (loop := self._slot.loop) is not None:
-            loop.post(self._stop)
+            loop.post(lambda: self._slot.robot.accept(0.0, 0.0, age=0.0))
+        self._hold()
 
-    def _stop(self) -> None:
-        robot = self._slot.robot
-        robot.accept(0.0, 0.0, age=0.0)
-        robot.hold_arms("Current goal cancelled: the robot is locked.")
+    def _hold(self) -> None:
+        if (loop := self._slot.loop) is not None:
+            reason = "Current goal cancelled: the robot is locked."
+            loop.post(lambda: self._slot.robot.hold_arms(reason))
 
 
 def _age(loop: ControlLoop, command: Command, given: float) -> float | None:

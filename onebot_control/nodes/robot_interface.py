@@ -162,7 +162,9 @@ class RobotInterface:
             clock: clock of the actions' timers; None for each node's own clock.
         """
         self.slot.loop = loop
-        self._arms = JointControllerNodes(self.node, self.slot, self.commands.lock, clock)
+        has_joints = bool(self.slot.robot.joint_controllers)
+        lock = self.commands.joint_lock if has_joints else self.commands.lock
+        self._arms = JointControllerNodes(self.node, self.slot, lock, clock)
         return self._arms.nodes
 
     def publish(self, snapshot: Snapshot, stamp: int, *, sensed: bool) -> None:

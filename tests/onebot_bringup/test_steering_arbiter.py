@@ -9,9 +9,18 @@ from hypothesis import strategies as st
 
 from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
 from onebot_bringup.steering.command_limits import Bound, Limits
-from onebot_bringup.steering.protocol import Command, Drive, Release, SetLimits, Stop, Velocity
+from onebot_bringup.steering.protocol import (
+    Command,
+    Drive,
+    Parts,
+    Release,
+    SetLimits,
+    Stop,
+    Velocity,
+)
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
+LOCK, UNLOCK = (True, Parts.ALL), (False, Parts.ALL)
 
 
 def limits(linear: float, angular: float) -> Limits:
@@ -26,11 +35,11 @@ class Steered:
         self.now, self.woke = 100.0, -math.inf
         self.published: list[Velocity] = []
         self.joints: list[Mapping[str, float]] = []  # their velocities, of each command
-        self.locks: list[bool] = []
+        self.locks: list[tuple[bool, Parts]] = []
         self.arbiter = Arbiter(
             limits(3.0, 4.0),
             self._publish,
-            self.locks.append,
+            lambda *lock: self.locks.append(lock),
             lambda: self.now,
             lambda: self.woke,
         )
@@ -176,24 +185,35 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> N
         steered.arbiter.tick()
     assert steered.sent() == [ZERO] * (ZEROS - 1)
     steered.drive("a")
-    assert steered.locks == [False, True, True]
+    assert steered.locks == [UNLOCK, LOCK, LOCK]
     steered.release("a")
     steered.drive("a")
     steered.drive("a")
     steered.arbiter.halt()
-    assert steered.locks == [False, True, True, False]
+    assert steered.locks == [UNLOCK, LOCK, LOCK, UNLOCK]
 
 
-@pytest.mark.parametrize("push", [Drive(0.5, 0.0, 100.0, {}), Drive(0.0, 0.0, 100.0, {"arm": 9.0})])
-def test_a_control_held_at_zero_does_not_unlock(steered: Steered, push: Drive) -> None:
-    """Whoever presses 0 wants a robot that stands, which another node may drive; a push unlocks."""
+@pytest.mark.parametrize(
+    ("push", "moves", "rests"),
+    [
+        (Drive(0.5, 0.0, 100.0, {}), Parts.WHEELS, Parts.JOINTS),
+        (Drive(0.0, 0.0, 100.0, {"arm": 9.0}), Parts.JOINTS, Parts.WHEELS),
+    ],
+)
+def test_only_what_moves_is_unlocked(
+    steered: Steered, push: Drive, moves: Parts, rests: Parts
+) -> None:
+    """Whoever holds 0 wants a robot that stands, which another node may drive; so do its parts."""
     steered.stop("b")
     steered.drive("a", ZERO)
-    assert steered.locks == [True] and steered.driver == "a"
-    steered.arbiter.handle("a", push)
-    for velocity in (ZERO, FORWARD):
-        steered.drive("a", velocity)
-    assert steered.locks == [True, False]
+    assert steered.locks == [LOCK] and steered.driver == "a"
+    for _ in range(2):
+        steered.arbiter.handle("a", push)
+        steered.drive("a", ZERO)
+    assert steered.locks == [LOCK, (False, moves)]
+    for _ in range(2):
+        steered.drive("a", FORWARD)
+    assert steered.locks == [LOCK, (False, moves), (False, rests)]
 
 
 def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) -> None:

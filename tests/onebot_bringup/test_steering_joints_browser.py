@@ -165,7 +165,7 @@ def test_an_arm_that_stands_has_its_joints_only(
     wait_for(lambda: says("Locked: move a joint to unlock"), "the lock")
     request.getfixturevalue("twists")
     wait_for(lambda: all(page.find(part).is_displayed() for part in driving), "the wheels")
-    assert says("Locked: drive to unlock")
+    assert says("Locked: move a joint to unlock"), "the wheels are not locked"
 
 
 def test_stop_and_the_joints_are_in_sight_on_a_phone(tab: Page, node: Steering) -> None:

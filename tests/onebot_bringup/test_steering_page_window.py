@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
-from tests.onebot_bringup.steering_support import steering
+from tests.onebot_bringup.steering_support import Steering, steering
 from tests.ros_support import Peer
 from tests.steering_browser_support import Page
 from tests.support import require_program, wait_for
@@ -25,7 +25,11 @@ Words = tuple[object, ...]  # commands of xdotool
 
 def do(*words: object) -> None:
     """Have a real mouse and keyboard do this, and the browser some time for it."""
-    subprocess.run([require_program("xdotool"), *map(str, words), "sleep", "0.2"], check=True)
+    do_quickly(*words, "sleep", 0.2)
+
+
+def do_quickly(*words: object) -> None:
+    subprocess.run([require_program("xdotool"), *map(str, words)], check=True)
 
 
 @contextmanager
@@ -42,24 +46,53 @@ def grabbed_keyboard() -> Iterator[None]:
     library.XCloseDisplay(opened)
 
 
+class Window:
+    """The page in a window on a screen, and where things are on it."""
+
+    def __init__(self, page: Page) -> None:
+        script = "return [screenX, screenY, outerWidth, outerHeight, innerWidth, innerHeight]"
+        sizes = page.driver.execute_script(script)
+        self.page = page
+        self.x, self.y, self.width, self.height, self._inner_width, self._inner_height = sizes
+
+    def place(self, selector: str) -> Words:
+        """The middle of an element on the screen."""
+        box = self.page.find(selector).rect
+        left = self.x + (self.width - self._inner_width) / 2
+        top = self.y + self.height - self._inner_height
+        across, down = left + box["x"] + box["width"] / 2, top + box["y"] + box["height"] / 2
+        return "mousemove", round(across), round(down)
+
+    @property
+    def app_menu(self) -> Words:
+        """Opens the browser's own menu, behind the dots beside the address."""
+        return "mousemove", self.x + self.width - 22, self.y + 63, "click", 1
+
+    @property
+    def tab_menu(self) -> Words:
+        """Opens the context menu of the tab."""
+        return "mousemove", self.x + 100, self.y + 20, "click", 3
+
+    @property
+    def back_menu(self) -> Words:
+        """Opens the history, by a long press on Back."""
+        return "mousemove", self.x + 20, self.y + 63, "mousedown", 1, "sleep", 1, "mouseup", 1
+
+
+@contextmanager
+def opened(node: Steering, profile: Path) -> Iterator[Window]:
+    """The node's page in a window, without anything that has the focus."""
+    with display(), browser(profile, (1200, 850), headless=False) as driver:
+        window = Window(Page(driver).open(node.address))
+        do(*window.place("#view"), "click", 1)
+        yield window
+
+
 def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) -> None:
     """In a menu, on the title bar, while another program has the keys; so does a still hand."""
-    with (
-        display(),
-        steering(max_linear=0.5) as node,
-        browser(tmp_path, (1200, 850), headless=False) as driver,
-    ):
-        page = Page(driver).open(node.address)
+    with steering(max_linear=0.5) as node, opened(node, tmp_path) as window:
+        page, place = window.page, window.place
         heard = peer.hear(Twist, TOPIC, 1000)
-        script = "return [screenX, screenY, outerWidth, outerHeight, innerWidth, innerHeight]"
-        x, y, width, height, inner_width, inner_height = driver.execute_script(script)
-
-        def place(selector: str) -> Words:
-            """The middle of an element on the screen."""
-            box = page.find(selector).rect
-            left, top = x + (width - inner_width) / 2, y + height - inner_height
-            across, down = left + box["x"] + box["width"] / 2, top + box["y"] + box["height"] / 2
-            return "mousemove", round(across), round(down)
 
         def mouse(selector: str) -> tuple[Words, Words]:
             drag = "mousedown", 1, "mousemove_relative", "--", 0, -30
@@ -68,8 +101,11 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
         key = ("keydown", "w"), ("keyup", "w")
         escape = "key", "Escape", "key", "Escape"
         menu = ("key", "alt+f", *place("#view")), escape
-        dots = ("mousemove", x + width - 22, y + 63, "click", 1), escape
-        title = ("mousemove", x + width // 2, y + 15, "mousedown", 1), ("mouseup", 1)
+        dots = window.app_menu, escape
+        title = (
+            ("mousemove", window.x + window.width // 2, window.y + 15, "mousedown", 1),
+            ("mouseup", 1),
+        )
         nothing: tuple[Words, Words] = (), ()
 
         for hold, elsewhere, grab in (
@@ -105,3 +141,65 @@ def _stops(page: Page, heard: list[Twist], what: str) -> None:
     wait_for(lambda: page.body("driver") == "nobody" or len(heard) > begin + MOST, "the stop")
     assert len(heard) <= begin + MOST, f"it drives on: {what}"
     assert page.body("hand") == "" and heard[-1] == Twist()
+
+
+EVENTS = """window.events = [];
+for (const type of ["keydown", "keyup"]) window.addEventListener(
+  type, ({ code, repeat }) => events.push(repeat ? "repeat" : `${type} ${code}`), true)"""
+SOON = 40  # commands: two seconds; a hand that is still is granted 100
+
+
+def test_what_another_key_does_is_no_sign_of_a_hand(peer: Peer, tmp_path: Path) -> None:
+    """W is released where the page cannot see it; then come Escape, typing, or Shift."""
+    with steering(max_linear=0.5) as node, opened(node, tmp_path) as window:
+        page, heard = window.page, peer.hear(Twist, TOPIC, 1000)
+        page.driver.execute_script(EVENTS)
+        release = "sleep", 0.2, "keyup", "w"
+        field = *window.place("#angular-limit"), "click", 1, "type", "0.1234567"
+
+        def events() -> list[str]:
+            return list(page.driver.execute_script("return window.events"))
+
+        for name, grab, words in (
+            ("app menu", nullcontext, ((*window.app_menu, *release, "key", "Escape"), ())),
+            ("tab menu", nullcontext, ((*window.tab_menu, *release, "key", "Escape"), ())),
+            ("back menu", nullcontext, ((*window.back_menu, *release, "key", "Escape"), ())),
+            ("field", nullcontext, ((*window.app_menu, *release, "key", "Escape"), field)),
+            ("grab", grabbed_keyboard, (release, ("key", "shift"))),
+        ):
+            page.driver.execute_script("window.events = []")
+            page.drive_until(
+                lambda: do("keydown", "w"),
+                lambda: do("keyup", "w"),
+                lambda: events().count("repeat") > 3 and heard[-1].linear.x,
+                f"the key to repeat, before the {name}",
+            )
+            page.driver.execute_script("window.events = []")
+            with grab():
+                do_quickly(*words[0])
+            if words[1]:
+                do_quickly(*words[1])
+            count = page.said().count("drive")
+            wait_for(
+                lambda count=count: (
+                    page.body("hand") == "" or page.said().count("drive") > count + SOON
+                ),
+                f"the stop after the {name}",
+            )
+            assert page.said().count("drive") <= count + SOON, f"it drives on after the {name}"
+            assert "keyup KeyW" not in events(), f"the release is seen in the {name}"
+            do("key", "Escape", *window.place("#view"), "click", 1, "key", "w")
+
+
+def test_a_tap_is_a_command(tmp_path: Path) -> None:
+    """Of 50 ms, after whatever idleness; its release follows."""
+    with steering(max_linear=0.5) as node, opened(node, tmp_path) as window:
+        page = window.page
+        for idle in (0, 5, 20):
+            page.wait_for_states(idle)
+            begin = len(page.sent())
+            do("keydown", "w", "sleep", 0.05, "keyup", "w")
+            wait_for(lambda begin=begin: "release" in page.said()[begin:], "the release")
+            first, *_, last = page.sent()[begin:]
+            assert (first["type"], first["linear"]) == ("drive", 0.5)
+            assert last["type"] == "release"

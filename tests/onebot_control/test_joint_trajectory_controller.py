@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from geometry_msgs.msg import Twist, Vector3
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rcl_interfaces.srv import GetParameters
@@ -27,6 +28,7 @@ from tests.onebot_control.arm_support import (
     CANCELED,
     CONTROLLER,
     JOINT,
+    MANAGER,
     MRM,
     SUCCEEDED,
     SUCCESS,
@@ -100,12 +102,60 @@ def test_a_goal_ends_with_the_nodes(ros_domain: int) -> None:
             assert arm.position == pytest.approx(-0.1, abs=1e-9)
 
 
-def test_a_mobile_manipulator_drives_and_moves(ros_simulation: Callable[..., Lockstep]) -> None:
-    """By both controllers side by side."""
+def mobile_manipulator(ros_simulation: Callable[..., Lockstep]) -> SteppedArm:
+    """An arm of one joint on two wheels."""
     parts = [wheel("left", SEPARATION / 2), wheel("right", -SEPARATION / 2), CASTER]
     turret = link("arm", 0.2, "0.05 0 0") + joint("arm_joint", "base_link", "arm", axis="0 0 1")
     ros = ros_simulation(parse_description(urdf(*parts, turret)))
-    arm, robot = SteppedArm(ros, ArmClient(manager="/velocity_controller")), ros.simulation.robot
+    return SteppedArm(ros, ArmClient(manager="/velocity_controller"))
+
+
+def test_the_joints_of_a_robot_that_drives_have_their_own_lock(
+    ros_simulation: Callable[..., Lockstep],
+) -> None:
+    """What locks the wheels locks them, too; what unlocks one of the two unlocks no other."""
+    arm = mobile_manipulator(ros_simulation)
+    wheels = arm.client.lock
+    joints = arm.client.create_publisher(Bool, f"{MANAGER}/cmd_vel_lock", 10)
+    twists = arm.client.create_publisher(Twist, "/velocity_controller/cmd_vel", 10)
+    arm.ros.add()  # waits until they are connected
+    simulation, target = arm.simulation, goal(point(0.5, 0.5), joints=["arm_joint"])
+
+    def set_lock(publisher: Any, locked: bool) -> None:
+        publisher.publish(Bool(data=locked))
+        simulation.run(0.05)
+
+    def drives() -> bool:
+        start = simulation.robot.odometry.x
+        twists.publish(Twist(linear=Vector3(x=0.2)))
+        simulation.run(1.5)  # until it stands again
+        return simulation.robot.odometry.x > start + 0.01
+
+    def moves() -> bool:
+        handle = arm.awaited(arm.client.ask(target))
+        if handle.accepted:
+            assert arm.ending(handle) == SUCCESS
+        return bool(handle.accepted)
+
+    # As Stop on a page locks, and as nodes do that know only the lock of the wheels.
+    for locks in ((wheels, joints), (wheels,)):
+        for lock in locks:
+            set_lock(lock, True)
+        assert not drives() and not moves()
+        set_lock(joints, False)
+        assert moves() and not drives()
+        for lock in locks:
+            set_lock(lock, True)
+        set_lock(wheels, False)
+        assert drives() and moves() == (joints not in locks)
+    set_lock(joints, False)
+    assert moves()
+
+
+def test_a_mobile_manipulator_drives_and_moves(ros_simulation: Callable[..., Lockstep]) -> None:
+    """By both controllers side by side."""
+    arm = mobile_manipulator(ros_simulation)
+    robot = arm.simulation.robot
     robot.drive(0.3, 0.2)
     assert arm.ending(arm.send(goal(point(1.5, 1.5), joints=["arm_joint"]))) == SUCCESS
     assert robot.joints["arm_joint"].position == pytest.approx(1.5, abs=1e-6)

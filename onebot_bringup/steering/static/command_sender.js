@@ -5,15 +5,12 @@
  * In between the command is sent every 50 ms, also when it stays the same: the server stops the
  * robot when none comes. One input has control at a time; when another takes it, `cancel()` of the
  * previous one is called. A cancelled input takes control again only after new user input.
- *
- * A browser does not report every release: not while its own menu is open or another program has
- * the keys. So each sign of the hand, told by `seen`, is good for a number of commands and no more.
  */
 
-const PERIOD_MS = 50;
+import { PERIOD_MS } from "./hand.js";
+
 const MOST_WAITING = 6; // commands on their way: a slow connection queues no more, and a stop is next
 const STALL_MS = 1000; // a page that stood still for that long may have missed a release
-export const HAND_MS = 5000; // without a sign of the hand, of whatever is held
 
 export class CommandSender {
   /**
@@ -37,7 +34,8 @@ export class CommandSender {
 
   /**
    * Drive.
-   * @param {object} source the input; has cancel().
+   * @param {object} source the input; has cancel(), and the hands that hold its controls now, all
+   *   of which have to be there: hands.
    * @param {number} linear -1 to 1, forward positive, of the linear limit.
    * @param {number} angular -1 to 1, to the left positive, of the angular limit.
    * @param {Object<string, number>} joints velocities by the joints' names, rad/s or m/s.
@@ -55,11 +53,6 @@ export class CommandSender {
       this.first = this.connection.sent;
     }
     return true;
-  }
-
-  /** There was a sign of the hand that holds this input: it is held for so long without another. */
-  seen(source, duration = HAND_MS) {
-    if (this.holder === source) this.left = duration / PERIOD_MS;
   }
 
   /** Give up control, if this input has it. */
@@ -122,7 +115,6 @@ export class CommandSender {
     clearInterval(this.timer);
     if (before && source) before.cancel();
     if (source) {
-      this.seen(source);
       this.ticked = performance.now();
       this.timer = setInterval(() => this.tick(), PERIOD_MS);
     }
@@ -134,9 +126,7 @@ export class CommandSender {
     const stalled = now - this.ticked > STALL_MS;
     this.ticked = now;
     this.ticks += 1;
-    // By the number of commands, not by the clock: a busy page also sees the hand late.
-    this.left -= 1;
-    if (stalled || this.left < 0) {
+    if (stalled || !this.holder.hands.every((hand) => hand.count())) {
       this.drop();
       this.missed();
       return;

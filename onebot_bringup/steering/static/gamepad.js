@@ -3,7 +3,8 @@
  * button (B, circle) stops the robot.
  */
 
-const PERIOD_MS = 50;
+import { Hand, PERIOD_MS } from "./hand.js";
+
 const DEAD = 0.15; // sticks do not come back to zero exactly
 const STOP_BUTTON = 1;
 
@@ -16,7 +17,9 @@ export class Gamepads {
     this.sender = sender;
     this.stop = stop;
     this.label = "gamepad";
+    this.hands = [new Hand()];
     this.driving = null; // index of the pad that does
+    this.values = ""; // of the pad that drives, when they changed last
     this.centred = new Set(); // indices of pads whose sticks were at rest since they last lost hold
     window.addEventListener("gamepadconnected", (event) => this.plug(event.gamepad));
     window.addEventListener("gamepaddisconnected", (event) => this.unplug(event.gamepad));
@@ -64,10 +67,13 @@ export class Gamepads {
       this.centred.add(pad.index);
       if (this.driving === pad.index) this.rest();
     } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
+      // A pad that drives has noise; one that has lost its connection may report the same for ever.
+      const values = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
+      if (this.driving === null || values !== this.values) this.hands[0].seen();
+      this.values = values;
       this.driving = pad.index;
       // A pad works without the focus: it must not drive from a window in the background.
       if (!document.hasFocus() || !this.sender.take(this, linear, angular)) this.cancel();
-      this.sender.seen(this); // what was read is the stick as it is
     }
   }
 

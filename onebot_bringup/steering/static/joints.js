@@ -4,9 +4,8 @@
  */
 
 import { make, write } from "./elements.js";
-import { PRESSED_MS, REPEATED_MS } from "./keys.js";
 import { fixed } from "./readout.js";
-import { HeldRange } from "./sliders.js";
+import { handsOn, HeldRange } from "./sliders.js";
 
 const SIGNS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
 
@@ -39,6 +38,10 @@ export class Joints {
   cancel() {
     for (const slider of this.sliders) slider.spring();
     this.sender.release(this);
+  }
+
+  get hands() {
+    return handsOn(this.sliders);
   }
 
   /** Show the server's joints, where they are, and what anybody commands. */
@@ -85,8 +88,6 @@ class JointSlider extends HeldRange {
     this.row.append(make("label", { textContent: name, htmlFor: id }), this.position, track);
     range.setAttribute("aria-describedby", this.position.id);
     range.addEventListener("keydown", (event) => this.press(event));
-    range.addEventListener("keyup", ({ code }) => code === this.key && this.letGo());
-    range.addEventListener("blur", () => this.letGo());
     // The arrow keys drive again.
     range.addEventListener("pointerup", () => range.blur());
   }
@@ -104,21 +105,16 @@ class JointSlider extends HeldRange {
     if (this.range.ariaValueText !== words) this.range.ariaValueText = words;
   }
 
-  spring() {
-    this.key = null;
-    super.spring();
-  }
-
   press(event) {
     const sign = SIGNS[event.code];
     if (!sign || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault(); // the browser would move the slider by a step
-    if (event.repeat && this.key === event.code) this.seen(REPEATED_MS);
-    if (event.repeat || this.held || !this.input.sender.ready) return;
-    this.begin();
-    this.key = event.code;
-    this.range.value = String(event.shiftKey ? sign / 2 : sign);
+    if (!event.repeat) this.hold(this.keys, event, event.shiftKey ? sign / 2 : sign);
+  }
+
+  /** @param {number} share of its velocity, by a key. */
+  begin(share) {
+    this.range.value = String(share);
     this.input.drive();
-    this.seen(PRESSED_MS);
   }
 }

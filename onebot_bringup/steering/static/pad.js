@@ -21,7 +21,8 @@ export class Pad {
     this.settled = 0;
     // Before nipplejs sees it: only a free pad, the first finger and the main button count.
     zone.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
-    this.hand = new PointerHold((held) => (held ? sender.seen(this) : this.cancel()));
+    this.hand = new PointerHold(() => this.cancel());
+    this.hands = [this.hand];
     new ResizeObserver(() => this.draw()).observe(zone);
     this.draw();
   }

@@ -167,10 +167,11 @@ function standing() {
   return document.body.classList.contains("stands");
 }
 
-function showDriver({ driver, you, pages, locked, others }) {
+function showDriver({ driver, you, pages, locked, wheels_locked, others }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
-  const [drive, drives] = standing() ? ["move a joint", "moves it"] : ["drive", "drives"];
-  const nobody = locked ? `Locked: ${drive} to unlock` : `Nobody ${drives}`;
+  const drives = standing() ? "moves it" : "drives";
+  const unlocks = wheels_locked ? "drive" : "move a joint";
+  const nobody = locked ? `Locked: ${unlocks} to unlock` : `Nobody ${drives}`;
   const yours = standing() ? "You move it" : "You drive";
   const words = [you ? yours : driver ? `Another page ${drives}` : nobody];
   if (pages > 1) words.push(`${pages} pages open`);

@@ -3,13 +3,13 @@
  * reported as one: a browser's menu takes the pointer away, and what comes later has no button down.
  */
 
-export class PointerHold {
-  /**
-   * @param {(held: boolean) => void} seen called with every event of the pointer: whether it still
-   *   holds. When it does not, it is forgotten before.
-   */
-  constructor(seen) {
-    this.seen = seen;
+import { Hand } from "./hand.js";
+
+export class PointerHold extends Hand {
+  /** @param {() => void} lost called when it does not hold any more. */
+  constructor(lost) {
+    super();
+    this.lost = lost;
     this.pointer = null;
     for (const type of ["pointermove", "pointerover", "pointerup", "pointercancel"]) {
       window.addEventListener(type, (event) => this.look(event, event.buttons & 1), true);
@@ -24,6 +24,7 @@ export class PointerHold {
   begin(event) {
     this.pointer = event.pointerId;
     event.currentTarget.setPointerCapture(event.pointerId);
+    this.seen();
   }
 
   end() {
@@ -32,7 +33,11 @@ export class PointerHold {
 
   look(event, held) {
     if (event.pointerId !== this.pointer) return;
-    if (!held) this.end();
-    this.seen(Boolean(held));
+    if (held) {
+      this.seen();
+    } else {
+      this.end();
+      this.lost();
+    }
   }
 }

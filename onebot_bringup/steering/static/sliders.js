@@ -3,7 +3,7 @@
  * edited. They drive while they are held, both at once with two fingers, and spring back to zero.
  */
 
-import { PRESSED_MS, REPEATED_MS } from "./keys.js";
+import { KeyHold } from "./hand.js";
 import { PointerHold } from "./pointer_hold.js";
 
 const STEP = 0.1; // of the limit
@@ -29,6 +29,10 @@ export class Sliders {
     this.sender.release(this);
   }
 
+  get hands() {
+    return handsOn(this.axes);
+  }
+
   /** Show the command of another input, or of another page. */
   show(linear, angular) {
     this.axes[0].show(linear);
@@ -42,6 +46,11 @@ export class Sliders {
   }
 }
 
+/** The hands that hold some of these ranges. */
+export function handsOn(ranges) {
+  return ranges.filter((range) => range.held).map((range) => range.hand);
+}
+
 /** A range from -1 to 1 that counts while it is held, and springs back to zero. */
 export class HeldRange {
   /**
@@ -51,11 +60,16 @@ export class HeldRange {
   constructor(range, input) {
     this.range = range;
     this.input = input;
-    this.hand = new PointerHold((held) => (held ? this.seen() : this.letGo()));
-    this.held = false;
+    this.pointer = new PointerHold(() => this.letGo());
+    this.keys = new KeyHold(() => this.letGo());
+    this.hand = null; // that of the two which holds it
     this.settled = 0;
-    range.addEventListener("pointerdown", (event) => this.hold(event));
+    range.addEventListener("pointerdown", (event) => this.point(event));
     range.addEventListener("input", () => this.slide());
+  }
+
+  get held() {
+    return this.hand !== null;
   }
 
   get value() {
@@ -65,18 +79,15 @@ export class HeldRange {
   /** Back to zero, held no more. */
   spring() {
     this.range.value = "0";
-    this.hand.end();
+    this.pointer.end();
+    this.keys.end();
     if (this.held) this.settled = performance.now() + SETTLE_MS;
-    this.held = false;
+    this.hand = null;
   }
 
   show(value) {
     if (this.held || performance.now() < this.settled) return;
     this.range.value = String(value);
-  }
-
-  seen(duration) {
-    this.input.sender.seen(this.input, duration);
   }
 
   letGo() {
@@ -85,15 +96,16 @@ export class HeldRange {
     if (held) this.input.drive();
   }
 
-  /** @param {number} [sign] of a button's steps. */
-  hold(event, sign) {
-    if (event.button !== 0 || this.held || !this.input.sender.ready) return;
-    this.hand.begin(event);
-    this.begin(sign);
+  /** @param {number} [share] what `begin` is called with; undefined for the slider itself. */
+  point(event, share) {
+    if (event.button === 0) this.hold(this.pointer, event, share);
   }
 
-  begin() {
-    this.held = true; // "input" follows
+  hold(hand, event, share) {
+    if (this.held || !this.input.sender.ready) return;
+    this.hand = hand;
+    hand.begin(event);
+    if (share !== undefined) this.begin(share); // else "input" follows
   }
 
   slide() {
@@ -107,10 +119,8 @@ class Axis extends HeldRange {
     super(group.querySelector("input[type=range]"), sliders);
     for (const [name, sign] of Object.entries({ minus: -1, zero: 0, plus: 1 })) {
       const button = group.querySelector(`button[name=${name}]`);
-      button.addEventListener("pointerdown", (event) => this.hold(event, sign));
+      button.addEventListener("pointerdown", (event) => this.point(event, sign));
       button.addEventListener("keydown", (event) => this.key(event, sign));
-      button.addEventListener("keyup", () => this.letGo());
-      button.addEventListener("blur", () => this.letGo());
     }
   }
 
@@ -120,19 +130,13 @@ class Axis extends HeldRange {
   }
 
   key(event, sign) {
-    if (event.code !== "Enter") return;
-    if (event.repeat && this.held) this.seen(REPEATED_MS);
-    if (event.repeat || this.held) return;
+    if (event.code !== "Enter" || event.repeat) return;
     event.preventDefault();
-    if (!this.input.sender.ready) return;
-    this.begin(sign);
-    this.seen(PRESSED_MS);
+    this.hold(this.keys, event, sign);
   }
 
-  /** @param {number | undefined} sign of a button's steps; none for the slider itself. */
+  /** @param {number} sign of a button's steps. */
   begin(sign) {
-    super.begin();
-    if (sign === undefined) return;
     this.range.value = "0";
     this.step(sign);
     if (sign !== 0) this.timer = setInterval(() => this.step(sign), STEP_MS);

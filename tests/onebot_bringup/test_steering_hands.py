@@ -1,0 +1,236 @@
+"""Keys drive while a hand holds them, whatever a browser swallows: the page under a fake clock."""
+
+import random
+from collections.abc import Sequence
+
+import pytest
+
+from tests.onebot_bringup.keyboard_model import KEYBOARDS, Action, Desk, fault, random_actions
+from tests.onebot_bringup.steering_support import steering
+from tests.steering_browser_support import Page
+from tests.support import wait_for
+
+pytestmark = pytest.mark.slow
+
+SEQUENCES = 2000  # of each keyboard
+BATCH = 250  # in one script
+
+# The page's own modules, with a clock that only `replay` moves, and a server that answers soon.
+FAKES = """
+const timers = new Map();
+let now = 0, count = 0;
+const start = (run, wait, period) => (timers.set(++count, { at: now + wait, run, period }), count);
+performance.now = () => now;
+window.setTimeout = (run, wait = 0) => start(run, wait, 0);
+window.setInterval = (run, period) => start(run, period, period);
+window.clearTimeout = window.clearInterval = (id) => timers.delete(id);
+window.WebSocket = class {
+  constructor() { window.server = this; this.received = 0; this.commands = []; }
+  send(text) {
+    this.received += 1;
+    if (this.received % 2) setTimeout(() => this.answer("answer"), 10);
+    if (text.startsWith('{"type":"drive"')) this.commands.push(now);
+  }
+  answer(type) {
+    this.onmessage({ data: JSON.stringify({ type, stamp: now, received: this.received }) });
+  }
+  close() {}
+};
+Element.prototype.setPointerCapture = () => {}; // of pointers that no hardware has
+window.stick = null; // the axes of a gamepad
+navigator.getGamepads = () => window.stick ? [{
+  index: 0, connected: true, mapping: "standard", timestamp: now, axes: window.stick, buttons: [],
+}] : [];
+window.fetch = () => new Promise(() => {});
+function advance(to) {
+  for (;;) {
+    let next, id;
+    for (const [key, timer] of timers) if (!next || timer.at < next.at) [id, next] = [key, timer];
+    if (!next || next.at > to) break;
+    now = Math.max(now, next.at);
+    if (next.period) next.at += next.period;
+    else timers.delete(id);
+    next.run();
+  }
+  now = to;
+}
+window.connect = () => {
+  server.answer("welcome");
+  setInterval(() => server.answer("answer"), 1000); // a server that is silent has gone
+};
+window.pass = (duration) => {
+  server.commands = [];
+  advance(now + duration);
+  return server.commands.length;
+};
+const MODIFIERS = { shiftKey: 2, ctrlKey: 4, altKey: 8, metaKey: 16 };
+window.replay = (events, duration) => {
+  const begin = now, field = document.getElementById("angular-limit");
+  server.commands = [];
+  let target = document.body;
+  for (const [time, kind, code, flags] of events) {
+    advance(begin + time);
+    const options = { code, repeat: Boolean(flags & 1), bubbles: true, cancelable: true };
+    for (const [name, flag] of Object.entries(MODIFIERS)) options[name] = Boolean(flags & flag);
+    if (kind === "focusin") target = field;
+    if (kind.startsWith("key")) target.dispatchEvent(new KeyboardEvent(kind, options));
+    else (kind.startsWith("focus") && kind !== "focus" ? field : window).dispatchEvent(
+      new FocusEvent(kind, { bubbles: true }));
+    if (kind === "focusout") target = document.body;
+  }
+  advance(begin + duration);
+  const commands = server.commands.map((time) => time - begin);
+  window.dispatchEvent(new Event("blur"));
+  return commands;
+};
+"""
+REPLAY = "return arguments[0].map(([events, duration]) => replay(events, duration))"
+
+
+@pytest.fixture(scope="module")
+def faked(chromium: Page, domain: int) -> Page:
+    """The page with fakes in place of the clock and the server."""
+    hook = chromium.devtools("Page.addScriptToEvaluateOnNewDocument", source=FAKES)
+    with steering() as node:
+        chromium.driver.get(node.address)
+        ready = "return Boolean(window.server?.onmessage)"
+        wait_for(lambda: chromium.driver.execute_script(ready), "the page's modules")
+        chromium.driver.execute_script("connect()")
+        yield chromium
+    chromium.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
+
+
+def played(keyboard: str, actions: list[Action]) -> Desk:
+    desk = Desk(KEYBOARDS[keyboard])
+    desk.play(actions)
+    return desk
+
+
+def faults(page: Page, desks: Sequence[Desk]) -> list[str]:
+    """What is wrong with the commands that the page sends for each hand's events."""
+    script = [[desk.events, desk.time] for desk in desks]
+    commands = page.driver.execute_script(REPLAY, script)
+    return [fault(desk, sent) for desk, sent in zip(desks, commands, strict=True)]
+
+
+def shrunk(page: Page, keyboard: str, actions: list[Action]) -> tuple[list[Action], str]:
+    """Leave out actions as long as what remains is wrong, too."""
+    for index in range(len(actions)):
+        fewer = [*actions[:index], *actions[index + 1 :]]
+        if any(faults(page, [played(keyboard, fewer)])):
+            return shrunk(page, keyboard, fewer)
+    return actions, faults(page, [played(keyboard, actions)])[0]
+
+
+@pytest.mark.parametrize("keyboard", KEYBOARDS)
+def test_only_a_hand_on_the_keys_drives(faked: Page, keyboard: str) -> None:
+    """Commands end soon after the last key that drives is up, and go on while one is held.
+
+    Any event may be swallowed, also in menus, by other programs, by fields and by other windows.
+    """
+    rng = random.Random(keyboard)
+    for _ in range(0, SEQUENCES, BATCH):
+        sequences = [random_actions(rng) for _ in range(BATCH)]
+        found = faults(faked, [played(keyboard, actions) for actions in sequences])
+        for actions, wrong in zip(sequences, found, strict=True):
+            assert not wrong, shrunk(faked, keyboard, actions)
+
+
+def ran(page: Page, script: str) -> list[int]:
+    """What a script returns: how many commands the page sends in each ``pass``."""
+    return list(page.driver.execute_script(f"replay([], 1000); {script}"))
+
+
+def test_a_gamepad_that_freezes_is_let_go(faked: Page) -> None:
+    """Its values have noise while a hand is there; frozen at full they last five seconds.
+
+    Then the stick has to come back to its middle, as after any stop.
+    """
+    script = """
+    window.stick = [0, 0, 0, 0];
+    const plugged = new Event("gamepadconnected");
+    plugged.gamepad = { index: 0 };
+    window.dispatchEvent(plugged);
+    const sent = [pass(100)];
+    let noise = 0;
+    for (let each = 0; each < 4; each++) {
+      window.stick = [0, -1, (noise += 1e-5), 0];
+      sent.push(pass(4000));
+    }
+    sent.push(pass(20000));
+    window.stick = [0, -1, 0.5, 0];
+    sent.push(pass(1000));
+    window.stick = [0, 0, 0, 0];
+    pass(100);
+    window.stick = [0, -1, 0, 0];
+    sent.push(pass(1000));
+    window.stick = [0, 0, 0, 0];
+    pass(100);
+    window.stick = null;
+    return sent;"""
+    rest, *driven, frozen, stuck, again = ran(faked, script)
+    assert rest == stuck == 0
+    assert all(count == pytest.approx(80, abs=2) for count in driven)
+    assert frozen == pytest.approx(20, abs=2), "what is left of five seconds"
+    assert again == pytest.approx(20, abs=2)
+
+
+POINTERS = """
+const axis = (name) => document.querySelector(`#${name} input`);
+const point = (type, name, pointerId, buttons) => axis(name).dispatchEvent(
+  new PointerEvent(type, { pointerId, buttons, button: 0, bubbles: true, cancelable: true }));
+const push = (name) => { axis(name).value = "0.5"; axis(name).dispatchEvent(new Event("input")); };
+"""
+
+
+@pytest.mark.parametrize("moves", ["both", "one"])
+def test_each_slider_needs_its_own_finger(faked: Page, moves: str) -> None:
+    """A finger that moves on one slider does not hold the other one, whose finger has gone."""
+    script = f"""{POINTERS}
+    for (const [id, name] of [[1, "linear"], [2, "angular"]]) {{
+      point("pointerdown", name, id, 1);
+      push(name);
+    }}
+    const sent = [];
+    for (let second = 0; second < 12; second++) {{
+      if ({str(moves == "both").lower()}) point("pointermove", "linear", 1, 1);
+      point("pointermove", "angular", 2, 1);
+      sent.push(pass(1000));
+    }}
+    for (const [id, name] of [[1, "linear"], [2, "angular"]]) point("pointerup", name, id, 0);
+    sent.push(pass(1000));
+    return sent;"""
+    *held, after = ran(faked, script)
+    assert after == 0
+    expected = [20] * (12 if moves == "both" else 5) + [0] * (0 if moves == "both" else 7)
+    assert held == pytest.approx(expected, abs=2)
+
+
+SWALLOWED = {
+    "nothing": "",
+    "a press": "key('keyup', 'KeyK')",
+    "a menu": "key('keyup', 'Escape')",
+    "a release": "key('keydown', 'KeyK'); key('keydown', 'KeyK')",
+    "the focus": "button.dispatchEvent(new FocusEvent('focusout', { bubbles: true }))",
+}
+
+
+@pytest.mark.parametrize("swallowed", SWALLOWED)
+def test_a_button_that_enter_holds_is_a_key(faked: Page, swallowed: str) -> None:
+    """What tells that an event was swallowed releases it, as it does the keys that drive."""
+    script = f"""
+    const button = document.querySelector("#linear [name=plus]");
+    const key = (type, code, repeat = false) => button.dispatchEvent(
+      new KeyboardEvent(type, {{ code, repeat, bubbles: true, cancelable: true }}));
+    key("keydown", "Enter");
+    const sent = [pass(500)];
+    for (let each = 0; each < 10; each++) {{
+      key("keydown", "Enter", true);
+      sent.push(pass(200));
+    }}
+    {SWALLOWED[swallowed]};
+    sent.push(pass(3000));
+    return sent;"""
+    *held, after = ran(faked, script)
+    assert held == pytest.approx([10, *[4] * 10], abs=1)
+    assert after <= 12 if swallowed == "nothing" else after == 0
