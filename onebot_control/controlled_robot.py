@@ -387,7 +387,7 @@ class ControlledRobot:
         for name, arm in self.arms.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
-            self._finish(name, arm.update(motion, stamp, self.period))
+            self.finish(name, arm.update(motion, stamp, self.period))
         snapshot = self.snapshot()
         if self.wheels and self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.body.obstructed)
@@ -414,19 +414,20 @@ class ControlledRobot:
     def _reset_arms(self) -> None:
         """Hold the joints of arms at their start positions; goals end."""
         for name, arm in self.arms.items():
-            self._finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
+            self.finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
 
     def hold_arms(self, text: str) -> None:
         """Abort the goals of all arms with ``text`` as the reason, and hold the arms."""
         for name, arm in self.arms.items():
-            self._finish(name, [arm.abort(text)])
+            self.finish(name, [arm.abort(text)])
 
     def configure_arm(self, controller: JointController[Any]) -> None:
         """Apply changed parameters of one joint controller."""
         self.joint_controllers[controller.name] = controller
         controller.configure(self.arms[controller.name])
 
-    def _finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
+    def finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
+        """Report how goals of an arm ended; None is no goal."""
         self.finished += [(arm, outcome) for outcome in outcomes if outcome is not None]
 
     def states(self, arm: str) -> JointStates:
@@ -522,7 +523,7 @@ class ControlledRobot:
                 continue
             arm.reset([positions[joint] for joint in arm.names])
             text = "Current goal cancelled: the robot description has other joints."
-            self._finish(name, [old.abort(text) if old else None])
+            self.finish(name, [old.abort(text) if old else None])
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.body.state()

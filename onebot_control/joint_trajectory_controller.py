@@ -16,7 +16,7 @@ joint_trajectory_controller/JointTrajectoryController moves the joints in its pa
 that is empty, those with a position command interface in <ros2_control>; if there are none, all
 joints that do not mimic another one:
     ~/joint_trajectory (trajectory_msgs/msg/JointTrajectory, subscribed to, best effort): a
-        trajectory, which replaces the one being followed.
+        trajectory, which replaces the one being followed, and aborts its goal.
     ~/follow_joint_trajectory (control_msgs/action/FollowJointTrajectory): the same, with feedback
         at action_monitor_rate, tolerances and a result.
     ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,

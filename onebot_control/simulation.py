@@ -468,30 +468,35 @@ class SimulatedRobot:
                 joint's limits; then nothing moves.
         """
         stamp = self._simulation._fleet.stamp
-        arms = {name: arm for arm in self._trajectories for name in arm.names}
-        for name in positions:
-            if name not in arms:
-                raise OneBotError(f'no joint "{name}" is commanded{did_you_mean(name, arms)}')
-        problems, goals = list[str](), list[tuple[TrajectoryFollower, TrajectoryGoal]]()
-        for arm in {arms[name].names: arms[name] for name in positions}.values():
+        arms = self._trajectories
+        owners = {joint: name for name, arm in arms.items() for joint in arm.names}
+        for joint in positions:
+            if joint not in owners:
+                raise OneBotError(f'no joint "{joint}" is commanded{did_you_mean(joint, owners)}')
+        problems, goals = list[str](), dict[str, TrajectoryGoal]()
+        for controller in dict.fromkeys(owners[joint] for joint in positions):
+            arm = arms[controller]
             moved = {name: positions[name] for name in arm.names if name in positions}
             present = dict(zip(arm.names, arm.reference(0.0), strict=True))
             problems += arm.problems(_goal({**present, **moved}, seconds), stamp)
-            goals.append((arm, _goal(moved, seconds)))
+            goals[controller] = _goal(moved, seconds)
         if problems:
             raise OneBotError("\n".join(problems))
-        for arm, goal in goals:
-            arm.start(goal, from_command=set(arm.names) - set(positions), absolute=True)
+        for controller, goal in goals.items():
+            arm = arms[controller]
+            held = set(arm.names) - set(positions)
+            replaced = arm.start(goal, from_command=held, absolute=True)
+            self._controlled.finish(controller, [replaced])
 
     @property
     def moving(self) -> bool:
         """Whether joints are still moving to a goal of ``move_to`` or of a ROS node."""
-        return any(arm.moving for arm in self._trajectories)
+        return any(arm.moving for arm in self._trajectories.values())
 
     @property
-    def _trajectories(self) -> list[TrajectoryFollower]:
-        arms = self._controlled.arms.values()
-        return [arm for arm in arms if isinstance(arm, TrajectoryFollower)]
+    def _trajectories(self) -> dict[str, TrajectoryFollower]:
+        arms = self._controlled.arms.items()
+        return {name: arm for name, arm in arms if isinstance(arm, TrajectoryFollower)}
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Move the robot to another pose in the world, at rest; its odometry does not change.

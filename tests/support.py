@@ -1,5 +1,6 @@
 """Helpers shared by the tests."""
 
+import ctypes
 import os
 import shutil
 import signal
@@ -7,8 +8,8 @@ import subprocess
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -41,6 +42,32 @@ def wait_for(condition: Callable[[], T], what: str, timeout: float = PATIENCE) -
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {timeout:g} s in vain for {what}")
         time.sleep(0.02)
+
+
+@contextmanager
+def stopped(process: int) -> Iterator[None]:
+    """Stop a child by SIGSTOP, and continue it by SIGCONT at the end."""
+    os.kill(process, signal.SIGSTOP)
+    os.waitid(os.P_PID, process, os.WSTOPPED | os.WNOWAIT)  # its threads run on until then
+    yield
+    os.kill(process, signal.SIGCONT)
+
+
+@contextmanager
+def starved(process: int) -> Iterator[None]:
+    """Give a child no processor time, for more than half a second; no signal tells it so."""
+    seize, interrupt, detach, every_thread = 0x4206, 0x4207, 17, 0x40000000  # as in sys/ptrace.h
+    ptrace = ctypes.CDLL(None).ptrace
+    ptrace.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
+    threads = [int(name) for name in os.listdir(f"/proc/{process}/task")]
+    began = time.monotonic()
+    for thread in threads:
+        assert ptrace(seize, thread, None, None) == ptrace(interrupt, thread, None, None) == 0
+        os.waitpid(thread, every_thread)
+    yield
+    wait_for(lambda: time.monotonic() > began + 0.8, "the end of the stop")
+    for thread in threads:
+        assert ptrace(detach, thread, None, None) == 0
 
 
 def assert_time_grows_with_size(seconds: Callable[[int], float], size: int) -> None:

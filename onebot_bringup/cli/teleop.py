@@ -7,9 +7,9 @@ import contextlib
 import os
 import re
 import select
+import signal
 import sys
 import termios
-import time
 import tty
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -19,6 +19,7 @@ from onebot_bringup.cli.options import Parser, flag, not_negative, option, posit
 from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wake_detector import WAKE, boot_time
 
 # For each key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. Reverse curves
 # turn as a car does with the same steering angle, as in teleop_twist_keyboard.
@@ -60,6 +61,7 @@ _QUIT = (ESCAPE, "\x03", "\x04")
 _ZEROS = 3  # zero commands published when a key is released, in case one gets lost
 _SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
+_LONGEST_WAIT = 0.1  # s for a key, so that a longer gap shows that the process did not run
 _LOCKED = f"\t(locked: {_UNLOCK} unlocks)"
 
 HELP = """\
@@ -127,7 +129,12 @@ class Driver:
         Such a key must not unlock: a press looks like the first repeat of a held key after the
         process or its connection stood still.
         """
-        self.locked, self._key = True, None
+        self.locked = True
+        self.release()
+
+    def release(self) -> None:
+        """Count the key that moves the robot as released."""
+        self._key = None
 
     def moving(self, now: float) -> bool:
         """Whether a key that moves the robot is held."""
@@ -239,20 +246,25 @@ class _Teleop:
         self._driver = Driver(args.speed, args.turn, args.hold)
         self._lock = RobotLock(session.node, self._topic, self._on_lock)
         self._shown = ""
-        self._note, self._next_poll = "", time.monotonic() + _SUBSCRIBER_PERIOD
+        self._note, self._next_poll = "", boot_time() + _SUBSCRIBER_PERIOD
 
     def drive(self, fd: int) -> None:
         """Read keys from a terminal and publish, until a key quits."""
+        signal.signal(signal.SIGCONT, lambda *_: WAKE.resumed())
+        termios.tcflush(fd, termios.TCIFLUSH)  # what was typed before it could be read
         print(HELP.format(kind=self._kind.__name__, topic=self._topic))
-        zeros, due = 0, time.monotonic()
+        zeros, due, began = 0, boot_time(), WAKE.check()
         while True:
             self._show()
             self._session.spin_for(_SPIN)
-            pressed = read_keys(fd, due - time.monotonic())
-            now = time.monotonic()
+            pressed = read_keys(fd, min(due - boot_time(), _LONGEST_WAIT))
+            now, just_woke = boot_time(), WAKE.just_woke() and WAKE.woke > began
             if pressed is None or any(key in _QUIT for key in pressed):
                 return
             was_moving = self._driver.moving(now)
+            if just_woke:  # keys of before that may have waited in the terminal
+                self._driver.release()
+                pressed = [key for key in pressed if key == _LOCK]
             for key in pressed:
                 self._press(key, now)
             moving = self._driver.moving(now)
@@ -297,8 +309,8 @@ class _Teleop:
 
     def _show(self) -> None:
         """Update the status line when the speeds or the subscribers changed."""
-        if time.monotonic() > self._next_poll:
-            self._next_poll = time.monotonic() + _SUBSCRIBER_PERIOD
+        if boot_time() > self._next_poll:
+            self._next_poll = boot_time() + _SUBSCRIBER_PERIOD
             self._note = self._subscriber_note()
         note = _LOCKED if self._driver.locked else self._note
         driver = self._driver

@@ -130,7 +130,8 @@ class Arbiter:
         The driver drives on when its commands are in time again.
         """
         with self._update():
-            is_late = self._clock() > self._deadline or self._stamp < self._woke()
+            # ``woke`` has to be called while nobody drives, too: it notices a stop by its gaps.
+            is_late = self._stamp < self._woke() or self._clock() > self._deadline
             if self._moving and self._driver is not None and is_late:
                 self._end_command()
                 self._pages[self._driver].late = True

@@ -19,6 +19,7 @@ T = TypeVar("T")
 _PATIENCE = 10.0  # s to wait for the end of the loop
 _LONGEST_WAIT = 0.1  # s between checks whether anything was posted
 _PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
+_WOKE = "Current goal cancelled: the controller was stopped meanwhile, or had no processor time."
 
 
 class ControlLoop:
@@ -30,7 +31,7 @@ class ControlLoop:
         fleet: the robots; other threads may read, but not change them.
         simulated: whether stamps are simulated time; otherwise they are system time.
         paused: whether simulated time is paused.
-        wake: detects when the process wakes from a stop; the robots brake then.
+        wake: detects when the process wakes from a stop; the robots brake then, and joints hold.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class ControlLoop:
         self._meter, self.wake = meter or PaceMeter(), wake
         self._inbox: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._stopped = False
-        self._woke = wake.check()
+        self._woke = self._started = wake.woke
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     def start(self) -> None:
@@ -74,6 +75,7 @@ class ControlLoop:
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
+        self._woke = self._started = self.wake.check()  # nothing was commanded before
         self._thread.start()
 
     def stop(self) -> None:
@@ -112,6 +114,15 @@ class ControlLoop:
             except futures.TimeoutError:
                 if not (self._thread.is_alive() or answer.done()):
                     raise OneBotError("the control loop has ended") from None
+
+    def predates_wake(self, sent: float) -> bool:
+        """Return whether the process woke from a stop after a time, by ``boot_time``."""
+        return sent < self.wake.check() > self._started
+
+    @property
+    def just_woke(self) -> bool:
+        """Whether what arrives now may have been sent before the process woke from a stop."""
+        return self.wake.just_woke() and self.wake.woke > self._started
 
     @property
     def left(self) -> float:
@@ -207,6 +218,7 @@ class ControlLoop:
             self._woke = self.wake.woke
             for robot in self.fleet.robots:
                 robot.accept(0.0, 0.0)
+                robot.hold_arms(_WOKE)
 
     def _call_posted(self) -> None:
         self._brake_if_woken()

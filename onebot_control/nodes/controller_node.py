@@ -3,9 +3,10 @@
 Everything that changes the robot is called in the control thread, between two cycles.
 """
 
+import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
@@ -20,12 +21,16 @@ from onebot_control.joint_controllers import JointController, JointFollower, nam
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
 from onebot_description.errors import OneBotError, first_of
+from onebot_description.ros.message_age import Delivery, SenderClock
 from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.topic_qos import ANY_PUBLISHER
+from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
 
 _IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
+_OLD = "it may be from before this process woke from a stop; send it again"
 # Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
 # whole number of cycles: rcl's timer fires after exactly this time, but a result expires only
 # later. While simulated time stands at that moment, an executor would find the timer ready forever.
@@ -100,6 +105,31 @@ class ControllerNode(Generic[F]):
 
     def finish(self, outcome: Outcome) -> None:
         """Take notice of how a goal ended."""
+
+    def _subscribe(
+        self, kind: Any, topic: str, prepare: Callable[[Any], Callable[[], None] | None]
+    ) -> None:
+        """Subscribe to commands; those sent before the process woke from a stop are ignored.
+
+        Args:
+            kind: type of the messages.
+            topic: name of the topic.
+            prepare: called with each message; returns what to call in the control thread.
+        """
+        sender = SenderClock()
+
+        def receive(message: Any, info: Mapping[str, Any]) -> None:
+            sent = boot_time() - sender.age(Delivery.from_info(info), time.time_ns()).most
+            if (act := prepare(message)) is not None:
+                self._loop.post(lambda: act_on(sent, act))
+
+        def act_on(sent: float, act: Callable[[], None]) -> None:
+            if self._loop.predates_wake(sent):
+                self._error("old", f"{topic} is ignored: {_OLD}")
+            else:
+                act()
+
+        self.node.create_subscription(kind, topic, receive, ANY_PUBLISHER)
 
     def _fault(self, action: Callable[[], object]) -> str:
         """Run ``action`` in the control thread; return why it failed, or ""."""
@@ -228,7 +258,7 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _on_goal(self, request: Any) -> GoalResponse:
         arm, goal = self._arm, self._goal(request)
-        if fault := self._refusal(goal):
+        if fault := _OLD if self._loop.just_woke else self._refusal(goal):
             self.node.get_logger().error(f"goal rejected: {fault}")
             return GoalResponse.REJECT
         self._accepted = arm, goal
@@ -252,7 +282,8 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
 
     def _monitor(self) -> None:
         """Send feedback, and the results of goals that have ended."""
-        while self._ended:
+        # The client's next goal must not come while goals are refused because of that wake.
+        while self._ended and not self._loop.just_woke:
             self._end(*self._ended.popleft())
         if (handle := self._arm.active) is not None:
             with suppress(OneBotError):  # the loop has just ended

@@ -1,6 +1,6 @@
 """forward_command_controller's ROS interface: the topic of one controller."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from std_msgs.msg import Float64MultiArray
@@ -8,7 +8,6 @@ from std_msgs.msg import Float64MultiArray
 from onebot_control.nodes.controller_node import ControllerNode
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_description.errors import first_of
-from onebot_description.ros.topic_qos import ANY_PUBLISHER
 
 
 class ForwardCommands(ControllerNode[PositionForwarder]):
@@ -17,16 +16,14 @@ class ForwardCommands(ControllerNode[PositionForwarder]):
     def __init__(self, *arguments: Any) -> None:
         """Subscribe to the topic, and declare parameters; see ``ControllerNode``."""
         super().__init__(*arguments)
-        self.node.create_subscription(
-            Float64MultiArray, "~/commands", self._on_commands, ANY_PUBLISHER
-        )
+        self._subscribe(Float64MultiArray, "~/commands", self._prepare)
 
-    def _on_commands(self, message: Float64MultiArray) -> None:
+    def _prepare(self, message: Float64MultiArray) -> Callable[[], None] | None:
         arm, positions = self._arm, list(message.data)
         if problems := arm.problems(positions):
             self._error("refused", f"~/commands is ignored: {first_of(problems)}")
-        else:
-            self._loop.post(lambda: self._command(arm, positions))
+            return None
+        return lambda: self._command(arm, positions)
 
     def _command(self, arm: PositionForwarder, positions: Sequence[float]) -> None:
         """Command checked positions; runs in the control thread."""

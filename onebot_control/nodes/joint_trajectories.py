@@ -1,6 +1,6 @@
 """joint_trajectory_controller's ROS interface: topics, action and service of one controller."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.duration import Duration
@@ -25,7 +25,7 @@ from onebot_control.trajectories.tolerances import (
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.ros.parameters.reader import declare
-from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
+from onebot_description.ros.topic_qos import DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
@@ -55,8 +55,7 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
-        topic = "~/joint_trajectory"
-        node.create_subscription(JointTrajectory, topic, self._on_topic, ANY_PUBLISHER)
+        self._subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
         scaling = load_interface("control_msgs/msg/SpeedScalingFactor")
         topic = "~/speed_scaling_input"
         node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
@@ -86,13 +85,13 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
 
     # Goals -------------------------------------------------------------------------------------
 
-    def _on_topic(self, message: JointTrajectory) -> None:
+    def _prepare(self, message: JointTrajectory) -> Callable[[], None] | None:
         arm, goal = self._arm, (_trajectory_goal(message), None)
         if fault := self._refusal(goal):
             self._ignore(fault)
-        else:
-            # Nobody waits for it: of what a cycle receives, the last trajectory is followed.
-            self._loop.post(lambda: self._start_streamed(arm, goal))
+            return None
+        # Nobody waits for it: of what a cycle receives, the last trajectory is followed.
+        return lambda: self._start_streamed(arm, goal)
 
     def _start_streamed(self, arm: TrajectoryFollower, goal: _Goal) -> None:
         """Start following a trajectory of the topic; runs in the control thread."""

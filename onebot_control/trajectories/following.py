@@ -45,6 +45,7 @@ PATH_TOLERANCE_VIOLATED = -4
 GOAL_TOLERANCE_VIOLATED = -5
 # Texts of outcomes, as joint_trajectory_controller writes them.
 PREEMPTED = "Current goal preempted by new incoming action."
+REPLACED = "Current goal preempted by another trajectory, which is not an action goal."
 RESET = "Current goal cancelled by a reset."
 ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 
@@ -170,8 +171,8 @@ class TrajectoryFollower(GoalHolder):
 
         Args:
             goal: the trajectory; ``problems`` must have found none.
-            token: identifies an action goal in ``active`` and in its outcome; None for a message
-                of the topic, which leaves an active goal active: the new trajectory decides it.
+            token: identifies an action goal in ``active`` and in its outcome; None for a trajectory
+                that is no action goal, such as a message of the topic.
             tolerances: those of an action goal; None for the defaults.
             from_command: joints that begin at rest at their last command; the others begin with
                 their measured motion. So a finger that presses on something keeps pressing.
@@ -183,13 +184,12 @@ class TrajectoryFollower(GoalHolder):
             The outcome of the action goal that this one replaces; None if there is none.
         """
         self._next = partial(self._follow_goal, goal, from_command, absolute)
-        if token is None:
-            return None
-        preempted = self._ended(PREEMPTED)
+        preempted = self._ended(REPLACED if token is None else PREEMPTED)
         self.active = token
-        self._tolerances = resolved_tolerances(
-            tolerances or TolerancesGiven(), self.names, self._defaults
-        )
+        if token is not None:
+            self._tolerances = resolved_tolerances(
+                tolerances or TolerancesGiven(), self.names, self._defaults
+            )
         return preempted
 
     def cancel(self) -> None:

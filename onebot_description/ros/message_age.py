@@ -3,7 +3,8 @@
 DDS may deliver messages that waited while the process was stopped, at any time after that.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from onebot_description.ros.wire.cdr import NS_PER_S
 
@@ -19,6 +20,12 @@ class Delivery(NamedTuple):
     source_ns: int  # time of sending, by the sender's system clock
     received_ns: int  # time of receiving, by this computer's system clock
     number: int | None  # the publisher's count of its messages; None if DDS has none
+
+    @classmethod
+    def from_info(cls, info: Mapping[str, Any]) -> "Delivery":
+        """Return the delivery that rclpy's info of a message describes."""
+        number = info["publication_sequence_number"]
+        return cls(info["source_timestamp"], info["received_timestamp"], number)
 
 
 class Age(NamedTuple):

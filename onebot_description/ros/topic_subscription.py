@@ -145,8 +145,7 @@ class TopicSubscription:
         if kind != self.type:
             return  # it was in flight when the subscription was closed
         if self._delivered is not None and info is not None:
-            sent, received = info["source_timestamp"], info["received_timestamp"]
-            self._delivered(Delivery(sent, received, info["publication_sequence_number"]))
+            self._delivered(Delivery.from_info(info))
         self._received(kind, message)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
+_QUEUED = 0.25  # s after a wake in which what was sent, or typed, before it still arrives
 # Unlike the monotonic clock, it includes time in which the computer is suspended.
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
@@ -34,6 +35,10 @@ class WakeDetector:
             self.woke = now
         self._checked = now
         return self.woke
+
+    def just_woke(self) -> bool:
+        """Return whether what arrives now may have been sent before the process woke."""
+        return self.check() > self._clock() - _QUEUED
 
     def resumed(self) -> None:
         """Note a SIGCONT, which also follows a stop too short for ``check``."""

@@ -18,6 +18,7 @@ from onebot_bringup.steering.protocol import (
     Stop,
     Velocity,
 )
+from onebot_description.ros.wake_detector import WakeDetector
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 LOCK, UNLOCK = (True, Parts.ALL), (False, Parts.ALL)
@@ -365,6 +366,28 @@ def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) 
     steered.now += 0.01
     steered.drive("a")
     assert steered.sent() == [FORWARD] and steered.driver == "a"
+
+
+@pytest.mark.parametrize("idle", [0.3, 0.7, 2.0, 60.0])
+def test_the_first_drive_counts_however_long_nobody_drove(idle: float) -> None:
+    """Idleness is no sleep: a tap is a step, and a command goes out at its press."""
+    now, published = [100.0], list[Velocity]()
+    arbiter = Arbiter(
+        limits(3.0, 4.0),
+        lambda command: published.append(command.velocity),
+        lambda _: None,
+        lambda: now[0],
+        WakeDetector(lambda: now[0]).check,
+    )
+    arbiter.join("a")
+    for check in (arbiter.check_timeout, arbiter.tick):
+        for _ in range(round(idle / 0.05)):
+            now[0] += 0.05
+            check()
+        arbiter.handle("a", Drive(0.5, 0.1, now[0] - 0.02, {}))
+        assert published[-1] == FORWARD and not arbiter.state.late
+        now[0] += 0.05
+        arbiter.handle("a", Release())
 
 
 def test_pages_come_and_go(steered: Steered) -> None:

@@ -8,8 +8,8 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
@@ -21,7 +21,7 @@ from onebot_bringup.cli.teleop import STILL, Driver, split_keys
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import LATCHED, Peer
-from tests.support import PATIENCE, wait_for
+from tests.support import PATIENCE, starved, stopped, wait_for
 
 TOPIC = "/velocity_controller/cmd_vel"
 
@@ -246,6 +246,63 @@ def _ignores(terminal: Terminal, key: str) -> None:
     count = terminal.shown.count("(locked")
     terminal.type("w")
     wait_for(lambda: terminal.shown.count("(locked") > count, "the next key")
+
+
+@pytest.mark.parametrize("halted", [stopped, starved])
+@pytest.mark.parametrize("keys", ["i", "ijJw\x1b[A", "i" * 9000])
+def test_what_was_typed_while_it_did_not_run_does_not_drive(
+    peer: Peer, keys: str, halted: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    """Neither moves nor speeds, also those that wait in the terminal; keys typed later drive."""
+    with teleop("--hold", "0.3") as terminal:
+        heard = peer.hear(Twist, TOPIC)
+        ready(peer, terminal)
+        met(terminal, heard)
+        with halted(terminal.process.pid):
+            typing = threading.Thread(target=terminal.type, args=(keys,))
+            typing.start()  # the terminal may have no room for all of them
+            typing.join(0.1)
+        wait_for(lambda: _drove(terminal, "q"), "a key of afterwards")
+        assert terminal.shown.count("speed 0.5\t") == 1 and not any(map(_moves, heard))
+        _hold(terminal, "i", heard)
+        assert _moves(heard[0])
+
+
+def _drove(terminal: Terminal, key: str) -> bool:
+    """Type a key that changes speeds; whether one has been taken."""
+    terminal.type(key)
+    time.sleep(0.2)
+    return "speed 0.55" in terminal.shown
+
+
+def _moves(message: Twist) -> bool:
+    return message != Twist()
+
+
+def test_a_key_held_before_a_short_stop_is_let_go(peer: Peer) -> None:
+    """However short the stop: the hand may be gone, and who is there presses on."""
+    with teleop("--hold", "1000") as terminal:
+        heard = peer.hear(Twist, TOPIC)
+        ready(peer, terminal)
+        _hold(terminal, "i", heard)
+        with stopped(terminal.process.pid):
+            pass
+        wait_for(lambda: heard[-1] == Twist(), "a stop")
+
+
+@pytest.mark.parametrize(("key", "says"), [(" ", "(locked: r unlocks)"), ("\x1b", "")])
+def test_what_stops_counts_whenever_it_was_typed(peer: Peer, key: str, says: str) -> None:
+    """Space and Esc, unlike what drives."""
+    with teleop() as terminal:
+        peer.node.create_subscription(Bool, f"{TOPIC}_lock", lambda _: None, 1)
+        ready(peer, terminal)
+        wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
+        with stopped(terminal.process.pid):
+            terminal.type(f"i{key}")
+        if says:
+            terminal.says(says)
+        else:
+            assert terminal.process.wait(PATIENCE) == 0
 
 
 @pytest.mark.parametrize("leave", ["\x03", "\x1b"])

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.cli import session
 from onebot_bringup.cli.running_controllers import controller_of, running_controllers
@@ -46,6 +47,7 @@ class Arm(NamedTuple):
 
     process: NodeProcess
     states: list[Any]
+    peer: Peer
 
     def positions(self) -> dict[str, float]:
         """Where the joints are, measured from now on: what is received may be late."""
@@ -65,7 +67,7 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     file.write_text(URDF)
     with used_domain() as domain, Peer(domain) as peer, NodeProcess(MODULE, str(file)) as process:
         peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
-        arm = Arm(process, peer.hear(STATE, f"{NAME}/controller_state"))
+        arm = Arm(process, peer.hear(STATE, f"{NAME}/controller_state"), peer)
         arm.positions()
         yield arm
 
@@ -107,6 +109,21 @@ def test_a_goal_that_fails(arm: Arm, words: list[str], message: str) -> None:
     done = onebot("trajectory", *words)
     assert done.returncode == 1 and f"error: {message}" in done.stderr, done.stderr
     assert "SUCCESSFUL" not in done.stdout
+
+
+def test_a_goal_whose_motion_was_replaced_fails(arm: Arm, tmp_path: Path) -> None:
+    """By the topic, as the steering page's sliders do; it says so."""
+    topic = arm.peer.publisher(JointTrajectory, f"{NAME}/joint_trajectory")
+    at = arm.positions()
+    hold = JointTrajectoryPoint(positions=at.values())
+    hold.time_from_start.nanosec = 300_000_000
+    message = JointTrajectory(joint_names=list(at), points=[hold])
+    away = at["shoulder"] - 1.0
+    with running(tmp_path, "trajectory", f"shoulder={away}", "time:=60") as command:
+        wait_for(lambda: arm.positions()["shoulder"] < at["shoulder"] - 0.01, "the joint to move")
+        wait_for(lambda: topic.publish(message) or command.process.poll() is not None, "the end")
+        assert command.process.returncode == 1 and "SUCCESSFUL" not in command.out
+        assert "error: ABORTED (-1): Current goal preempted by another traj" in command.err
 
 
 def test_ctrl_c_cancels(arm: Arm, tmp_path: Path) -> None:

@@ -4,12 +4,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Float64MultiArray, String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
@@ -29,7 +30,7 @@ from tests.onebot_control.arm_support import (
     trajectory,
 )
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args
-from tests.support import wait_for
+from tests.support import starved, stopped, wait_for
 
 SHOULDER, FINGER = ["shoulder"], ["finger"]
 STOPS_WITHIN = 5.0  # s
@@ -201,6 +202,66 @@ def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:
         topic.publish(String(data=arm().urdf))
         wait_for(lambda: "would have no joint to move" in node.output, "the refusal")
         assert ending(result) == SUCCESS
+
+
+SLOW_JAW = body("jaw") + joint(
+    "finger", "upper", "jaw", "prismatic", "1 0 0", limits=SLIDES.replace('"0.5" lo', '"0.05" lo')
+)
+MIXED = """
+controller_manager:
+  ros__parameters:
+    joint_trajectory_controller:
+      type: joint_trajectory_controller/JointTrajectoryController
+    finger_controller: {type: forward_command_controller/ForwardCommandController}
+joint_trajectory_controller: {ros__parameters: {joints: [shoulder]}}
+finger_controller: {ros__parameters: {joints: [finger]}}
+"""
+
+
+@pytest.mark.parametrize("halted", [stopped, starved])
+def test_nothing_moves_a_joint_that_was_commanded_before_the_process_woke(
+    peer: Peer, tmp_path: Path, halted: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    """Neither a goal, a trajectory or positions, nor those that wait meanwhile; later ones do."""
+    model, file = tmp_path / "arm.urdf", tmp_path / "control.yaml"
+    model.write_text(arm(UPPER, SLOW_JAW).urdf)
+    file.write_text(MIXED)
+    states = peer.hear(JointState, "/joint_states", 10000)
+    with NodeProcess(MODULE, str(model), "--ros-args", "--params-file", str(file)) as node:
+        topic = peer.publisher(JointTrajectory, f"{CONTROLLER}/joint_trajectory")
+        finger = peer.publisher(Float64MultiArray, "/finger_controller/commands")
+        client = WireArm(peer)
+
+        def halt(to: float) -> None:
+            """Halt the process while both joints move, and see them stand afterwards."""
+            target, start = Float64MultiArray(data=[to]), positions(states)
+            wait_for(
+                lambda: finger.publish(target) or all(_moved(states, start, 0.02)), "both to move"
+            )
+            with halted(node.process.pid):
+                topic.publish(trajectory(point(4.0, -2.0), joints=SHOULDER))
+                finger.publish(Float64MultiArray(data=[0.25]))
+                time.sleep(0.2)  # it may be as short as it likes
+                woken = time.time_ns()
+
+            def afterwards() -> list[JointState]:
+                return [each for each in states if nanoseconds(each.header.stamp) >= woken]
+
+            wait_for(lambda: len(afterwards()) > 100, "cycles of a second")
+            assert not any(_moved(states, positions(afterwards()[:1]), 0.02))
+
+        result = client.send(goal(point(10.0, 2.0), joints=SHOULDER))
+        halt(to=0.5)
+        text = "Current goal cancelled: the controller was stopped meanwhile, or had no processor"
+        assert ending(result) == (ABORTED, -1, f"{text} time.")
+        assert ending(client.send(goal(point(1.0, 0.0), joints=SHOULDER))) == SUCCESS
+        topic.publish(trajectory(point(10.0, 2.0), joints=SHOULDER))
+        halt(to=0.0)
+
+
+def _moved(states: list[JointState], start: Mapping[str, float], least: float) -> list[bool]:
+    """Which joints have moved by more than so much, rad or m."""
+    return [abs(at - start[name]) > least for name, at in positions(states).items()]
 
 
 WRONG = [

@@ -438,12 +438,14 @@ def test_preemption() -> None:
 
 
 def test_the_topic_during_an_action() -> None:
-    """The goal stays active, and succeeds where the topic's trajectory ends."""
+    """It ends the goal, which does not succeed where another trajectory ends."""
     arm = following(50, "mine", TOLERANT)
-    assert arm.follower.start(ramp(0.2, to=-1.0)) is None
-    assert arm.follower.active == "mine"
-    assert arm.cycles(21) == [("mine", *SUCCESS)]
+    text = "Current goal preempted by another trajectory, which is not an action goal."
+    assert arm.follower.start(ramp(0.2, to=-1.0)) == ("mine", -1, text, "")
+    assert arm.follower.active is None
+    assert arm.cycles(21) == []
     assert arm.desired == near(-1.0, -1.0)
+    assert arm.follower.start(ramp()) is None
 
 
 def test_cancel_holds_the_measured_position() -> None:

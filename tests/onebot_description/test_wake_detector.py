@@ -32,3 +32,15 @@ def test_a_stop_soon_after_a_gap_counts() -> None:
     now[0] += 0.1
     wake.resumed()
     assert wake.woke == now[0]
+
+
+def test_what_arrives_soon_after_a_wake_may_be_older() -> None:
+    now = [100.0]
+    wake = WakeDetector(lambda: now[0])
+    assert not wake.just_woke()
+    now[0] += 5.0
+    assert wake.just_woke()
+    now[0] += 0.2
+    assert wake.just_woke()
+    now[0] += 0.1
+    assert not wake.just_woke()
