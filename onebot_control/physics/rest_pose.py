@@ -141,6 +141,7 @@ def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
+        robot.lift_weightless()
         robot.bullet.stepSimulation()
         rested = rested + 1 if _fastest(robot) < _RESTING else 0
         if rested >= needed:

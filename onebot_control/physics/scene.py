@@ -61,6 +61,7 @@ class SceneBodies:
     Attributes:
         description: description of the scene.
         links: the first link of each movable body.
+        parts: the movable bodies, in the same order.
         poses: poses of these links' frames in the world, as last read.
         finite: whether these poses are finite.
     """
@@ -127,13 +128,13 @@ class SceneBodies:
         self.fixed = {
             load_fixed(bullet, self.description, body, settings): body.link for body in self._fixed
         }
-        self._parts: list[LoadedBody] = []
+        self.parts: list[LoadedBody] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
-            self._parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
-            self._parts[-1].place(start)
+            self.parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
+            self.parts[-1].place(start)
             # A sleeping body costs no time until something touches it; two awake crates took half
             # the time of a step.
-            self._activate(self._parts[-1], _SLEEPS)
+            self._activate(self.parts[-1], _SLEEPS)
         if problems := [*self._overlap_problems(ground)]:
             raise OneBotError("\n".join(problems))
         self.read()
@@ -144,7 +145,7 @@ class SceneBodies:
         obstacles: dict[str, list[int]] = {"the ground": [ground]}
         for body, link in self.fixed.items():
             obstacles.setdefault(f'link "{link}"', []).append(body)
-        for link, part in zip(self.links, self._parts, strict=False):
+        for link, part in zip(self.links, self.parts, strict=False):
             where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
             for obstacle, bodies in obstacles.items():
                 if (depth := max(self._depth(part.body, body) for body in bodies)) > _DEEPEST:
@@ -155,12 +156,12 @@ class SceneBodies:
 
     def read(self) -> None:
         """Read the poses of the movable bodies."""
-        self.poses = [part.pose() for part in self._parts]
+        self.poses = [part.pose() for part in self.parts]
         self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
 
     def put(self, poses: Sequence[Transform]) -> None:
         """Place the movable bodies at ``poses``, at rest."""
-        for part, pose in zip(self._parts, poses, strict=True):
+        for part, pose in zip(self.parts, poses, strict=True):
             part.place(pose)
             self._activate(part, _AWAKE)
         self.read()
@@ -170,7 +171,7 @@ class SceneBodies:
 
         Call ``read`` afterwards.
         """
-        for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
+        for part, pose, start in zip(self.parts, self.poses, self._starts, strict=True):
             part.place(start)
             if any(self._overlaps(robot, part.body) for robot in robots):
                 part.place(pose)
@@ -188,7 +189,7 @@ class SceneBodies:
         """Return the movable links that ``robot`` overlaps."""
         return [
             link
-            for link, part in zip(self.links, self._parts, strict=True)
+            for link, part in zip(self.links, self.parts, strict=True)
             if self._overlaps(robot, part.body)
         ]
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from onebot_description.elements.meshes import mesh_corners
-from onebot_description.elements.urdf import Box, Description, Mesh, Shape, Sphere
+from onebot_description.elements.urdf import Box, Cylinder, Description, Mesh, Shape, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import ZERO, Triple
 
@@ -45,7 +45,9 @@ def _size(shape: Shape) -> Triple:
         x, y, z = (corners.max(axis=0) - corners.min(axis=0)).tolist()
         return x, y, z
     width = 2.0 * shape.radius
-    return width, width, width if isinstance(shape, Sphere) else shape.length
+    if isinstance(shape, Sphere):
+        return width, width, width
+    return width, width, shape.length + (0.0 if isinstance(shape, Cylinder) else width)
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:

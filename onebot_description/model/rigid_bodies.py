@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.elements.urdf import Description, Inertial, Link, Shape
+from onebot_description.elements.urdf import MOST_FRICTION, Description, Inertial, Link, Shape
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 
@@ -38,21 +38,29 @@ class Body:
     # Each shape, with its pose (4, 4) in the body, and its link.
     collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
     friction: float | None = None  # lateral coefficient, the minimum of its links
+    # Mass of the links without gravity, kg, and the sum of their centres times mass, kg m.
+    weightless: tuple[float, Floats] = field(default_factory=lambda: (0.0, np.zeros(3)))
 
     def add(self, link: Link, pose: Floats) -> None:
         """Add the mass and the shapes of ``link``, whose frame is at ``pose`` (4, 4)."""
         for collision in link.collisions:
             place = pose @ matrices.of_origin(collision.origin)
             self.collisions.append((collision.shape, place, link))
-        if link.friction is not None:
-            least = link.friction if self.friction is None else self.friction
-            self.friction = min(link.friction, least)
+        friction = link.friction
+        if friction is None and link.mu is not None:
+            friction = min(link.mu, MOST_FRICTION)
+        if friction is not None:
+            self.friction = min(friction, friction if self.friction is None else self.friction)
         if link.inertial is not None:
             where = pose @ matrices.of_origin(link.inertial.origin)
             xx, xy, xz, yy, yz, zz = link.inertial.inertia
             moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             turn = where[:3, :3]
             self.add_mass(link.inertial.mass, where[:3, 3], turn @ moments @ turn.T)
+            if not link.gravity:
+                mass, moment = self.weightless
+                mass += link.inertial.mass
+                self.weightless = mass, moment + link.inertial.mass * where[:3, 3]
 
     @property
     def inertial(self) -> Inertial:
