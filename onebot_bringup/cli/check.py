@@ -43,11 +43,16 @@ def run(argv: Sequence[str]) -> int:
     # This is slower to import.
     from onebot_description.description import describe, load_description
     from onebot_description.description.unit_check import shape_sizes, size_warnings
+    from onebot_description.model.rigid_bodies import inertia_warnings
 
     description = load_description(file, xacro_values)
     sizes, faults = shape_sizes(description)
     replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
-    for warning in (*description.warnings, *size_warnings(description, sizes)):
+    for warning in (
+        *description.warnings,
+        *inertia_warnings(description),
+        *size_warnings(description, sizes),
+    ):
         warn(warning)
     return 0

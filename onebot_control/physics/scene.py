@@ -185,6 +185,14 @@ class SceneBodies:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
+    def arm_in(self, robot: LoadedBody) -> list[str]:
+        """Return the links of fixed bodies that moving links of ``robot`` are deep in."""
+        return [
+            link
+            for body, link in self.fixed.items()
+            if self._depth(robot.body, body, moved=True) > _DEEPEST
+        ]
+
     def free_at(self, robot: LoadedBody) -> list[str]:
         """Return the movable links that ``robot`` overlaps."""
         return [
@@ -196,7 +204,10 @@ class SceneBodies:
     def _overlaps(self, robot: LoadedBody, body: int) -> bool:
         return self._depth(robot.body, body) > _DEPTH
 
-    def _depth(self, one: int, other: int) -> float:
-        """Return how deep two bodies overlap, m; 0 if they do not."""
+    def _depth(self, one: int, other: int, *, moved: bool = False) -> float:
+        """Return how deep two bodies overlap, m; 0 if they do not.
+
+        ``moved``: only the links of ``one`` that its joints move.
+        """
         near = self._bullet.getClosestPoints(one, other, 0.0)
-        return max((-point[8] for point in near), default=0.0)
+        return max((-point[8] for point in near if not moved or point[3] >= 0), default=0.0)

@@ -26,8 +26,8 @@ _REASONS = {
     "friction is the same in all directions here": "fdir1",
     "colours are those of <visual>": "material visual",
     "is not simulated": "dampingFactor velocity_decay laserRetro static kinematic enable_wind axis "
-    "allow_auto_disable stopCfm stopErp fudgeFactor provideFeedback implicitSpringDamper pose light "
-    "cfmDamping springReference springStiffness initial_joint_position collision inertial physics",
+    "allow_auto_disable stopCfm stopErp fudgeFactor provideFeedback implicitSpringDamper pose "
+    "light cfmDamping springReference springStiffness initial_joint_position collision physics",
 }
 _REASON_OF = {tag: reason for reason, tags in _REASONS.items() for tag in tags.split()}
 _LIMITS = ("acceleration", "deceleration", "jerk")

@@ -11,7 +11,7 @@ from onebot_description.geometry.poses import ZERO, Triple
 # m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
-_MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
+MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
 _TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
@@ -70,12 +70,12 @@ def _large_shapes(
             reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
             excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
-            factor = "0.001" if length >= _MILLIMETRES else "0.01"
+            factor = "0.001" if length >= MILLIMETRES else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
                 f'{part.where}: link "{link.name}": its {kind} is {sides} m large{excess}; is it '
-                f"in {_unit(length)}? {remedy}"
+                f"in {unit_of(length)}? {remedy}"
             )
 
 
@@ -94,9 +94,10 @@ def _far_joints(description: Description, largest: float) -> Iterator[str]:
         if away > largest:
             yield (
                 f'{joint.where}: joint "{joint.name}": its <origin> is {away:.4g} m away; is it in '
-                f"{_unit(away)}? lengths are in m"
+                f"{unit_of(away)}? lengths are in m"
             )
 
 
-def _unit(length: float) -> str:
-    return "millimetres" if length >= _MILLIMETRES else "centimetres or millimetres"
+def unit_of(length: float) -> str:
+    """Return the unit that a length which is too large, m, is probably in."""
+    return "millimetres" if length >= MILLIMETRES else "centimetres or millimetres"

@@ -3,6 +3,7 @@
 Here masses are added up as written; a link without ``<inertial>`` has none.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,8 @@ from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import MOST_FRICTION, Description, Inertial, Link, Shape
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
+
+_ROUNDING = 0.01  # relative tolerance of moments of inertia, which are written with few digits
 
 
 def rigid_frames(description: Description) -> dict[str, tuple[str, Floats]]:
@@ -70,6 +73,17 @@ class Body:
             Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
         )
 
+    def principal(self) -> tuple[Floats, Floats]:
+        """Return the principal moments (3,), kg m^2, and axes (3, 3)."""
+        largest = np.abs(self.inertia).max()
+        diagonal = np.diag(np.diag(self.inertia))
+        if np.abs(self.inertia - diagonal).max() <= 1e-12 * largest:
+            return np.diag(diagonal).copy(), np.eye(3)
+        moments, axes = np.linalg.eigh(self.inertia)
+        # A rotation needs right-handed axes.
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        return moments, axes
+
     def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
         """Add a mass (kg) with its centre (3,), m, and inertia (3, 3) about it, kg m^2.
 
@@ -83,6 +97,34 @@ class Body:
             self.center = self.center + apart * (mass / total)
         self.inertia += inertia
         self.mass = total
+
+
+def inertia_fault(moments: Floats) -> str:
+    """Return what is wrong with principal moments (3,), kg m^2, and what the simulation does.
+
+    "" if they are those of a solid: above 0, and none greater than the sum of the others.
+    """
+    greatest = float(moments.max())
+    sum_of_others = float(moments.sum() - greatest)
+    numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
+    text = f"has the principal moments of inertia {numbers} kg m^2"
+    if moments.min() <= 0.0:
+        return f"{text}; all must be above 0, else it cannot be simulated"
+    if greatest > sum_of_others * (1.0 + _ROUNDING):
+        return f"{text}; the greatest is simulated as {sum_of_others:.3g}, the sum of the others"
+    return ""
+
+
+def inertia_warnings(description: Description) -> Iterator[str]:
+    """Yield what the simulation does to the inertia of bodies, if they move."""
+    moved = {joint.child: joint for joint in description.moving_joints}
+    for name, body in merged_bodies(description).items():
+        if moved and body.mass > 0.0:
+            moments, _ = body.principal()
+            # The rotor of a motor adds to what a joint turns.
+            turns = name not in moved or moved[name].kind != "prismatic"
+            if (fault := inertia_fault(moments)) and not (turns and moments.min() == 0.0):
+                yield f'{description.source}: link "{name}" {fault}'
 
 
 def merged_bodies(description: Description) -> dict[str, Body]:

@@ -4,9 +4,9 @@ import pytest
 
 from onebot_description.description import Description, parse_description
 
-SDFORMAT = """dampingFactor fdir1 fudgeFactor implicitSpringDamper cfmDamping kd kp laserRetro material
-    maxContacts maxVel minDepth provideFeedback selfCollide self_collide springReference springStiffness
-    static stopCfm stopErp velocity_decay enable_wind kinematic collision""".split()
+SDFORMAT = """dampingFactor fdir1 fudgeFactor implicitSpringDamper cfmDamping kd kp laserRetro
+    maxContacts maxVel minDepth material provideFeedback selfCollide self_collide springReference
+    springStiffness static stopCfm stopErp velocity_decay enable_wind kinematic collision""".split()
 
 
 def robot(*blocks: str, kind: str = "revolute") -> Description:
