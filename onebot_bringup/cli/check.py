@@ -46,11 +46,12 @@ def run(argv: Sequence[str]) -> int:
     from onebot_description.model.rigid_bodies import inertia_warnings
 
     description = load_description(file, xacro_values)
-    sizes, faults = shape_sizes(description)
+    sizes, faults, lacking = shape_sizes(description)
     replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
     for warning in (
         *description.warnings,
+        *lacking,
         *inertia_warnings(description),
         *size_warnings(description, sizes),
     ):

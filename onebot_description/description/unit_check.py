@@ -3,8 +3,16 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from onebot_description.elements.meshes import mesh_corners
-from onebot_description.elements.urdf import Box, Cylinder, Description, Mesh, Shape, Sphere
+from onebot_description.elements.meshes import look_warnings, mesh_scene
+from onebot_description.elements.urdf import (
+    Box,
+    Capsule,
+    Cylinder,
+    Description,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import ZERO, Triple
 
@@ -15,35 +23,38 @@ MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be
 _TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
-def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
+def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str], list[str]]:
     """Measure the shapes of a robot; meshes are opened.
 
     Returns:
-        Side lengths of each shape along its axes, m, except of unreadable meshes; and a message
-        for each unreadable mesh.
+        Side lengths of each shape along its axes, m, except of unreadable meshes; a message for
+        each unreadable mesh; and a warning for each file that a mesh lacks for its look.
     """
     sizes: dict[Shape, Triple] = {}
     faults: dict[str, str] = {}  # key: what is wrong
+    warnings: dict[str, None] = {}
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             shape = part.shape
             is_missing = isinstance(shape, Mesh) and shape.path is None  # already a problem
             if shape not in sizes and not is_missing:
                 try:
-                    sizes[shape] = _size(shape)
+                    if isinstance(shape, Mesh):
+                        scene = mesh_scene(shape)
+                        warnings.update(dict.fromkeys(look_warnings(scene)))
+                        x, y, z = abs(scene.extents * shape.scale).tolist()
+                        sizes[shape] = x, y, z
+                    else:
+                        sizes[shape] = _size(shape)
                 except OneBotError as error:
                     text = f'{part.where}: link "{link.name}": mesh {error}'
                     faults.setdefault(str(error), text)
-    return sizes, list(faults.values())
+    return sizes, list(faults.values()), list(warnings)
 
 
-def _size(shape: Shape) -> Triple:
+def _size(shape: Box | Capsule | Cylinder | Sphere) -> Triple:
     if isinstance(shape, Box):
         return shape.size
-    if isinstance(shape, Mesh):
-        corners = mesh_corners(shape)
-        x, y, z = (corners.max(axis=0) - corners.min(axis=0)).tolist()
-        return x, y, z
     width = 2.0 * shape.radius
     if isinstance(shape, Sphere):
         return width, width, width

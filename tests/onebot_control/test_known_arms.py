@@ -81,7 +81,7 @@ KNOWN = {
     ),
     "ur5e": Arm(6),
     "wx250s": Arm(7, 1, warnings={"holds a space or slash, which TF dislikes": 14}),
-    "xarm6_gripper": XARM_WITH_GRIPPER,
+    "xarm6_gripper": XARM_WITH_GRIPPER._replace(warnings={}),
 }
 PUBLIC = {
     "kuka_iiwa/model.urdf": Arm(7),
