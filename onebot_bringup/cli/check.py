@@ -6,7 +6,7 @@ from dataclasses import replace
 from onebot_bringup.cli.options import warn
 from onebot_bringup.launch.arguments import (
     PACKAGES,
-    Argument,
+    model_arguments,
     split,
     table,
     take_package_path,
@@ -35,8 +35,8 @@ def run(argv: Sequence[str]) -> int:
         raise UsageError(f"onebot check takes one file, not {len(files)}")
     xacro_values = take_package_path(arguments.given)
     if arguments.show:
-        declared = [Argument(*entry) for file in files for entry in xacro_arguments(file).arguments]
-        print(table([PACKAGES, *declared]))
+        declared = [entry for file in files for entry in xacro_arguments(file).arguments]
+        print(table([PACKAGES, *model_arguments(declared, {PACKAGES.name})]))
         return 0
     file = files[0]
 
