@@ -156,11 +156,12 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
 
 def _load(path: Path, files: _Files) -> "trimesh.Scene":
     """Load a mesh file with yourdfpy, which loses textures, or with trimesh and its ``files``."""
-    import trimesh
+    if path.suffix.lower() != ".stl":
+        import trimesh
+
+        return trimesh.load_scene(path, resolver=files, ignore_broken=True)
     import yourdfpy
 
-    if path.suffix.lower() != ".stl":
-        return trimesh.load_scene(path, resolver=files, ignore_broken=True)
     geometry = yourdfpy.Geometry(mesh=yourdfpy.Mesh(str(path)))
     visual = yourdfpy.Visual(name="shape", geometry=geometry)
     robot = yourdfpy.Robot("robot", links=[yourdfpy.Link("link", visuals=[visual])])
