@@ -192,7 +192,8 @@ def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[s
     """Print which of the command's ``own`` arguments the model declares, too."""
     of_model = {argument.name for argument in command.model_arguments(given)[0]} if own else ()
     for name in own:
-        if (other := f"{OF_MODEL}{name}") in of_model and other not in given:
+        other = f"{OF_MODEL}{name}"
+        if name != "model" and other in of_model and other not in given:
             text = f"{name}:= is an argument of {command.program}; the model's is {other}:="
             print(f"warning: {text}", file=sys.stderr)
 
