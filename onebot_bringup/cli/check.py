@@ -6,7 +6,7 @@ from dataclasses import replace
 from onebot_bringup.cli.options import warn
 from onebot_bringup.launch.arguments import (
     PACKAGES,
-    Argument,
+    model_arguments,
     split,
     table,
     take_package_path,
@@ -35,19 +35,25 @@ def run(argv: Sequence[str]) -> int:
         raise UsageError(f"onebot check takes one file, not {len(files)}")
     xacro_values = take_package_path(arguments.given)
     if arguments.show:
-        declared = [Argument(*entry) for file in files for entry in xacro_arguments(file).arguments]
-        print(table([PACKAGES, *declared]))
+        declared = [entry for file in files for entry in xacro_arguments(file).arguments]
+        print(table([PACKAGES, *model_arguments(declared, {PACKAGES.name})]))
         return 0
     file = files[0]
 
     # This is slower to import.
     from onebot_description.description import describe, load_description
     from onebot_description.description.unit_check import shape_sizes, size_warnings
+    from onebot_description.model.rigid_bodies import inertia_warnings
 
     description = load_description(file, xacro_values)
-    sizes, faults = shape_sizes(description)
+    sizes, faults, lacking = shape_sizes(description)
     replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
-    for warning in (*description.warnings, *size_warnings(description, sizes)):
+    for warning in (
+        *description.warnings,
+        *lacking,
+        *inertia_warnings(description),
+        *size_warnings(description, sizes),
+    ):
         warn(warning)
     return 0

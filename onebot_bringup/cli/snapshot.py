@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
+from onebot_bringup.launch.arguments import model_values
 from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError
@@ -129,8 +130,9 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     end = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
     pairs = [word for word in argv[:end] if re.match(r"[^-:][^:]*:=", word)]
     args = parser.parse([word for word in argv if word not in pairs])
-    args.arguments = dict(word.split(":=", 1) for word in pairs)
-    args.package_path = args.arguments.pop(PACKAGE_PATH, "")
+    given = dict(word.split(":=", 1) for word in pairs)
+    args.package_path = given.get(PACKAGE_PATH, "")
+    args.arguments = model_values(given, {PACKAGE_PATH})
     args.joints = joint_positions(args.joints)
     args.kind = kind_of(args.source)
     taken = {_NAMESPACE} if args.kind == "bag" else set()

@@ -6,11 +6,11 @@ defaults. The words after ``--ros-args`` are separate, for every node.
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
@@ -23,6 +23,9 @@ from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WA
 from onebot_description.ros.parameters.reader import leaves
 from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
+
+if TYPE_CHECKING:
+    from onebot_description.description.xacro import XacroArgument
 
 # Arguments of other ROS launch files, with hints how to write them here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
@@ -306,6 +309,7 @@ def table(arguments: Sequence[Argument]) -> str:
 
 # Arguments of several commands ------------------------------------------------------------------
 
+OF_MODEL = "model."  # before the name of an argument of the model that the command has, too
 PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, searched first")
 
 _NAMESPACE = re.compile(r"/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?")
@@ -319,9 +323,26 @@ _OF_ONE_ROBOT = ("x", "y", "yaw", "frame_prefix", "reload")
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
-    """Add ``package_path:=`` to the package search path; return the other arguments."""
+    """Add ``package_path:=`` to the package search path; return the model's arguments."""
     use_package_path(given.get(PACKAGE_PATH, ""))
-    return {name: value for name, value in given.items() if name != PACKAGE_PATH}
+    return model_values(given, {PACKAGE_PATH})
+
+
+def model_values(given: Mapping[str, str], own_names: Collection[str]) -> dict[str, str]:
+    """Return the xacro arguments of the model: ``model.NAME``, and NAME if the command has none."""
+    return {
+        name.removeprefix(OF_MODEL): value for name, value in given.items() if name not in own_names
+    }
+
+
+def model_arguments(
+    declared: Iterable["XacroArgument"], own_names: Collection[str]
+) -> list[Argument]:
+    """Return the xacro arguments of the model as they are written on the command line."""
+    return [
+        Argument(f"{OF_MODEL}{name}" if name in own_names else name, default, description)
+        for name, default, description in declared
+    ]
 
 
 def ros_settings() -> list[Argument]:

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from onebot_bringup.launch.arguments import (
+    OF_MODEL,
     Argument,
     Arguments,
     checked_values,
     description_arguments,
+    model_arguments,
+    model_values,
     refuse_positional,
     require_file,
     simulation_arguments,
@@ -79,7 +82,7 @@ class Bringup(NamedTuple):
         return DRIVE_CONTROLLER if self.control else MANAGER
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
-        """Return the model's xacro arguments, except those shadowed by the command's own.
+        """Return the model's xacro arguments; those that the command has, too, as ``model.NAME``.
 
         From now on, packages are also looked for in the given ``package_path``.
 
@@ -94,8 +97,7 @@ class Bringup(NamedTuple):
         take_package_path(given)  # the model's includes may need it
         declared = xacro_arguments(given.get("model", self.model))
         names = {argument.name for argument in self.arguments()}
-        visible = [Argument(*entry) for entry in declared.arguments if entry.name not in names]
-        return visible, declared.complete
+        return model_arguments(declared.arguments, names), declared.complete
 
 
 def bring_up(command: Bringup, argv: Sequence[str]) -> int:
@@ -121,10 +123,12 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     own_names = {argument.name for argument in declared}
     command_arguments = {name: value for name, value in assignments.items() if name in own_names}
-    for_xacro = {name: value for name, value in assignments.items() if name not in own_names}
+    for_xacro = model_values(assignments, own_names)
     take_package_path(assignments)  # the model's includes may need it
     if for_xacro:
         _check_names(command, assignments, own_names)
+    if not model.endswith(".urdf"):
+        _warn_of_shadowed(command, assignments, command_arguments)
     values = checked_values(declared, command_arguments)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
@@ -178,9 +182,20 @@ def _check_names(command: Bringup, given: Mapping[str, str], own_names: Set[str]
     """
     of_model, is_complete = command.model_arguments(given)
     names = [*own_names, *(argument.name for argument in of_model)]
-    problems = [unknown(name, names) for name in given if name not in names]
+    prefixed_names = {f"{OF_MODEL}{name}" for name in names}
+    problems = [unknown(name, names) for name in given if name not in (*names, *prefixed_names)]
     if problems and is_complete:
         raise UsageError("\n".join(problems))
+
+
+def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[str, str]) -> None:
+    """Print which of the command's ``own`` arguments the model declares, too."""
+    of_model = {argument.name for argument in command.model_arguments(given)[0]} if own else ()
+    for name in own:
+        other = f"{OF_MODEL}{name}"
+        if name != "model" and other in of_model and other not in given:
+            text = f"{name}:= is an argument of {command.program}; the model's is {other}:="
+            print(f"warning: {text}", file=sys.stderr)
 
 
 def _check_files(values: Mapping[str, str]) -> None:

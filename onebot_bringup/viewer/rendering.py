@@ -91,7 +91,10 @@ def render(
     window = width + around[0], height + around[1]
     # The path is absolute, since a name that begins with a dash would be read as an option.
     with headless_viewer(str(source.absolute()), *window, progress) as client:
-        client.set_time(play_state="following")  # the end, also of what plays from the beginning
+        # The end, also of what plays from the beginning. Without any time, as in a recording where
+        # all is static, the viewer would wait for one for ever, and would answer nothing else.
+        if any(recording.timelines for recording in client.get_state().recordings):
+            client.set_time(play_state="following")
         view = _frame(client, framing)
         shot = Image.open(io.BytesIO(still(client, progress, view)))
     # The title bar's height is in logical points; without a display, a point is one pixel.

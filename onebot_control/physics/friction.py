@@ -22,6 +22,7 @@ from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_description.elements.urdf import (
     Box,
+    Capsule,
     Cylinder,
     Description,
     Geometry,
@@ -94,9 +95,10 @@ class Contacts:
         """Return a link of the robot with suitable shapes and friction."""
         joint = self._joint_of(link.name)
         if joint is not None and joint.name in self._tyres:
-            return self._wheel(link, joint)
+            return replace(self._wheel(link, joint), mu=None)
         if joint is not None and joint.name in self._moved:
             return link
+        link = replace(link, mu=None)
         if link.friction is not None or self._rolls_on_caster(joint):
             return _shrunk(link) if self._shrinks else link
         if joint is None:
@@ -173,7 +175,8 @@ def _shrunk(link: Link) -> Link:
     """Return a caster's wheel with smaller round shapes; if lifted, it would roll unevenly."""
     collisions = tuple(
         replace(geometry, shape=replace(geometry.shape, radius=geometry.shape.radius - _LIFT))
-        if isinstance(geometry.shape, Sphere | Cylinder) and geometry.shape.radius > 2.0 * _LIFT
+        if isinstance(geometry.shape, Sphere | Cylinder | Capsule)
+        and geometry.shape.radius > 2.0 * _LIFT
         else geometry
         for geometry in link.collisions
     )

@@ -25,15 +25,18 @@ from onebot_description.elements.urdf import (
 from onebot_description.elements.xml import to_text
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
-from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
+from onebot_description.model.rigid_bodies import (
+    Body,
+    inertia_fault,
+    merged_bodies,
+    rigid_frames,
+)
 
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # mass of a skidding wheel's hub, as a fraction of the wheel's
-_ROUNDING = 0.01  # relative tolerance of moments of inertia, which are written with few digits
 # rad or m beyond a joint's limit at which PyBullet stops it: at the limit itself, the stop would
 # take part of the load that a motor holds there.
 _STOP = 1e-4
-_REPAIRED = 0.25  # a moment of inertia too great by up to this fraction is lowered (Panda's link4)
 
 
 @dataclass(frozen=True)
@@ -184,28 +187,15 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
             f"{where} cannot be moved without a mass above 0; give it (or a link fixed to it) an "
             "<inertial> with mass and inertia"
         )
-    largest = np.abs(body.inertia).max()
-    diagonal = np.diag(np.diag(body.inertia))
-    if np.abs(body.inertia - diagonal).max() <= 1e-12 * largest:
-        moments, axes = np.diag(diagonal).copy(), np.eye(3)
-    else:
-        moments, axes = np.linalg.eigh(body.inertia)
-        # A rotation needs right-handed axes.
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
+    moments, axes = body.principal()
+    fault = inertia_fault(moments)
+    if moments.min() <= 0:
+        raise OneBotError(f"{where} {fault}")
+    if fault:
+        logger.warning("%s %s", where, fault)
+    # PyBullet ignores the whole inertia if rounding lifts one moment above the sum of the others.
     greatest = int(np.argmax(moments))
     sum_of_others = float(moments.sum() - moments[greatest])
-    if moments.min() <= 0 or moments[greatest] > sum_of_others * (1 + _ROUNDING):
-        numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
-        text = f"{where} has the principal moments of inertia {numbers} kg m^2"
-        if moments.min() <= 0 or moments[greatest] > sum_of_others * (1 + _REPAIRED):
-            raise OneBotError(
-                f"{text}; all must be above 0 and none greater than the sum of the others, else it "
-                "cannot be simulated"
-            )
-        logger.warning(
-            "%s; the greatest is simulated as %.3g, the sum of the others", text, sum_of_others
-        )
-    # PyBullet ignores the whole inertia if rounding lifts one moment above that sum.
     moments[greatest] = min(moments[greatest], sum_of_others * (1 - 1e-9))
     return moments, axes
 

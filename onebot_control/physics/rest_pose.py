@@ -17,7 +17,7 @@ from onebot_control.physics.spawning import (
     make_world,
 )
 from onebot_description.description import Description
-from onebot_description.description.unit_check import LARGEST_ROBOT
+from onebot_description.description.unit_check import LARGEST_ROBOT, MILLIMETRES, unit_of
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import (
     Quaternion,
@@ -121,7 +121,7 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
 
 def _check_size(robot: LoadedBody, description: Description, lowest: float) -> None:
     """Refuse a robot that is not in metres; ``lowest`` is the height of its lowest point, m."""
-    if abs(lowest) > LARGEST_ROBOT:
+    if abs(lowest) > MILLIMETRES:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
             "or an <origin> in millimetres? Lengths are in m"
@@ -131,16 +131,20 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
         low, high = robot.bullet.getAABB(robot.body, index)
         length = max(most - least for least, most in zip(low, high, strict=True))
         if length > LARGEST_ROBOT:
-            raise OneBotError(
+            text = (
                 f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
-                "with what is fixed to it; is it in millimetres? Lengths are in m"
+                f"with what is fixed to it; is it in {unit_of(length)}? Lengths are in m"
             )
+            if length > MILLIMETRES:
+                raise OneBotError(text)
+            logger.warning("%s", text)  # a rail, for example
 
 
 def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
+        robot.lift_weightless()
         robot.bullet.stepSimulation()
         rested = rested + 1 if _fastest(robot) < _RESTING else 0
         if rested >= needed:
@@ -194,7 +198,8 @@ def pose_on(
     """Return the pose of a robot's root link at rest on the fixed bodies of a scene.
 
     The robot is released level above them, and has to come to rest there on its wheels. A fixed
-    base stands level on the highest of them; if its root link is ``world``, it stays where it is.
+    base stands level on the highest of them; if its root link is ``world``, it stays where it is,
+    and only the links that move must not be in them: what is in the way would throw these.
 
     Args:
         scene: the scene's description.
@@ -208,16 +213,17 @@ def pose_on(
         OneBotError: the robot cannot stand there.
     """
     pose = rest.at(*where)
-    if spawn.fixed_base and spawn.description.root_link == WORLD_FRAME:
-        return pose
+    stays = spawn.fixed_base and spawn.description.root_link == WORLD_FRAME
     with closing(Bullet()) as bullet:
         ground = make_world(bullet, settings)
         bodies = SceneBodies(scene)
         bodies.enter(bullet, ground, settings, free=False)
         robot = load_robot(bullet, ground, spawn, settings)
         robot.place(pose, positions)
-        links = _lift(bodies, robot, pose)
-        if spawn.fixed_base:
+        links = bodies.arm_in(robot) if stays else _lift(bodies, robot, pose)
+        if stays:
+            stands = not links
+        elif spawn.fixed_base:
             stands = _base_touches(robot, bodies)
         else:
             _come_to_rest(robot, settings)
@@ -229,7 +235,7 @@ def pose_on(
                 f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad: a robot cannot stand there, inside or on "
                 f"link {listing(links)} of {scene.source}; put it somewhere else{remedy}"
             )
-        return robot.pose()
+        return pose if stays else robot.pose()
 
 
 def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:

@@ -65,6 +65,7 @@ class SceneBodies:
     Attributes:
         description: description of the scene.
         links: the first link of each movable body.
+        parts: the movable bodies, in the same order.
         poses: poses of these links' frames in the world, as last read.
         finite: whether these poses are finite.
     """
@@ -131,13 +132,13 @@ class SceneBodies:
         self.fixed = {
             load_fixed(bullet, self.description, body, settings): body.link for body in self._fixed
         }
-        self._parts: list[LoadedBody] = []
+        self.parts: list[LoadedBody] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
-            self._parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
-            self._parts[-1].place(start)
+            self.parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
+            self.parts[-1].place(start)
             # A sleeping body costs no time until something touches it; two awake crates took half
             # the time of a step.
-            self._activate(self._parts[-1], _SLEEPS)
+            self._activate(self.parts[-1], _SLEEPS)
         if problems := [*self._overlap_problems(ground)]:
             raise OneBotError("\n".join(problems))
         self.read()
@@ -148,7 +149,7 @@ class SceneBodies:
         obstacles: dict[str, list[int]] = {"the ground": [ground]}
         for body, link in self.fixed.items():
             obstacles.setdefault(f'link "{link}"', []).append(body)
-        for link, part in zip(self.links, self._parts, strict=False):
+        for link, part in zip(self.links, self.parts, strict=False):
             where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
             for obstacle, bodies in obstacles.items():
                 if (depth := max(self._depth(part.body, body) for body in bodies)) > _DEEPEST:
@@ -159,12 +160,12 @@ class SceneBodies:
 
     def read(self) -> None:
         """Read the poses of the movable bodies."""
-        self.poses = [part.pose() for part in self._parts]
+        self.poses = [part.pose() for part in self.parts]
         self.finite = math.isfinite(sum(sum(at) + sum(turn) for at, turn in self.poses))
 
     def put(self, poses: Sequence[Transform]) -> None:
         """Place the movable bodies at ``poses``, at rest."""
-        for part, pose in zip(self._parts, poses, strict=True):
+        for part, pose in zip(self.parts, poses, strict=True):
             part.place(pose)
             self._activate(part, _AWAKE)
         self.read()
@@ -174,7 +175,7 @@ class SceneBodies:
 
         Call ``read`` afterwards.
         """
-        for part, pose, start in zip(self._parts, self.poses, self._starts, strict=True):
+        for part, pose, start in zip(self.parts, self.poses, self._starts, strict=True):
             part.place(start)
             if any(self._overlaps(robot, part.body) for robot in robots):
                 part.place(pose)
@@ -188,21 +189,32 @@ class SceneBodies:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
+    def arm_in(self, robot: LoadedBody) -> list[str]:
+        """Return the links of fixed bodies that moving links of ``robot`` are deep in."""
+        return [
+            link
+            for body, link in self.fixed.items()
+            if self._depth(robot.body, body, moved=True) > _DEEPEST
+        ]
+
     def free_at(self, robot: LoadedBody) -> list[str]:
         """Return the movable links that ``robot`` overlaps."""
         return [
             link
-            for link, part in zip(self.links, self._parts, strict=True)
+            for link, part in zip(self.links, self.parts, strict=True)
             if self._overlaps(robot, part.body)
         ]
 
     def _overlaps(self, robot: LoadedBody, body: int) -> bool:
         return self._depth(robot.body, body) > _DEPTH
 
-    def _depth(self, one: int, other: int) -> float:
-        """Return how deep two bodies overlap, m; 0 if they do not."""
+    def _depth(self, one: int, other: int, *, moved: bool = False) -> float:
+        """Return how deep two bodies overlap, m; 0 if they do not.
+
+        ``moved``: only the links of ``one`` that its joints move.
+        """
         near = self._bullet.getClosestPoints(one, other, 0.0)
-        return max((-point[8] for point in near), default=0.0)
+        return max((-point[8] for point in near if not moved or point[3] >= 0), default=0.0)
 
 
 def scene_frames(

@@ -17,7 +17,7 @@ from onebot_description.arrays import total
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Description, Mesh, Mimic
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import Transform, compose, inverse
+from onebot_description.geometry.poses import Transform, Triple, compose, inverse
 from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
@@ -84,6 +84,8 @@ class LoadedBody(NamedTuple):
     # frame.
     mass_frame: Transform
     link_frame: Transform  # the root link's frame in ``mass_frame``
+    # Bodies with parts without gravity: index, where to lift it, m in its frame, and the force, N.
+    weightless: Sequence[tuple[int, Triple, float]] = ()
 
     def pose(self) -> Transform:
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
@@ -91,6 +93,19 @@ class LoadedBody(NamedTuple):
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
         # Two quaternions describe a rotation; return the one with w >= 0.
         return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+
+    def lift_weightless(self) -> None:
+        """Cancel gravity for the parts that have none, during the next physics step."""
+        for index, point, force in self.weightless:
+            pose = (
+                self.pose()
+                if index < 0
+                else self.bullet.getLinkState(self.body, index, computeForwardKinematics=1)[4:6]
+            )
+            at, _ = compose(pose, (point, (0.0, 0.0, 0.0, 1.0)))
+            self.bullet.applyExternalForce(
+                self.body, index, (0.0, 0.0, force), at, engine.WORLD_FRAME
+            )
 
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
         """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""
@@ -192,7 +207,15 @@ def load_robot(
         bullet.changeDynamics(robot, -1, **{damping: 0.0})
     dynamics = bullet.getDynamicsInfo(robot, -1)
     mass_frame = dynamics[3], dynamics[4]
-    return LoadedBody(bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame))
+    weightless = [
+        (index, tuple((moment / mass).tolist()), mass * settings.gravity)
+        for index, body in [(-1, root), *((indices[row], body) for row, body in enumerate(moved))]
+        for mass, moment in [body.weightless]
+        if mass > 0.0
+    ]
+    return LoadedBody(
+        bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame), weightless
+    )
 
 
 def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mimic) -> None:

@@ -78,10 +78,12 @@ class World(AbstractContextManager["World"]):
         """
         count = self.settings.steps(duration)
         self.check()
-        bullet, robots, arms = self.bullet, self.robots, self._arms
+        bullet, robots, arms, weightless = self.bullet, self.robots, self._arms, self._weightless
         for number in range(count):
             for robot in arms:
                 robot.track(number)
+            for parts in weightless:
+                parts.lift_weightless()
             bullet.stepSimulation()
             if number < count - 1:
                 for robot in robots:
@@ -237,6 +239,11 @@ class World(AbstractContextManager["World"]):
                 robot.parts.place(robot.rest_pose.at(*robot.start))
         if self.scene is not None:
             self.scene.enter(bullet, ground, settings)
+        bodies = (
+            *(robot.parts for robot in self.robots),
+            *(self.scene.parts if self.scene else ()),
+        )
+        self._weightless = [body for body in bodies if body.weightless]
         self._saved: int = bullet.saveState()
 
     def _start(self) -> None:

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats, Singles
-from onebot_description.elements.meshes import has_colors, mesh_scene, surfaces
+from onebot_description.elements.meshes import (
+    has_colors,
+    look_warnings,
+    mesh_scene,
+    surfaces,
+)
 from onebot_description.elements.urdf import (
     Box,
     Capsule,
@@ -159,6 +164,8 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     """
     scene = mesh_scene(mesh)
     assert mesh.path is not None
+    for text in look_warnings(scene):
+        logger.warning("%s, nor seen by cameras", text)
     has_own_colors = has_colors(mesh.path, scene)
     parts = []
     for surface in surfaces(scene):

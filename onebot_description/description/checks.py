@@ -15,6 +15,8 @@ from onebot_description.elements.urdf import MOVING_KINDS, Joint, Material
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
 
+_VERSIONS = ("1.0", "1.1", "1.2")  # of URDF; a robot without one is of the first
+
 
 def check_root(findings: Findings) -> None:
     """Check that the document is a robot with a name; if the robot is inside another, take it."""
@@ -33,6 +35,13 @@ def check_root(findings: Findings) -> None:
     name = root.get("name")
     if name is None or not name.strip():
         findings.problem(root, 'the robot has no name; write <robot name="...">')
+    version = root.get("version", _VERSIONS[0])
+    if version not in _VERSIONS:
+        text = f'version="{version}" of URDF is not known ({", ".join(_VERSIONS)}), so other '
+        findings.warning(root, f"{text}programs refuse it; it is read as {_VERSIONS[-1]}")
+        version = _VERSIONS[-1]
+    major, minor = version.split(".")
+    findings.version = int(major), int(minor)
 
 
 def named(findings: Findings, tag: str) -> dict[str, Element]:

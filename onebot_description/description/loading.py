@@ -18,6 +18,7 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
+from onebot_description.description.physics_elements import LinkPhysics, read_physics
 from onebot_description.description.ros2_control import read_interfaces
 from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.elements import xml
@@ -30,7 +31,7 @@ from onebot_description.elements.reading import (
     read_materials,
 )
 from onebot_description.elements.sensor import Sensor
-from onebot_description.elements.urdf import Description
+from onebot_description.elements.urdf import Description, Link
 from onebot_description.errors import (
     DescriptionError,
     OneBotError,
@@ -230,6 +231,7 @@ def _check(
     check_schema(findings)
     sensors, bad_sensors = read_sensors(findings, links, joints.values())
     interfaces = read_interfaces(findings, joints)
+    physics = read_physics(findings, links, joints)
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),
@@ -237,7 +239,10 @@ def _check(
         source=source,
         files=files,
         root_link=root_link,
-        links=tuple(link_elements[element] for element in links.values()),
+        links=tuple(
+            _with_physics(link_elements[element], physics.get(name))
+            for name, element in links.items()
+        ),
         joints=tuple(joints.values()),
         problems=condensed(findings.by_severity("problem")),
         warnings=condensed([*map(printable, warnings), *findings.by_severity("warning")]),
@@ -246,6 +251,10 @@ def _check(
         bad_sensors=bad_sensors,
         interfaces=interfaces,
     )
+
+
+def _with_physics(link: Link, physics: LinkPhysics | None) -> Link:
+    return replace(link, gravity=physics.gravity, mu=physics.friction) if physics else link
 
 
 def _drop_namespace(document: xml.Document) -> None:

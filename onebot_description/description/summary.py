@@ -128,6 +128,8 @@ def _most(joint: Joint) -> str:
         parts.append(f"{joint.velocity:.4g} {'m/s' if linear else 'rad/s'}")
     if joint.effort is not None:
         parts.append(f"{joint.effort:.4g} {'N' if linear else 'Nm'}")
+    if joint.acceleration is not None:
+        parts.append(f"{joint.acceleration:.4g} {'m/s²' if linear else 'rad/s²'}")
     return ", ".join(parts)
 
 

@@ -3,49 +3,62 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from onebot_description.elements.meshes import mesh_corners
-from onebot_description.elements.urdf import Box, Description, Mesh, Shape, Sphere
+from onebot_description.elements.meshes import look_warnings, mesh_scene
+from onebot_description.elements.urdf import (
+    Box,
+    Capsule,
+    Cylinder,
+    Description,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import ZERO, Triple
 
 # m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
-_MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
+MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
 _TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
-def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str]]:
+def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str], list[str]]:
     """Measure the shapes of a robot; meshes are opened.
 
     Returns:
-        Side lengths of each shape along its axes, m, except of unreadable meshes; and a message
-        for each unreadable mesh.
+        Side lengths of each shape along its axes, m, except of unreadable meshes; a message for
+        each unreadable mesh; and a warning for each file that a mesh lacks for its look.
     """
     sizes: dict[Shape, Triple] = {}
     faults: dict[str, str] = {}  # key: what is wrong
+    warnings: dict[str, None] = {}
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             shape = part.shape
             is_missing = isinstance(shape, Mesh) and shape.path is None  # already a problem
             if shape not in sizes and not is_missing:
                 try:
-                    sizes[shape] = _size(shape)
+                    if isinstance(shape, Mesh):
+                        scene = mesh_scene(shape)
+                        warnings.update(dict.fromkeys(look_warnings(scene)))
+                        x, y, z = abs(scene.extents * shape.scale).tolist()
+                        sizes[shape] = x, y, z
+                    else:
+                        sizes[shape] = _size(shape)
                 except OneBotError as error:
                     text = f'{part.where}: link "{link.name}": mesh {error}'
                     faults.setdefault(str(error), text)
-    return sizes, list(faults.values())
+    return sizes, list(faults.values()), list(warnings)
 
 
-def _size(shape: Shape) -> Triple:
+def _size(shape: Box | Capsule | Cylinder | Sphere) -> Triple:
     if isinstance(shape, Box):
         return shape.size
-    if isinstance(shape, Mesh):
-        corners = mesh_corners(shape)
-        x, y, z = (corners.max(axis=0) - corners.min(axis=0)).tolist()
-        return x, y, z
     width = 2.0 * shape.radius
-    return width, width, width if isinstance(shape, Sphere) else shape.length
+    if isinstance(shape, Sphere):
+        return width, width, width
+    return width, width, shape.length + (0.0 if isinstance(shape, Cylinder) else width)
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
@@ -68,12 +81,12 @@ def _large_shapes(
             reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
             excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
-            factor = "0.001" if length >= _MILLIMETRES else "0.01"
+            factor = "0.001" if length >= MILLIMETRES else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
                 f'{part.where}: link "{link.name}": its {kind} is {sides} m large{excess}; is it '
-                f"in {_unit(length)}? {remedy}"
+                f"in {unit_of(length)}? {remedy}"
             )
 
 
@@ -92,9 +105,10 @@ def _far_joints(description: Description, largest: float) -> Iterator[str]:
         if away > largest:
             yield (
                 f'{joint.where}: joint "{joint.name}": its <origin> is {away:.4g} m away; is it in '
-                f"{_unit(away)}? lengths are in m"
+                f"{unit_of(away)}? lengths are in m"
             )
 
 
-def _unit(length: float) -> str:
-    return "millimetres" if length >= _MILLIMETRES else "centimetres or millimetres"
+def unit_of(length: float) -> str:
+    """Return the unit that a length which is too large, m, is probably in."""
+    return "millimetres" if length >= MILLIMETRES else "centimetres or millimetres"

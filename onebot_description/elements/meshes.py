@@ -1,15 +1,17 @@
 """Locates mesh files, and loads their surfaces for the viewer, the simulation and its sensors.
 
-To publish a description, files are only located. yourdfpy loads the surfaces. Added here is what
-RViz shows, but yourdfpy ignores: the <unit> of a Collada file, and surfaces with a broken material.
-As in both of them, <up_axis> has no effect. yourdfpy and trimesh are imported in functions, because
-they are slow to import.
+To publish a description, files are only located. yourdfpy or trimesh loads the surfaces. Added here
+is what RViz shows, but they ignore: the <unit> of a Collada file, surfaces with a broken material,
+textures wherever they are, and that y is up in glTF, which is turned as in RViz from 15.1.4 (2025)
+on. As in all of them, <up_axis> has no effect. yourdfpy and trimesh are imported in functions,
+because they are slow to import.
 """
 
 import io
 import re
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from onebot_description.elements.packages import Resources
@@ -26,6 +28,11 @@ if TYPE_CHECKING:
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 _MOST_BYTES = 100_000_000  # readers take ten times as much memory
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
+# What may be before the name of a texture in a .mtl file; -s, -o and -t take up to three numbers.
+_NUMBERS = r"(?:\s+[-+]?[\d.]+(?:[eE][-+]?\d+)?(?=\s)){1,3}"
+_OPTIONS = re.compile(rf"(?:-[sot]{_NUMBERS}\s+|-mm\s+\S+\s+\S+\s+|-[a-z]+\s+\S+\s+)*")
+GLTF_SUFFIXES = (".glb", ".gltf")
+_WARNINGS = "warnings"  # of a scene's metadata
 _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
 
@@ -52,8 +59,37 @@ def _unsuitable(path: Path) -> str:
     return ""
 
 
+class _Files:
+    """Reads for trimesh the files that a mesh file names, such as its textures.
+
+    Attributes:
+        missing: names of files that are not there.
+    """
+
+    def __init__(self, mesh: Path) -> None:
+        self._folder = mesh.parent
+        self.missing: dict[str, None] = {}
+
+    def get(self, name: str) -> bytes:
+        name = name.strip()
+        written = name[_OPTIONS.match(name).end() :].strip("\"'")  # type: ignore[union-attr]
+        slashed = written.replace("\\", "/")
+        for choice in (name, written, unquote(written), slashed, PureWindowsPath(written).name):
+            if (path := self._folder / choice).is_file():
+                return path.read_bytes()
+        self.missing[written] = None
+        raise FileNotFoundError(name)
+
+    __getitem__ = get
+
+
+def look_warnings(scene: "trimesh.Scene") -> list[str]:
+    """Return a sentence for each file that a scene of ``mesh_scene`` lacks for its look."""
+    return list(scene.metadata.get(_WARNINGS, ()))
+
+
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
-    """Return the surfaces of a mesh file, in metres, unscaled.
+    """Return the surfaces of a mesh file, in metres, unscaled, with z up.
 
     Raises:
         OneBotError: the file cannot be read, or has no triangles.
@@ -63,12 +99,13 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     path = mesh.path
     if path is None:
         raise OneBotError(mesh.problem)
+    files, suffix = _Files(path), path.suffix.lower()
     try:
         _check_file(path)
-        if path.suffix.lower() == ".dae":
-            scene = _collada_scene(path, materials).convert_units("meters")
+        if suffix == ".dae":
+            scene = _collada_scene(path, files, materials).convert_units("meters")
         else:
-            scene = _load(path)
+            scene = _load(path, files)
     except OneBotError:
         raise
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
@@ -78,6 +115,10 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     parts = scene.geometry.values()
     if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
+    if suffix in GLTF_SUFFIXES:  # its y, which is up, becomes z
+        scene.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    text = "is not there, which it names for its look"
+    scene.metadata[_WARNINGS] = [f'{shown_path(path)}: "{name}" {text}' for name in files.missing]
     return scene
 
 
@@ -113,8 +154,12 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
     return corners, np.concatenate(faces)
 
 
-def _load(path: Path) -> "trimesh.Scene":
-    """Load a mesh file with yourdfpy."""
+def _load(path: Path, files: _Files) -> "trimesh.Scene":
+    """Load a mesh file with yourdfpy, which loses textures, or with trimesh and its ``files``."""
+    if path.suffix.lower() != ".stl":
+        import trimesh
+
+        return trimesh.load_scene(path, resolver=files, ignore_broken=True)
     import yourdfpy
 
     geometry = yourdfpy.Geometry(mesh=yourdfpy.Mesh(str(path)))
@@ -134,11 +179,11 @@ def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
     return any(visual.kind is not None and visual.defined for visual in visuals)
 
 
-def _collada_scene(path: Path, materials: bool) -> "trimesh.Scene":
+def _collada_scene(path: Path, files: _Files, materials: bool) -> "trimesh.Scene":
     """Load a Collada file; without colours if a broken material would lose surfaces."""
     scene, drawn = None, 0
     if materials:
-        scene = _load(path)
+        scene = _load(path, files)
         drawn = len(scene.graph.nodes_geometry)
         if drawn >= path.read_bytes().count(b"<instance_geometry"):
             return scene

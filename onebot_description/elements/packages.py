@@ -63,7 +63,7 @@ class Resources:
             if scheme == "package":
                 return self._in_package(uri)
             if scheme == "file":
-                return Resource(_in_file_system(uri), uri)
+                return _in_file_system(uri)
         except ValueError as error:
             raise OneBotError(f'"{uri}": {error}') from None
         if scheme:
@@ -76,14 +76,15 @@ class Resources:
                 f'"{uri}" is relative, but this text lies in no folder; '
                 "write package://<package>/<path> or an absolute path"
             )
-        path = Path(uri) if self._folder is None else self._folder / uri
+        path = _existing(self._folder or Path(), uri)
         return Resource(path, _file_uri(path))
 
     def _in_package(self, uri: str) -> Resource:
         name, _, inner = uri.partition("://")[2].partition("/")
         folder = self.package(name)
-        path = folder / inner
-        return Resource(path, uri if folder == _in_index(name) else _file_uri(path))
+        path = _existing(folder, inner.lstrip("/"))
+        is_known = folder == _in_index(name) and "\\" not in inner
+        return Resource(path, uri if is_known else _file_uri(path))
 
     def package(self, name: str) -> Path:
         """Return the folder of a ROS package, installed or in a source tree.
@@ -150,11 +151,23 @@ def resolve(uri: str, folder: Path | None) -> Path:
     return Resources(folder).locate(uri).path
 
 
-def _in_file_system(uri: str) -> Path:
-    parts = urlsplit(uri)
-    if parts.netloc not in ("", "localhost") or not parts.path.startswith("/"):
+def _in_file_system(uri: str) -> Resource:
+    # Not by urlsplit: what follows a # or ? is part of the path, too, as people write it.
+    host, slash, inner = uri.partition(":")[2].removeprefix("//").partition("/")
+    if host not in ("", "localhost") or not slash:
         raise OneBotError(f'"{uri}" must read file:///<absolute path>, with three slashes')
-    return Path(unquote(parts.path))
+    path = _existing(Path("/"), unquote(inner), inner)
+    return Resource(path, uri if Path(unquote(urlsplit(uri).path)) == path else _file_uri(path))
+
+
+def _existing(folder: Path, *names: str) -> Path:
+    """Return the file in ``folder`` that a URI means by one of ``names``; the first if none exists.
+
+    Exporters write %20 as well as spaces, and those of Windows write backslashes.
+    """
+    meant = [*names, *map(unquote, names)]
+    paths = [folder / name for name in (*meant, *(name.replace("\\", "/") for name in meant))]
+    return next((path for path in paths if os.path.exists(path)), paths[0])
 
 
 def _file_uri(path: Path) -> str:

@@ -39,7 +39,7 @@ from onebot_description.errors import (
     printable,
     shortened,
 )
-from onebot_description.geometry.poses import ZERO, Origin, Triple
+from onebot_description.geometry.poses import ZERO, Origin, Quaternion, Triple, to_rpy
 
 Element = ElementTree.Element
 
@@ -52,6 +52,7 @@ _INERTIA_ROUNDING = 1e-15  # kg or kg m^2; CAD programs write less than this for
 _MOST_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
 _MOST_DEGREES = 720  # a joint's limit; more means no limit
+_QUATERNION = "quat_xyzw"
 
 Severity = Literal["error", "problem", "warning"]
 
@@ -69,6 +70,7 @@ class Findings:
         self.texts: list[tuple[Severity, str]] = []  # each begins with file, line and element
         self.resources = Resources(document.folder)
         self.meshes: list[tuple[Element, Mesh]] = []  # order of reading
+        self.version = (1, 0)  # of URDF, as the robot declares it
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
@@ -199,10 +201,15 @@ ELEMENTS = {
     "inertial": Content("origin mass inertia"),
     "visual": Content("origin geometry material", "name"),
     "collision": Content("origin geometry", "name group concave"),
-    "geometry": Content("box cylinder sphere mesh"),
+    "geometry": Content("box cylinder sphere capsule mesh"),
     "material": Content("color texture", "name"),
     "origin": Content(
-        numbers={"xyz": Numbers(3, ZERO), "rpy": Numbers(3, ZERO, check=_radians)},  # m, rad
+        # m, rad
+        numbers={
+            "xyz": Numbers(3, ZERO),
+            "rpy": Numbers(3, ZERO, check=_radians),
+            _QUATERNION: Numbers(4),
+        },
     ),
     "mass": Content(numbers={"value": _INERTIA}),  # kg
     "inertia": Content(  # kg m^2
@@ -228,14 +235,14 @@ ELEMENTS = {
     "child": Content("", "link"),
     "axis": Content(numbers={"xyz": Numbers(3, write='for example <axis {}="0 0 1"/>')}),
     "limit": Content(
-        "",
-        "acceleration jerk deceleration",
         # rad or m, Nm or N, rad/s or m/s; by URDF's specification, a missing end is 0.
-        {
+        numbers={
             "lower": Numbers(1, 0.0),
             "upper": Numbers(1, 0.0),
             "effort": _NOT_NEGATIVE,
             "velocity": _NOT_NEGATIVE,
+            # URDF 1.2: rad/s^2 and rad/s^3, or m/s^2 and m/s^3.
+            **dict.fromkeys(("acceleration", "deceleration", "jerk"), Numbers(check=_not_negative)),
         },
     ),
     "dynamics": Content(
@@ -311,8 +318,39 @@ def _read_origin(findings: Findings, element: Element, *, needed: bool = False) 
     origin = element.find("origin")
     if origin is None:
         return Origin()
-    xyz, rpy = read(findings, origin, needed=needed)
+    xyz, rpy, quaternion = read(findings, origin, needed=needed)
+    if _QUATERNION in origin.keys():
+        rpy = _rotation(findings, origin, rpy, quaternion, needed=needed)
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
+
+
+def _rotation(
+    findings: Findings,
+    origin: Element,
+    rpy: Triple | None,
+    quaternion: Quaternion | None,
+    *,
+    needed: bool,
+) -> Triple | None:
+    """Return roll, pitch, yaw of an <origin> with a quaternion; None if it cannot be used."""
+    if findings.version < (1, 1):
+        text = f'{_QUATERNION} is ignored, as in other programs; write <robot version="1.1" ...>'
+        findings.warning(origin, text)
+        return rpy
+    if quaternion is None:
+        return None
+    length, report = math.hypot(*quaternion), findings.error if needed else findings.problem
+    if length == 0.0 or "rpy" in origin.keys():
+        written = (
+            f"rpy and {_QUATERNION}" if length else f'{_QUATERNION}="{origin.get(_QUATERNION)}"'
+        )
+        report(origin, f"{written} is no rotation; write either rpy or a {_QUATERNION} of length 1")
+        return None
+    if abs(length - 1.0) > _AXIS_ROUNDING:
+        text = f"{_QUATERNION} has length {length:.4g}; it is taken as length 1"
+        findings.warning(origin, text)
+    x, y, z, w = quaternion
+    return to_rpy((x / length, y / length, z / length, w / length))
 
 
 # ---- Links ----
@@ -392,8 +430,9 @@ def _read_shape(findings: Findings, element: Element) -> Shape | None:
     if element.tag not in _SHAPES:
         findings.problem(element, f"unknown shape{findings.hint(str(element.tag), _SHAPE_TAGS)}")
         return None
-    if element.tag == "capsule":
-        findings.problem(element, "is no shape of URDF; other programs refuse the robot")
+    if element.tag == "capsule" and findings.version < (1, 1):
+        text = 'is a shape of URDF 1.1; other programs need <robot version="1.1" ...> for it'
+        findings.problem(element, text)
     sizes = read(findings, element)
     return None if None in sizes else _SHAPES[element.tag](*sizes)
 
@@ -483,7 +522,7 @@ def read_joint(
     """Read one joint; faulty values are reported, and replaced by defaults."""
     kind = _read_kind(findings, element)
     origin = _read_origin(findings, element, needed=True)
-    lower, upper, effort, velocity = _read_limit(findings, element, kind)
+    lower, upper, effort, velocity, *further = _read_limit(findings, element, kind)
     safety, dynamics = element.find("safety_controller"), element.find("dynamics")
     soft_lower, soft_upper = (None, None) if safety is None else read(findings, safety)
     damping, friction = (None, None) if dynamics is None else read(findings, dynamics)
@@ -499,6 +538,9 @@ def read_joint(
         upper=upper,
         velocity=velocity,
         effort=effort,
+        acceleration=further[0],
+        deceleration=further[1],
+        jerk=further[2],
         soft_lower=soft_lower,
         soft_upper=soft_upper,
         damping=damping or 0.0,
@@ -539,11 +581,8 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     return xyz if excess < 1e-15 else unit
 
 
-_Limits = tuple[float | None, float | None, float | None, float | None]
-
-
-def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
-    """Return lower, upper, effort and velocity."""
+def _read_limit(findings: Findings, element: Element, kind: str) -> list[float | None]:
+    """Return lower, upper, effort, velocity, acceleration, deceleration and jerk."""
     limit = element.find("limit")
     bounded = kind in _LIMITED_KINDS
     if limit is None:
@@ -553,21 +592,23 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> _Limits:
                 f"a {kind} joint needs a limit; write "
                 '<limit lower="..." upper="..." effort="..." velocity="..."/>',
             )
-        return None, None, None, None
-    lower, upper, effort, velocity = read(findings, limit, complete=kind in MOVING_KINDS)
+        return [None] * len(ELEMENTS["limit"].numbers)
+    # From URDF 1.2 on, effort and velocity may be missing.
+    complete = kind in MOVING_KINDS and findings.version < (1, 2)
+    lower, upper, effort, velocity, *further = read(findings, limit, complete=complete)
     if not bounded:
         if kind == "continuous" and (lower or upper):
             text = "a continuous joint turns without end, so lower and upper are ignored"
             findings.warning(
                 limit, f"{text}; delete them, or if it must stop there make it revolute"
             )
-        return None, None, effort, velocity
+        return [None, None, effort, velocity, *further]
     if velocity == 0:
         text = "velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"
         findings.warning(limit, text)
     if kind == "revolute":
         _check_degrees(findings, limit, [end for end in (lower, upper) if end is not None])
-    return *_ordered(findings, limit, lower, upper), effort, velocity
+    return [*_ordered(findings, limit, lower, upper), effort, velocity, *further]
 
 
 def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:

@@ -21,6 +21,8 @@ Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz
 
 JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 MOVING_KINDS = ("revolute", "continuous", "prismatic")  # kinds with one degree of freedom
+# Gazebo takes the smaller one of two coefficients of friction; here the ground's and a box's is 1.
+MOST_FRICTION = 1.0
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 
 
@@ -112,6 +114,8 @@ class Link:
     where: str = field(default="", compare=False)
     # Problems of visuals and collisions that could not be read.
     left_out: tuple[str, ...] = field(default=(), compare=False)
+    gravity: bool = True  # whether gravity acts on it: of <gazebo>, like its friction ``mu``
+    mu: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,9 @@ class Joint:
     upper: float | None = None
     velocity: float | None = None  # greatest speed, rad/s or m/s
     effort: float | None = None  # greatest torque or force, Nm or N
+    acceleration: float | None = None  # of URDF 1.2, rad/s^2 or m/s^2; nothing here enforces it
+    deceleration: float | None = None  # likewise
+    jerk: float | None = None  # likewise, rad/s^3 or m/s^3
     soft_lower: float | None = None  # <safety_controller>
     soft_upper: float | None = None
     damping: float = 0.0  # <dynamics>, Nm s/rad or N s/m

@@ -17,6 +17,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from onebot_bringup.cli import check, snapshot
 from onebot_bringup.launch.arguments import (
     PACKAGES,
     checked_values,
@@ -469,6 +470,40 @@ def test_the_models_arguments_make_the_robot(
     assert launch.description.joints[0].origin.xyz == (0.0, 0.0, 2.5)
 
 
+@pytest.mark.parametrize("name", ["port", "namespace", "model", "package_path", "height"])
+def test_the_models_argument_of_a_name_that_the_command_has(
+    view: Bringup,
+    arm: Path,
+    launches: list[Launch],
+    name: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It is ``model.NAME``, for each command; any of the model's may be written so."""
+    arm.write_text(ARM.replace("height", name))
+    given = f"model.{name}:=2.5"
+    assert refused(view, str(arm), given, "viewer:=none") == "no node is started"
+    [launch] = launches
+    assert launch.description.joints[0].origin.xyz == (0.0, 0.0, 2.5)
+    assert "warning" not in capsys.readouterr().err
+    assert snapshot.parse_command_line(["a.png", str(arm), given]).arguments == {name: "2.5"}
+    assert check.run([str(arm), given]) == 0
+    assert 'no argument "model.other"' in refused(view, str(arm), "model.other:=1")
+
+
+def test_a_name_that_the_model_has_too_is_said(
+    view: Bringup, arm: Path, launches: list[Launch], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whether the command takes the value or refuses it."""
+    arm.write_text(ARM.replace("height", "port"))
+    for value, text in (("x", "port:=x is not possible"), ("9000", "add steer:=true")):
+        assert text in refused(view, str(arm), f"port:={value}")
+        assert (
+            "port:= is an argument of view; the model's is model.port:=" in capsys.readouterr().err
+        )
+    refused(view, str(arm), "namespace:=a")
+    assert "model." not in capsys.readouterr().err
+
+
 def test_unknown_arguments_are_refused_if_the_model_is_known(view: Bringup, arm: Path) -> None:
     """Those of the model are known too, and are suggested; all are reported at once."""
     said = refused(view, str(arm), "heigth:=1", "viewwer:=web")
@@ -569,12 +604,12 @@ def test_names_that_no_node_declares_are_a_line_each(
 
 @pytest.mark.parametrize("word", ["--help", "-s"])
 def test_help_starts_nothing(view: Bringup, arm: Path, word: str, capsys: Any) -> None:
-    """It names the model's arguments, but not those that a launch argument hides."""
+    """It names the model's arguments, also those that the command has itself."""
     arm.write_text(ARM.replace("<link", '<xacro:arg name="namespace" default="q"/><link', 1))
     assert bring_up(view, [str(arm), word]) == 0
     shown = capsys.readouterr().out
     assert "Arguments of the model" in shown and "height:=1.0" in shown
-    assert "namespace:=q" not in shown
+    assert "model.namespace:=q" in shown
     assert ("usage: view FILE" in shown) == (word == "--help")
 
 

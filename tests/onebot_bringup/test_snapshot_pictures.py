@@ -6,6 +6,7 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 from PIL import Image
@@ -15,6 +16,7 @@ from onebot_bringup.viewer import rendering
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import headless_viewer, still
 from onebot_description.description import load_description
+from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW, Shown
@@ -112,3 +114,29 @@ def test_the_end_of_a_recording(arm, tmp_path):
     done = snapshot(arm / "b.png", rrd)
     assert done.returncode == 1, done.stderr
     assert f"{rrd} cannot be shown: " in done.stderr
+
+
+PLATE = (
+    '<link name="base_link"><visual><geometry><box size="0.2 0.2 0.02"/></geometry></visual></link>'
+)
+LID = PLATE.replace("base_link", "lid") + (
+    '<joint name="j" type="fixed"><parent link="base_link"/><child link="lid"/>'
+    '<origin xyz="0 0 0.1"/></joint>'
+)
+
+
+@pytest.mark.parametrize("source", ["plate.urdf", "box.urdf", "maze", "ramp", "plate.rrd"])
+def test_a_picture_of_what_never_moves(source: str, tmp_path: Path) -> None:
+    """All of it is static, without any time that the viewer could go to."""
+    require_renderer()
+    for name, more in (("plate", ""), ("box", LID)):
+        (tmp_path / f"{name}.urdf").write_text(f'<robot name="{name}">{PLATE}{more}</robot>')
+    description = load_world(source) if "." not in source else None
+    path = description.source if description else str(tmp_path / source)
+    if path.endswith(".rrd"):
+        plate = load_description(tmp_path / "plate.urdf")
+        recording = open_recording(save=Path(path))
+        record_pose(plate, RobotModel.from_description(plate).pose({}), "", recording.stream)
+        recording.close()
+    image = drawn(tmp_path, path)
+    assert np.ptp(image, axis=(0, 1)).max() > 50, "something is drawn"

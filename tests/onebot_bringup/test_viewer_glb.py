@@ -1,15 +1,20 @@
 import io
 import json
+import re
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
+from onebot_bringup.cli import check
 from onebot_bringup.viewer.core.glb import file_state, load_shape
-from onebot_description.elements.meshes import locate_mesh
+from onebot_control.sensing.solids import solid_of
+from onebot_description.elements.meshes import locate_mesh, mesh_corners
 from onebot_description.elements.packages import Resources
-from onebot_description.elements.urdf import Box, Capsule, Cylinder, Sphere
+from onebot_description.elements.urdf import Box, Capsule, Cylinder, Geometry, Sphere
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Origin
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 
 BOUNDS = [[-0.5, -0.3, -0.15], [0.5, 0.3, 0.15]]
@@ -110,11 +115,109 @@ def test_obj_is_coloured_only_with_a_material(tmp_path):
     assert np.asarray(_materials(asset)[0].baseColorFactor)[0] == 255
 
 
-def test_glb_is_passed_on_untouched(tmp_path):
-    """It is the format the viewer reads."""
+def test_glb_is_passed_on_but_turned(tmp_path):
+    """It is the format the viewer reads; of its data only the nodes are others."""
     data = trimesh.Scene([box()]).export(file_type="glb")
     (tmp_path / "box.glb").write_bytes(data)
-    assert _load(tmp_path / "box.glb").glb == data
+    glb = _load(tmp_path / "box.glb").glb
+    assert int.from_bytes(glb[8:12], "little") == len(glb) and len(glb) % 4 == 0
+    end = 20 + int.from_bytes(glb[12:16], "little")
+    assert glb[end:] == data[20 + int.from_bytes(data[12:16], "little") :]
+    before, after = json.loads(data[20 : data.index(b"BIN") - 4]), json.loads(glb[20:end])
+    assert before.pop("scenes") != after.pop("scenes")
+    assert after["nodes"].pop()["rotation"] == pytest.approx([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+    assert before == after
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf"])
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 2.0, -3.0)])
+def test_what_is_up_in_gltf_is_up(tmp_path, suffix, scale):
+    """As in RViz since 2025: x stays, y becomes z, z becomes -y, and then its scale counts.
+
+    So it is for the viewer, the simulation and its sensors, and for ``onebot check``.
+    """
+    arrow = trimesh.creation.box(bounds=[[0.0, 0.0, -0.1], [0.1, 0.5, 0.2]])
+    exported = trimesh.Scene([arrow]).export(file_type=suffix)
+    files = exported if suffix == "gltf" else {"arrow.glb": exported}
+    for name, content in files.items():
+        (tmp_path / name.replace("model", "arrow")).write_bytes(content)
+    expected = np.sort(np.array([[0.0, -0.2, 0.0], [0.1, 0.1, 0.5]]) * scale, axis=0)
+    mesh = _mesh(str(tmp_path / f"arrow.{suffix}"), scale)
+    asset = load_shape(mesh)
+    corners = mesh_corners(mesh)
+    for bounds in (asset.bounds, _glb(asset).bounds, [corners.min(axis=0), corners.max(axis=0)]):
+        np.testing.assert_allclose(bounds, expected, atol=1e-6)
+    solid = solid_of([(Geometry(mesh, Origin()), np.eye(4))])
+    np.testing.assert_allclose(solid.box, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "wood grain.png",
+        "-s 2 2 1 -o 0.5 wood grain.png",
+        "-blendu off -mm 0 1 -bm 0.2 -s 1 wood grain.png",
+        "-clamp on textures\\wood grain.png",
+        "textures/wood grain.png",
+        "C:\\Users\\me\\wood grain.png",
+        "../wood%20grain.png",
+        '"wood grain.png"',
+    ],
+)
+def test_a_texture_is_found_however_it_is_written(tmp_path, written):
+    folder = tmp_path / "meshes"
+    (folder / "textures").mkdir(parents=True)
+    place = folder / "textures" if "textures" in written else folder
+    place = tmp_path if written.startswith("..") else place
+    Image.new("RGB", (2, 2), (200, 10, 10)).save(place / "wood grain.png")
+    asset = _load(_textured(folder, written))
+    assert asset.warnings == ()
+    [material] = _materials(asset)
+    assert material.baseColorTexture.getpixel((0, 0))[:3] == (200, 10, 10)
+
+
+def _textured(folder, written):
+    (folder / "flag.mtl").write_text(f"newmtl flag\nmap_Kd {written}\n")
+    (folder / "flag.obj").write_text(
+        "mtllib flag.mtl\nusemtl flag\nv 0 0 0\nv 0 1 0\nv 0 1 1\n"
+        "vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+    )
+    return folder / "flag.obj"
+
+
+@pytest.mark.parametrize("lost", ["texture", "materials", "collada"])
+def test_a_file_that_a_mesh_lacks_for_its_look_is_named(tmp_path, lost, capsys, caplog):
+    """By the view, by cameras and by ``onebot check``, once each; its surfaces are there."""
+    name = "wood 1.png" if lost != "materials" else "flag.mtl"
+    path = _textured(tmp_path, f"-s 1 1 1 textures\\{name}")
+    if lost == "materials":
+        (tmp_path / name).unlink()
+    if lost == "collada":
+        path = write_collada(tmp_path / "box.dae", 1.0, "Z_UP")
+        surface = (
+            "<newparam sid='s'><surface type='2D'><init_from>i</init_from></surface></newparam>"
+            "<newparam sid='t'><sampler2D><source>s</source></sampler2D></newparam>"
+        )
+        text = path.read_text().replace("<profile_COMMON>", f"<profile_COMMON>{surface}")
+        text = re.sub(
+            "<diffuse>.*?</diffuse>", "<diffuse><texture texture='t' texcoord='u'/></diffuse>", text
+        )
+        image = (
+            f"<library_images><image id='i'><init_from>{name}</init_from></image></library_images>"
+        )
+        path.write_text(text.replace("<library_effects>", f"{image}<library_effects>"))
+    words = f'{name}" is not there, which it names for its look'
+    [warning] = _load(path).warnings
+    assert warning.startswith(f"{path}: ") and words in warning
+    visual = f'<visual><geometry><mesh filename="{path}"/></geometry></visual>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="a">{visual}{visual}</link></robot>'
+    )
+    assert check.run([str(tmp_path / "r.urdf")]) == 0
+    assert capsys.readouterr().err.splitlines() == [f"warning: {warning}"]
+    [part] = {_mesh(str(path))}
+    assert len(solid_of([(Geometry(part, Origin()), np.eye(4))]).faces)
+    assert caplog.messages == [f"{warning}, nor seen by cameras"]
 
 
 def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):

@@ -5,6 +5,7 @@ physics steps a second.
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
@@ -23,6 +24,7 @@ from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model import RobotModel
+from onebot_description.model.rigid_bodies import inertia_warnings
 from tests.onebot_control import control_support
 from tests.onebot_control.arm_models import (
     GRAVITY,
@@ -414,6 +416,9 @@ def test_what_no_controller_commands_is_held() -> None:
             simulation.robot.move_to({"elbow": 0.0}, seconds=1.0)
 
 
+IN_TABLE = "cannot stand there, .* link table of w.urdf; .* other initial_positions"
+
+
 def on_post(root: str) -> Description:
     """A post, 0.5 m high, with a rod that reaches 1 m forward near its top."""
     base = link(root, 1.0, shape=box("0.2 0.2 0.5", "0 0 0.25"))
@@ -438,11 +443,32 @@ def test_base_stands_on_what_is_below_it() -> None:
                 assert simulation.robot.pose.z == pytest.approx(height, abs=2e-4)
             simulation.reset()
             assert simulation.robot.pose.z == pytest.approx(0.7, abs=2e-4)
-        with pytest.raises(OneBotError, match="cannot stand there, .* link table of w.urdf; .*oth"):
+        with pytest.raises(OneBotError, match=IN_TABLE):
             simulation.robot.teleport(-0.8, 0.0)
-    for root, start in (("base_link", -1.5), ("world", 0.0)):
+    for root, start in (("base_link", -1.5), ("world", -1.5)):
         with simulate(on_post(root), {"elbow": start}, table(0.8)) as simulation:
             assert simulation.robot.pose.z == 0.0
+
+
+@pytest.mark.parametrize(("depth", "refused"), [(0.3, True), (0.02, True), (0.005, False)])
+def test_an_arm_that_starts_deep_in_what_stands_still_is_refused(
+    depth: float, refused: bool
+) -> None:
+    """Also if it hangs from the world; a base may be in it, and a little of it is pushed out."""
+    description, world = on_post("world"), table(1.35 - depth)
+    if refused:
+        with pytest.raises(OneBotError, match=IN_TABLE):
+            simulate(description, world=world)
+        return
+    with simulate(description, world=world) as simulation:
+        simulation.run(1.0)
+        assert simulation.robot.joints["elbow"].position == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_base_that_hangs_from_the_world_may_be_in_a_wall() -> None:
+    with simulate(on_post("world"), {"elbow": -1.5}, table(-0.38)) as simulation:
+        simulation.run(0.5)
+        assert simulation.robot.joints["elbow"].position == pytest.approx(-1.5, abs=1e-6)
 
 
 def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are() -> None:
@@ -524,3 +550,36 @@ def test_odometry_is_within_0_01_mm_of_that_without_the_arms_motion() -> None:
     (moved, _), (still, _) = ends
     assert math.hypot(moved.x - still.x, moved.y - still.y) < 1e-5
     assert moved.yaw == pytest.approx(still.yaw, abs=1e-5)
+
+
+def test_a_rail_of_30_m_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    """And the cart goes along it."""
+    rail = link("rail", 1.0, shape=box("30 0.05 0.05"))
+    limits = 'lower="-15" upper="15" effort="100" velocity="5"'
+    cart = joint("slide", "rail", "cart", "prismatic", "1 0 0", "0 0 0.2", limits=limits)
+    parts = rail, joint("glue", "world", "rail", "fixed", xyz="0 0 1"), link("cart", 1.0), cart
+    with simulate(arm(*parts)) as simulation:
+        simulation.robot.move_to({"slide": 12.0}, seconds=6.0)
+        simulation.run(6.5)
+        assert simulation.robot.joints["slide"].position == pytest.approx(12.0, abs=1e-6)
+    [warning] = [text for text in caplog.messages if "large" in text]
+    assert '<collision> of link "world" is 30 m large' in warning
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_an_inertia_that_no_solid_has_is_lowered_and_said_to_be(
+    kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Twice the sum of the others; ``onebot check`` says what the simulation does."""
+    moments = '<inertia ixx="0.4" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+    body = re.sub("<inertia .*?/>", moments, link("finger", 0.5))
+    description = arm(body, joint("grip", "world", "finger", kind, "1 0 0", "0 0 1"))
+    with simulate(description) as simulation:
+        simulation.robot.move_to({"grip": 0.5}, seconds=1.0)
+        simulation.run(1.1)
+        assert simulation.robot.joints["grip"].position == pytest.approx(0.5, abs=1e-6)
+    said = [text for text in caplog.messages if "moments of inertia" in text]
+    assert said == [*inertia_warnings(description)]
+    assert (
+        "0.1, 0.1, 0.4 kg m^2; the greatest is simulated as 0.2, the sum of the others" in said[0]
+    )

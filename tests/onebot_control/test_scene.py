@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from onebot_control import Simulation
 from onebot_control.physics import RobotSpawn, World
 from onebot_control.physics.scene import load_scene
 from onebot_description.description import parse_description
@@ -283,3 +284,30 @@ def test_a_world_is_named_or_a_path(tmp_path):
         file.write_text(f'<robot name="scene"><link name="world"/>\n{unfit}</robot>')
         with pytest.raises(OneBotError, match=rf"^{file}:2: "):
             load_scene(str(file))
+
+
+def test_a_capsule_is_one_for_physics_rays_and_wheels() -> None:
+    """Of URDF 1.1: it rests on its side, rays meet its round end, and a wheel rolls on one."""
+    capsule = '<geometry><capsule radius="0.1" length="0.4"/></geometry>'
+    text = f"""<robot name="w" version="1.1"><link name="world"/><link name="pill">
+      <visual>{capsule}</visual><collision>{capsule}</collision><inertial><mass value="1"/>
+      <inertia ixx="0.02" iyy="0.02" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="j" type="floating"><parent link="world"/><child link="pill"/>
+      <origin xyz="2 0 0.15" rpy="0 1.5707963 0"/></joint></robot>"""
+    world = parse_description(text)
+    assert world.notices == ()
+    wheel = '<capsule radius="0.06" length="0.004"/>'
+    rolling = robot('<cylinder radius="0.06" length="0.004"/>', wheel).urdf
+    description = parse_description(rolling.replace("<robot ", '<robot version="1.1" '))
+    assert wheel[:-2] in rolling
+    with Simulation(description, world=world) as simulation:
+        simulation.run(1.0)
+        assert simulation.boxes["pill"].z == pytest.approx(0.1, abs=1e-3)
+        for y, length in ((0.0, 1.7), (0.06, 1.8 - 0.08)):
+            assert simulation.ray((0.0, y, 0.1), (1, 0, 0)) == pytest.approx(length, abs=2e-3)
+        assert simulation.ray((2.2, -1.0, 0.1), (0, 1, 0)) == pytest.approx(0.9, abs=2e-3)
+        assert simulation.robot.wheel_radius == pytest.approx(0.06)
+        simulation.robot.drive(-0.3)
+        simulation.run(2.0)
+        assert simulation.robot.pose.x == pytest.approx(simulation.robot.odometry.x, abs=1e-4)
+        assert simulation.robot.pose.x < -0.3

@@ -36,7 +36,11 @@ def silence(capfd):
     ("pattern", "replacement", "words"),
     [
         ("<collision>.*?</collision>", "", ["no link has a <collision>"]),
-        ('izz="0.030"', 'izz="0.3"', ["base_link", "0.012, 0.024, 0.3", "greater than the sum"]),
+        (
+            'izz="0.030"',
+            'izz="0"',
+            ["base_link", "-8.28e-05, 0.0121, 0.024", "all must be above 0"],
+        ),
         (f"{_SHELL}|{_CASTER}", "", ["topples over"]),
     ],
 )

@@ -465,7 +465,7 @@ def test_elements_that_urdf_does_not_know(inside, texts):
 
 
 def test_attributes_that_urdf_does_not_know():
-    text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" jerk="1" x="2"/>')
+    text = joint('<limit lowr="-1" lower="-1" upper="1" effort="1" velocity="1" x="2"/>')
     found = warnings(text)
     start = '4: joint "j" <limit>: unknown attribute'
     assert_begin(found, [f'{start} "lowr", so it is ignored (did you', f'{start} "x", so it is'])
@@ -628,7 +628,7 @@ def test_long_texts_are_cut():
 
 @pytest.mark.parametrize(("depth", "good"), [(100, True), (101, False)])
 def test_nesting_ends_at_a_hundred(depth, good):
-    deep = "<gazebo>" * (depth - 1) + "</gazebo>" * (depth - 1)
+    deep = "<transmission>" * (depth - 1) + "</transmission>" * (depth - 1)
     text = f'<robot name="r"><link name="a"/>{deep}</robot>'
     if good:
         assert warnings(text) == []

@@ -1,5 +1,6 @@
 """What ``onebot check`` refuses and nodes take: what is left, and what is published of it."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from onebot_description.description import (
     load_description,
     parse_description,
 )
+from onebot_description.description.summary import describe
+from onebot_description.description.unit_check import shape_sizes
 from onebot_description.elements.urdf import Capsule, Sphere
 from onebot_description.errors import OneBotError
 from onebot_description.model import RobotModel
@@ -185,7 +188,7 @@ def test_other_formats_are_refused(text: str, problem: str) -> None:
         ('<sphere radius="x"/>', '"x" is not a finite number', []),
         ('<sphere radius="-1"/>', "is negative", []),
         ("<torus/>", "unknown shape", []),
-        ('<capsule radius="1" length="2"/>', "is no shape of URDF", [Capsule(1.0, 2.0)]),
+        ('<capsule radius="1" length="2"/>', "is a shape of URDF 1.1", [Capsule(1.0, 2.0)]),
         ('<sphere radius="1"/><box size="1 1 1"/>', "holds 2 shapes", []),
         ('<sphere radius="1"/>', "", [Sphere(1.0)]),
     ],
@@ -207,3 +210,76 @@ def test_the_simulation_names_what_it_cannot_do() -> None:
     urdf = robot(hinge("j", "a"), '<link name="loose"/>')
     with pytest.raises(OneBotError, match="r.urdf: the robot falls into 2 parts"):
         rigid_bodies(parse_description(urdf, "r.urdf"))
+
+
+# ---- Versions of URDF ----------------------------------------------------------------------------
+
+
+def versioned(version: str, origin: str = "", limit: str = LIMIT) -> Description:
+    joint = hinge("j", "a", f'<axis xyz="0 0 1"/>{limit}{origin}')
+    return parse_description(robot(joint).replace("<robot", f'<robot version="{version}"'), "r")
+
+
+@pytest.mark.parametrize(
+    ("version", "quaternion", "yaw", "words"),
+    [
+        ("1.1", "0 0 0.70710678 0.70710678", math.pi / 2.0, ()),
+        ("1.2", "0 0 -1 -1", math.pi / 2.0, ("has length 1.414; it is taken as length 1",)),
+        ("1.1", "0 0 3 0", math.pi, ("has length 3",)),
+        ("1.0", "0 0 1 0", 0.0, ('is ignored, as in other programs; write <robot version="1.1"',)),
+    ],
+)
+def test_a_quaternion_from_version_1_1_on(
+    version: str, quaternion: str, yaw: float, words: tuple[str, ...]
+) -> None:
+    description = versioned(version, f'<origin xyz="0 0 1" quat_xyzw="{quaternion}"/>')
+    [joint] = description.joints
+    assert joint.origin.rpy == pytest.approx((0.0, 0.0, yaw), abs=1e-8)
+    assert not description.problems
+    assert len(words) == len(description.warnings)
+    assert all(word in text for word, text in zip(words, description.warnings, strict=True))
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        'quat_xyzw="0 0 0 0"',
+        'quat_xyzw="0 0 1"',
+        'quat_xyzw="0 0 x 1"',
+        'quat_xyzw="0 0 0 1" rpy="0 0 0"',
+    ],
+)
+def test_a_rotation_that_is_none_is_refused(attributes: str) -> None:
+    with pytest.raises(DescriptionError, match='joint "j" <origin>: .*quat_xyzw'):
+        versioned("1.1", f"<origin {attributes}/>")
+
+
+def test_a_capsule_of_version_1_1() -> None:
+    shape = '<visual><geometry><capsule radius="1" length="2"/></geometry></visual>'
+    urdf = robot(base=shape + shape.replace("visual", "collision"))
+    description = parse_description(urdf.replace("<robot", '<robot version="1.1"'))
+    assert description.notices == ()
+    assert shape_sizes(description)[0] == {Capsule(1.0, 2.0): (2.0, 2.0, 4.0)}
+
+
+def test_limits_of_version_1_2() -> None:
+    """Effort and velocity may be missing there; what nothing keeps to is named."""
+    limit = '<limit lower="-1" upper="1" acceleration="3" deceleration="4" jerk="5"/>'
+    description = versioned("1.2", limit=limit)
+    [joint] = description.joints
+    assert (joint.acceleration, joint.deceleration, joint.jerk) == (3.0, 4.0, 5.0)
+    assert (joint.effort, joint.velocity) == (None, None)
+    [warning] = description.notices
+    assert warning.endswith(
+        "<limit>: acceleration, deceleration, jerk of j: motions do not keep to this limit"
+    )
+    assert "3 rad/s²" in describe(description)
+    [fault] = versioned("1.2", limit=LIMIT.replace("/>", ' jerk="-1"/>')).problems
+    assert 'jerk="-1" is negative' in fault
+    assert len(versioned("1.1", limit=limit).problems) == 2, "effort and velocity are needed there"
+
+
+@pytest.mark.parametrize("version", ["2.0", "1", "latest", ""])
+def test_a_version_that_nobody_knows_is_a_warning(version: str) -> None:
+    [warning] = versioned(version).notices
+    assert f'version="{version}" of URDF is not known (1.0, 1.1, 1.2)' in warning

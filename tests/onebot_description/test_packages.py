@@ -4,6 +4,7 @@ import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 
@@ -56,6 +57,34 @@ def test_sourced_workspace_stays_first(monkeypatch, tmp_path):
 @pytest.mark.parametrize("uri", ["meshes/cube.stl", str(CUBE), CUBE.as_uri(), f"file:{CUBE}"])
 def test_paths_lead_to_the_file(uri: str) -> None:
     assert resolve(uri, ROBOTS) == CUBE
+
+
+@pytest.mark.parametrize("name", ["one part.stl", "a#b?c.stl", "as%20written.stl", "größe.stl"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        "package://arm/meshes/{}",
+        "package://arm//meshes//{}",
+        "package://arm/meshes/{quoted}",
+        "package://arm/meshes\\{}",
+        "file://{folder}/meshes/{}",
+        "file://localhost{folder}/meshes/{quoted}",
+        "file:{folder}/meshes/{}",
+        "{folder}/meshes/{}",
+        "meshes/{quoted}",
+        ".\\meshes\\{}",
+    ],
+)
+def test_however_a_file_is_written_it_is_found(form: str, name: str, tmp_path: Path) -> None:
+    """And the address that other programs get leads them there, too."""
+    folder = tmp_path / "arm"
+    mesh = folder / "meshes" / name
+    mesh.parent.mkdir(parents=True)
+    mesh.touch()
+    (folder / "package.xml").write_text("<package><name>arm</name></package>")
+    found, uri = Resources(folder).locate(form.format(name, quoted=quote(name), folder=folder))
+    assert found.resolve() == mesh
+    assert Path(unquote(urlsplit(uri).path)) == mesh
 
 
 @pytest.mark.parametrize(

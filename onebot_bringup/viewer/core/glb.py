@@ -11,6 +11,8 @@ trimesh takes a second to import, so modules import this one only to draw a shap
 """
 
 import functools
+import json
+import math
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +21,12 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from onebot_description.elements.meshes import has_colors, mesh_scene
+from onebot_description.elements.meshes import (
+    GLTF_SUFFIXES,
+    has_colors,
+    look_warnings,
+    mesh_scene,
+)
 from onebot_description.elements.urdf import (
     Box,
     Capsule,
@@ -30,6 +37,7 @@ from onebot_description.elements.urdf import (
 )
 from onebot_description.errors import OneBotError
 
+_HEAD = 20  # bytes before the JSON of a GLB file: its own header, then the chunk's size and type
 _CYLINDER_SECTIONS = 72
 _SPHERE_SUBDIVISIONS = 4
 _SMALLEST = 1e-6  # smallest radius of a sphere, m; for radius 0 trimesh makes NaN
@@ -43,6 +51,7 @@ class ShapeAsset(NamedTuple):
     glb: bytes  # binary glTF
     bounds: NDArray[np.float64]  # (2, 3), least and greatest corner, m
     colored: bool  # has its own colours, which override the URDF's, as in RViz
+    warnings: tuple[str, ...] = ()  # a sentence for each file that it lacks for its look
 
 
 FileState = tuple[Path, int, int]  # path, time of the last change in ns, and size
@@ -85,15 +94,36 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
         scene = mesh_scene(shape)
     except OneBotError as error:
         raise OneBotError(f"mesh {error}") from error
+    warnings = tuple(look_warnings(scene))
     if shape.scale != (1.0, 1.0, 1.0):
         scene = scene.scaled(np.array(shape.scale))
     elif suffix == ".glb":
-        # Pass the file through unchanged: trimesh does not know everything that a glTF may hold.
-        return ShapeAsset(path.read_bytes(), np.asarray(scene.bounds, float), True)
+        # Pass the file through: trimesh does not know everything that a glTF may hold.
+        glb = _turned(path.read_bytes())
+        return ShapeAsset(glb, np.asarray(scene.bounds, float), True, warnings)
     colored = has_colors(path, scene)
     if _lacks_normals(path, suffix):
         scene = _with_normals(scene)
-    return _asset(scene, colored, linear=suffix in (".glb", ".gltf"))
+    asset = _asset(scene, colored, linear=suffix in GLTF_SUFFIXES)
+    return asset._replace(warnings=warnings)
+
+
+def _turned(glb: bytes) -> bytes:
+    """Return a GLB file with a node above all others that turns its y, which is up, to z."""
+    end = _HEAD + int.from_bytes(glb[_HEAD - 8 : _HEAD - 4], "little")  # of the JSON chunk
+    tree = json.loads(glb[_HEAD:end])
+    for scene in tree.get("scenes", ()):
+        node = {
+            "rotation": [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)],
+            "children": scene.get("nodes", []),
+        }
+        scene["nodes"] = [len(tree["nodes"])]
+        tree["nodes"].append(node)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = [(len(text) - (end - _HEAD) + len(glb)), len(text)]
+    whole, chunk = (size.to_bytes(4, "little") for size in sizes)
+    return glb[:8] + whole + chunk + glb[_HEAD - 4 : _HEAD] + text + glb[end:]
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:

@@ -69,7 +69,7 @@ class RobotShapes:
                     path = entity_path(*self._root, *entity.split("/"), link.name, str(number))
                     color = None if entity == VISUAL_ENTITY else COLLISION_COLOR
                     try:
-                        self._draw(path, link.name, geometry, color)
+                        warnings += self._draw(path, link.name, geometry, color)
                     except OneBotError as error:
                         failures.setdefault(str(error), []).append(link.name)
                         path = f"{path}/{_MISSING}"
@@ -79,15 +79,17 @@ class RobotShapes:
         for path in set(self._drawn) - entities:
             del self._drawn[path]
             self._erase(path, home)
-        return [*condensed(warnings), *_not_drawn(failures)]
+        return [*condensed([*dict.fromkeys(warnings)]), *_not_drawn(failures)]
 
-    def _draw(self, path: str, link: str, geometry: Geometry, color: Rgba32 | None) -> None:
-        """Draw ``geometry`` in its file's own colours, or else in ``color``."""
+    def _draw(
+        self, path: str, link: str, geometry: Geometry, color: Rgba32 | None
+    ) -> Sequence[str]:
+        """Draw ``geometry`` in its file's own colours, or else in ``color``; return warnings."""
         from onebot_bringup.viewer.core.glb import file_state, load_shape  # imports trimesh
 
         what = (link, geometry, file_state(geometry.shape))
         if self._drawn.get(path) == what:
-            return
+            return ()
         asset = load_shape(geometry.shape)
         factor = None if asset.colored and color is None else color or _bytes(geometry.color)
         self._recording.log(
@@ -100,6 +102,7 @@ class RobotShapes:
             static=True,
         )
         self._drawn[path] = what
+        return asset.warnings if color is None else ()
 
     def _mark(self, path: str, link: str, geometry: Geometry, size: float) -> None:
         """Draw a box of ``size``, m, where ``geometry`` would be; its label shows on a click."""

@@ -10,6 +10,7 @@ from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import mesh_corners
 from onebot_description.elements.urdf import (
     Box,
+    Capsule,
     Cylinder,
     Description,
     Geometry,
@@ -22,8 +23,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder or sphere is round about the axle if its middle is no farther from the axle than this
-# fraction of its radius; a mesh, if its extents in four directions differ by no more than this.
+# A cylinder, capsule or sphere is round about the axle if its middle is no farther from the axle
+# than this fraction of its radius; a mesh, if its extents in four directions differ by no more.
 _ROUND = 0.05
 
 
@@ -78,7 +79,7 @@ def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
     shape = geometry.shape
     if isinstance(shape, Mesh):
         return _round_mesh(shape, pose, axis)
-    if not isinstance(shape, Cylinder | Sphere):
+    if not isinstance(shape, Capsule | Cylinder | Sphere):
         return None
     offset = float(pose[:3, 3] @ axis)
     beside = float(np.linalg.norm(pose[:3, 3] - offset * axis))

@@ -49,14 +49,16 @@ def warn_of_unread(
     """
     known_tags = [*_IN_ANY_PLUGIN.split(), *of_kind.split(), *RATES]
     children = [*plugin, *plugin.iterfind("ros/*")]
-    unread = [child.tag for child in children if child.tag not in known_tags and _asks(child)]
+    unread = [
+        child.tag for child in children if child.tag not in known_tags and asks_for_something(child)
+    ]
     rules = [f"<remapping> {old}:={new}" for old, new in idle]
     names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
     if names:
         findings.warning(plugin, f"{names}: nothing of the sensor reads this")
 
 
-def _asks(element: Element) -> bool:
+def asks_for_something(element: Element) -> bool:
     """Return whether an element asks for anything; zeros and false do not."""
     words = (element.text or "").lower().split()
     return len(element) > 0 or any(word.strip("0.") not in _NOTHING for word in words)
