@@ -18,7 +18,7 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
-from onebot_description.description.ros2_control import read_interfaces
+from onebot_description.description.ros2_control import read_interfaces, sideways_drive
 from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.elements import xml
 from onebot_description.elements.packages import package_share, resolve
@@ -245,6 +245,7 @@ def _check(
         sensors=sensors,
         bad_sensors=bad_sensors,
         interfaces=interfaces,
+        sideways_drive=sideways_drive(findings),
     )
 
 
