@@ -31,7 +31,10 @@ def _interfaces(findings: Findings, element: Element, joint: Joint) -> JointInte
     mimics = element.get("mimic", "").lower()
     if joint.mimic and mimics != "false" and commands:
         text = f'follows "{joint.mimic.joint}" by <mimic>, so it cannot have a command interface'
-        findings.problem(element, f'{text}; remove that, or write mimic="false" here')
+        # Before Jazzy, ROS wanted one, and this parameter.
+        older = element.find("param[@name='mimic']") is not None
+        report = findings.warning if older else findings.problem
+        report(element, f'{text}; remove that, or write mimic="false" here')
     if mimics == "true" and joint.mimic is None:
         findings.problem(element, 'mimic="true", but the joint has no <mimic>')
     limits = {
