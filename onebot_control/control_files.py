@@ -116,7 +116,7 @@ class JointControllers(NamedTuple):
     """The joint controllers that parameter files name."""
 
     controllers: Sequence[JointController[Any]]
-    places: Mapping[str, str]  # file and line by parameter, such as arm_controller.joints
+    places: Mapping[str, str]  # file and line by controller, and by parameter, such as arm.joints
     warnings: Sequence[str] = ()  # a line for each controller or parameter that is skipped
 
 
@@ -142,6 +142,8 @@ def read_joint_controllers(
         section = control.section(name, kind.unknown)
         warnings += section.warnings
         places |= {f"{name}.{key}": place for key, place in section.places.items()}
+        if name in control.types:
+            places[name] = control.types[name][1]
         if enforced is not None and kind is TrajectoryController:
             section.values.setdefault(_ENFORCED, enforced)
         if reason := kind.lacks(section.values):

@@ -160,14 +160,15 @@ def check_interfaces(description: Description, commanded: Collection[str], *, st
     """Check that positions are among the command interfaces of the ``commanded`` joints.
 
     Raises:
-        OneBotError: a joint has others only, or the robot stands and no joint has it.
+        OneBotError: a joint has others only, or the robot stands and all of its joints have.
     """
     others = {
         name: listed.commands
         for name, listed in description.interfaces.items()
         if listed.commands and "position" not in listed.commands
     }
-    joints = [name for name in others if name in commanded or (stands and not commanded)]
+    none = stands and not _positioned_names(description)
+    joints = [name for name in others if name in commanded or none]
     if joints:
         kinds = listing(kind for name in joints for kind in others[name])
         raise OneBotError(

@@ -465,7 +465,11 @@ def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> 
     manager = f"arm: {{{kind}, params_file: {other}, {more}}}"
     file.write_text(f"controller_manager: {{ros__parameters: {{{manager}, cpu_affinity: 3}}}}")
     [controller], places, warnings = read_joint_controllers([file], "/")
-    assert (controller.joints, places, warnings) == (("a",), {"arm.joints": f"{other}:1"}, [])
+    assert (controller.joints, places, warnings) == (
+        ("a",),
+        {"arm.joints": f"{other}:1", "arm": f"{file}:1"},
+        [],
+    )
 
 
 def test_maps_in_lists_are_read_as_rcl_does(file: Path) -> None:

@@ -108,10 +108,8 @@ def find_wheels(
         reason = "by their names, its wheels are omnidirectional, with rollers around them"
         raise _not_driven(description, turning, f"it is no differential drive: {reason}")
     if len(drive) > 2 and description.sideways_drive:
-        reason = (
-            f"it drives sideways, too, by mecanum or omni wheels ({description.sideways_drive})"
-        )
-        raise _not_driven(description, turning, f"{reason}, for which there is no controller here")
+        reason = "it drives sideways, too, by mecanum or omni wheels, which is not simulated yet"
+        raise _not_driven(description, turning, f"{reason} ({description.sideways_drive})")
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
