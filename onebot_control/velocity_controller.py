@@ -3,7 +3,8 @@
 
 Run it alone with ``python -m onebot_control.velocity_controller [FILE] --ros-args ...``; FILE is a
 URDF or xacro file. Without it, the description is the parameter or the topic robot_description.
-Without --params-file, OneBot's control.yaml is used. Simulation, diff_drive_controller and
+Without --params-file, OneBot's control.yaml is used; the node has the name that the file gives to a
+diff_drive_controller. Simulation, diff_drive_controller and
 joint_state_broadcaster run in one process: when it is killed, the robot stops.
 
 To simulate several robots in one world, where they can collide, run one process with a node for

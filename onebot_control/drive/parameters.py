@@ -138,7 +138,7 @@ class SimulationConfig:
     )
     sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
     tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
-    tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
+    tf_frame_prefix: str = parameter("", "that prefix; empty or ~: the node's namespace")
     publish_rate: float = parameter(
         50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
     )
@@ -225,7 +225,9 @@ class ControlConfig(SimulationConfig):
     position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
     enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
     cmd_vel_timeout: float = parameter(
-        0.5, "time without a command until the robot brakes, s; a stamp's age counts", at_least=0.0
+        0.5,
+        "time without a command until the robot brakes, s; a stamp's age counts; 0: it never does",
+        at_least=0.0,
     )
     publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
     velocity_rolling_window_size: int = parameter(

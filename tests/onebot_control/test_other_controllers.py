@@ -180,7 +180,7 @@ def test_a_gripper_stalls_at_a_box(tmp_path: Path, capfd: pytest.CaptureFixture[
 
 
 def test_a_gripper_presses_as_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """With the effort of the goal, or else of the parameter, or of its motor; at such a velocity."""
+    """With the goal's effort, or the parameter's, or its motor's; likewise with velocities."""
     control = CONTROL.replace(
         "    joint: finger\n", "    joint: finger\n    allow_stalling: true\n"
     )
