@@ -1,12 +1,21 @@
-"""Reads control files, in ros2_control's form: the parameters of several nodes in one file."""
+"""Reads control files, in ros2_control's form: the parameters of several nodes in one file.
 
-from collections.abc import Iterable, Mapping, Sequence
+What ros2_control would not run, or not declare, is skipped with a warning: controllers of other
+types or of other command interfaces, sections of other nodes, and unknown parameters.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from onebot_control.controller_names import BROADCASTER, DEFAULT_JOINT_CONTROLLER, MANAGER
-from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, SimulationConfig
+from onebot_control.controller_names import (
+    BROADCASTER,
+    DEFAULT_JOINT_CONTROLLER,
+    DRIVE_CONTROLLER,
+    MANAGER,
+)
+from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, ManagerConfig
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
@@ -14,29 +23,56 @@ from onebot_control.joint_controllers import (
     named,
 )
 from onebot_description.elements.packages import package_share
+from onebot_description.errors import did_you_mean, listing
 from onebot_description.ros.parameters.files import (
     Parameters,
     Unknown,
     read_parameters,
     read_sections,
     read_text,
+    section_matches,
 )
 from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
+    is_of_every_node,
     is_parameter,
+    read,
     unknown_parameters,
 )
 
 CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
-_TYPE = ".type"  # suffix of the parameters that name a controller's type
-_IGNORED = "enforce_command_limits"  # controller_manager's; limits are always enforced
+_OTHER_DRIVES = tuple(
+    "mecanum_drive_controller omni_wheel_drive_controller ackermann_steering_controller "
+    "bicycle_steering_controller tricycle_steering_controller tricycle_controller "
+    "swerve_drive_controller four_wheel_steering_controller".split()
+)
+_TYPE, _FILE = ".type", ".params_file"
+# Suffixes of the parameters that controller_manager has for each controller.
+_OF_CONTROLLERS = (_TYPE, _FILE, ".fallback_controllers", ".node_options_args")
+_OF_ANY_TYPE = "cpu_affinity"  # a parameter of controller_manager
+_ENFORCED = "enforce_command_limits"
 
 
 def default_control_file() -> Path:
     """Return the path of OneBot's control.yaml."""
     return package_share("onebot_control") / "config" / "control.yaml"
+
+
+def drive_name(files: Iterable[Path]) -> str:
+    """Return the name of the first diff_drive_controller in control files, for any namespace.
+
+    Raises:
+        ConfigError: a file is broken.
+    """
+    for file in files:
+        for section, parameters in read_sections(read_text(file), str(file)).items():
+            for name, value in parameters.values.items():
+                if value == CONTROLLER_TYPE:
+                    own = section.rpartition("/")[2]
+                    return own if name == "type" else name.removesuffix(_TYPE)
+    return DRIVE_CONTROLLER
 
 
 def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
@@ -45,26 +81,24 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
     Args:
         files: YAML files; later ones override earlier ones.
         namespace: namespace of the nodes, such as "/".
-        controller: name of the controller's node, such as "velocity_controller".
+        controller: name of the controller's node, such as "velocity_controller"; controller_manager
+            for a robot that stands.
 
     Returns:
         The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
 
     Raises:
-        ConfigError: values are wrong; it names all in a section, with their lines.
+        ConfigError: values are wrong, or the robot has another kind of drive; it names file and
+            line.
     """
-    texts = {file: read_text(file) for file in files}
-    unknown = unknown_by_node(controller)
-    manager = _section(texts, namespace, MANAGER, unknown[MANAGER])
-    drive = manager
-    if controller != MANAGER:
-        drive = _section(texts, namespace, controller, unknown[controller])
-    broadcaster = _section(texts, namespace, BROADCASTER, unknown[BROADCASTER])
-    undeclared = {key: manager.values.pop(key) for key in [*manager.values] if _is_undeclared(key)}
-    if problems := _wrong_types(undeclared, controller):
-        raise ConfigError(problems, manager.places)
-    for name in undeclared:
-        del manager.places[name]
+    control = _ControlFiles(files, namespace)
+    manager = control.manager()
+    drive = manager if controller == MANAGER else control.drive(controller)
+    broadcaster = control.section(
+        control.broadcaster, partial(unknown_parameters, BroadcasterConfig)
+    )
+    warnings = [*manager.warnings, *broadcaster.warnings]
+    drive.warnings += [warning for warning in warnings if warning not in drive.warnings]
     # The controller's own section overrides the others.
     for section, prefix in ((manager, ""), (broadcaster, f"{BROADCASTER}.")):
         for name, value in section.values.items():
@@ -72,6 +106,9 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
             if own_name not in drive.values and is_parameter(ControlConfig, own_name):
                 drive.values[own_name] = value
                 drive.places[own_name] = section.places[name]
+    for name in [*drive.values]:
+        if not is_parameter(ControlConfig, name) and not is_of_every_node(name):
+            drive.drop(name)
     return drive
 
 
@@ -79,68 +116,87 @@ class JointControllers(NamedTuple):
     """The joint controllers that parameter files name."""
 
     controllers: Sequence[JointController[Any]]
-    places: Mapping[str, str]  # file and line by parameter, such as arm_controller.joints
+    places: Mapping[str, str]  # file and line by controller, and by parameter, such as arm.joints
+    warnings: Sequence[str] = ()  # a line for each controller or parameter that is skipped
 
 
-def read_joint_controllers(files: Sequence[Path], namespace: str) -> JointControllers:
-    """Read the joint controllers that the section controller_manager names.
+def read_joint_controllers(
+    files: Sequence[Path], namespace: str, controller: str = MANAGER
+) -> JointControllers:
+    """Read the joint controllers that control files name, and that run here.
 
-    If it names none, there is one controller, joint_trajectory_controller.
+    If there is none, there is one controller, joint_trajectory_controller.
 
     Args:
         files: YAML files; later ones override earlier ones.
         namespace: namespace of the nodes, such as "/".
+        controller: as for ``read_control_files``.
 
     Raises:
         ConfigError: values are wrong; it names all in a section, with their lines.
     """
-    texts = {file: read_text(file) for file in files}
-    manager = _section(texts, namespace, MANAGER, lambda names: [])
-    kinds = joint_controllers(manager.values) or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
-    controllers, places = [], dict[str, str]()
-    for name, kind in kinds.items():
-        section = _section(texts, namespace, name, kind.unknown)
+    control = _ControlFiles(files, namespace)
+    enforced = control.manager().values.get(_ENFORCED)
+    controllers, places, warnings = [], dict[str, str](), control.skipped(controller)
+    for name, kind in control.kinds.items():
+        section = control.section(name, kind.unknown)
+        warnings += section.warnings
         places |= {f"{name}.{key}": place for key, place in section.places.items()}
+        if name in control.types:
+            places[name] = control.types[name][1]
+        if enforced is not None and kind is TrajectoryController:
+            section.values.setdefault(_ENFORCED, enforced)
+        if reason := kind.lacks(section.values):
+            warnings.append(control.skips(name, reason))
+            continue
         with named(name, places):
-            controllers.append(kind(name, section.values))
-    return JointControllers(controllers, places)
+            described = kind(name, section.values)
+        if "position" in described.interfaces:
+            controllers.append(described)
+        else:
+            text = f"commands {listing(described.interfaces)}, which cannot be simulated yet"
+            warnings.append(control.skips(name, text))
+    default = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
+    return JointControllers(controllers or [default], places, warnings)
 
 
-def joint_controllers(values: Mapping[str, Any]) -> dict[str, type[JointController[Any]]]:
-    """Return the kind of each joint controller that controller_manager's parameters name."""
-    return {
-        name.removesuffix(_TYPE): JOINT_CONTROLLERS[str(value)]
-        for name, value in values.items()
-        if name.endswith(_TYPE) and str(value) in JOINT_CONTROLLERS
-    }
-
-
-def _section(texts: Mapping[Path, str], namespace: str, node: str, unknown: Unknown) -> Parameters:
-    """Return a node's parameters from the texts of files, without those that only others have.
-
-    Raises:
-        ConfigError: a file is broken, or has names that ``unknown`` reports.
-    """
-    parameters = Parameters()
-    for file, text in texts.items():
-        parameters.update(read_parameters(text, str(file), f"{namespace.rstrip('/')}/{node}"))
-    parameters.drop_shared(unknown)
-    if problems := unknown(parameters.values):
-        raise ConfigError(problems, parameters.places)
-    return parameters
-
-
-def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Unknown]:
-    """Return the nodes that a control file is for, each with a check for unknown parameters.
+def foreign_sections(
+    files: Sequence[Path], namespace: str, controller: str
+) -> dict[tuple[Path, str], str]:
+    """Return a warning for each section that is for none of the nodes, by file and section.
 
     Args:
-        controller: name of the controller's node.
-        files: control files; the joint controllers that they name are included.
+        files: YAML files.
+        namespace: namespace of the nodes, such as "/".
+        controller: as for ``read_control_files``.
     """
-    declared = SimulationConfig if controller == MANAGER else ControlConfig
+    control = _ControlFiles(files, namespace)
+    names = {MANAGER, controller, control.broadcaster, *control.types, *control.kinds}
+    nodes = [f"{namespace.rstrip('/')}/{name}" for name in names]
+    warnings = {}
+    for file, section, parameters in control.sections():
+        if not any(section_matches(section, node) for node in nodes):
+            place = next(iter(parameters.places.values()), str(file))
+            text = f'section "{section}" is for none of the nodes, so it is skipped'
+            hint = did_you_mean(section, nodes, "nodes")
+            warnings[file, section] = f"{place}: {text}{hint}"
+    return warnings
+
+
+def unknown_by_node(
+    controller: str, files: Sequence[Path] = (), namespaces: Sequence[str] = ("/",)
+) -> dict[str, Unknown]:
+    """Return the nodes that control files are for, each with a check for unknown parameters.
+
+    Args:
+        controller: as for ``read_control_files``.
+        files: control files; the joint controllers that they name are included.
+        namespaces: namespaces of the nodes.
+    """
+    declared = ManagerConfig if controller == MANAGER else ControlConfig
     kinds: dict[str, type[JointController[Any]]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
-    for file in files:
-        kinds.update(joint_controllers(_manager_values(file)))
+    for namespace in namespaces:
+        kinds.update(_ControlFiles(files, namespace).kinds)
     return {
         **{name: kind.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
@@ -149,42 +205,112 @@ def unknown_by_node(controller: str, files: Sequence[Path] = ()) -> dict[str, Un
     }
 
 
-def _manager_values(file: Path) -> Mapping[str, Any]:
-    """Return the parameters of controller_manager in a file, whatever its namespace."""
-    sections = read_sections(read_text(file), str(file))
-    values: dict[str, Any] = {}
-    for section, parameters in sections.items():
-        if section.rpartition("/")[2] == MANAGER:
-            values.update(parameters.values)
-    return values
+class _ControlFiles:
+    """Control files, and the controllers that they name, for one namespace.
 
-
-def _is_undeclared(name: str) -> bool:
-    """Return whether a parameter of controller_manager is right, but no node here declares it."""
-    return name.endswith(_TYPE) or name == _IGNORED
-
-
-def _unknown_of_manager(written: Iterable[str]) -> list[Problem]:
-    names = [name for name in written if not _is_undeclared(name)]
-    return unknown_parameters(SimulationConfig, names)
-
-
-def _wrong_types(values: Mapping[str, Any], controller: str) -> list[Problem]:
-    """Report controllers of types that this node cannot run.
-
-    Args:
-        values: controller_manager's parameters that no node here declares.
-        controller: name of the controller's node.
+    Attributes:
+        types: type, and file and line, of each controller, by its name; in the files' order.
+        kinds: kind of each joint controller, by its name; the default one if there is none.
+        broadcaster: name of the first joint_state_broadcaster.
     """
-    own_types = {f"{controller}{_TYPE}": CONTROLLER_TYPE, f"{BROADCASTER}{_TYPE}": BROADCASTER_TYPE}
-    problems = []
-    for name, value in values.items():
-        if not name.endswith(_TYPE):
-            continue
-        types = [own_types[name]] if name in own_types else [*JOINT_CONTROLLERS]
-        if value not in types:
-            hint = f'; of diff drives the one that is named "{controller}" runs'
-            hint = hint if value == CONTROLLER_TYPE and controller != MANAGER else ""
-            text = f"{value} is not what runs here; write {' or '.join(types)}{hint}"
-            problems.append(Problem(name, text))
-    return problems
+
+    def __init__(self, files: Sequence[Path], namespace: str) -> None:
+        self._texts = {file: read_text(file) for file in files}
+        self._space = namespace.rstrip("/")
+        manager = self._parameters(MANAGER)
+        self.types = {
+            name.removesuffix(_TYPE): (str(value), manager.places[name])
+            for name, value in manager.values.items()
+            if name.endswith(_TYPE)
+        }
+        for _, section, parameters in self.sections():
+            name, value = section.rpartition("/")[2], parameters.values.get("type")
+            if value is not None and section_matches(section, f"{self._space}/{name}"):
+                self.types.setdefault(name, (str(value), parameters.places["type"]))
+        self._files = {
+            name.removesuffix(_FILE): [value] if isinstance(value, str) else value
+            for name, value in manager.values.items()
+            if name.endswith(_FILE)
+        }
+        broadcasters = [n for n, (kind, _) in self.types.items() if kind == BROADCASTER_TYPE]
+        self.broadcaster = next(iter(broadcasters), BROADCASTER)
+        self.kinds: Mapping[str, type[JointController[Any]]] = {
+            name: JOINT_CONTROLLERS[kind]
+            for name, (kind, _) in self.types.items()
+            if kind in JOINT_CONTROLLERS
+        } or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+
+    def sections(self) -> Iterator[tuple[Path, str, Parameters]]:
+        """Yield each section, with its file and its parameters."""
+        for file, text in self._texts.items():
+            for section, parameters in read_sections(text, str(file)).items():
+                yield file, section, parameters
+
+    def section(self, node: str, unknown: Unknown) -> Parameters:
+        """Return a node's parameters; unknown ones are dropped, with a warning for each."""
+        parameters = self._parameters(node)
+        parameters.drop("type")
+        parameters.drop_shared(unknown)
+        for problem in unknown(parameters.values):
+            parameters.warnings.append(f"{problem.message(parameters.places)}; it is ignored")
+            parameters.drop(problem.key)
+        return parameters
+
+    def manager(self) -> Parameters:
+        """Return controller_manager's parameters, of which those that only it has are checked."""
+        manager = self.section(MANAGER, _unknown_of_manager)
+        own = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
+        read(ManagerConfig, own, manager.places)
+        return manager
+
+    def drive(self, controller: str) -> Parameters:
+        """Return the parameters of the drive whose node is ``controller``."""
+        kinds = {kind for kind, _ in self.types.values()}
+        for name, (kind, place) in self.types.items():
+            if kind.partition("/")[0] in _OTHER_DRIVES and CONTROLLER_TYPE not in kinds:
+                text = f"{kind} cannot be simulated yet, and as a differential drive, which is the "
+                text += "only one here, the robot would move wrongly"
+                raise ConfigError([Problem(f"{name}{_TYPE}", text)], {f"{name}{_TYPE}": place})
+        if self.types.get(controller, (CONTROLLER_TYPE,))[0] != CONTROLLER_TYPE:
+            return Parameters()  # the section is another controller's
+        return self.section(controller, partial(unknown_parameters, ControlConfig))
+
+    def skipped(self, controller: str) -> list[str]:
+        """Return a warning for each controller whose type does not run here."""
+        used = {self.broadcaster: BROADCASTER_TYPE, controller: CONTROLLER_TYPE}
+        return [
+            self.skips(name, _reason(kind))
+            for name, (kind, _) in self.types.items()
+            if kind not in JOINT_CONTROLLERS and used.get(name) != kind
+        ]
+
+    def skips(self, name: str, reason: str) -> str:
+        """Return the warning that a controller does not run, for this reason."""
+        _, place = self.types.get(name, ("", ""))
+        return ": ".join(filter(None, (place, name, f"{reason}, so it is skipped")))
+
+    def _parameters(self, node: str) -> Parameters:
+        """Return all parameters of a node, including those in the file that its type comes with."""
+        parameters = Parameters()
+        texts = {**self._texts}
+        if node != MANAGER:
+            texts |= {Path(file): read_text(Path(file)) for file in self._files.get(node, ())}
+        for file, text in texts.items():
+            parameters.update(read_parameters(text, str(file), f"{self._space}/{node}"))
+        return parameters
+
+
+def _reason(kind: str) -> str:
+    """Return why a controller of a type does not run, beside those that do."""
+    if kind == CONTROLLER_TYPE:
+        return "is a further diff_drive_controller, or the robot stands"
+    if kind == BROADCASTER_TYPE:
+        return "is a further joint_state_broadcaster"
+    halves = {*kind.split("/")}
+    alike = [known for known in JOINT_CONTROLLERS if not halves.isdisjoint(known.split("/"))]
+    return f"{kind} does not run here" + (f" (did you mean {alike[0]}?)" if alike else "")
+
+
+def _unknown_of_manager(names: Iterable[str]) -> list[Problem]:
+    own = [name for name in names if not name.endswith(_OF_CONTROLLERS) and name != _OF_ANY_TYPE]
+    return unknown_parameters(ManagerConfig, own)

@@ -26,12 +26,20 @@ from onebot_control.physics import (
     RobotSpawn,
     Twist,
 )
-from onebot_control.physics.simulated_model import Follower, commandable, simulated_model
+from onebot_control.physics.simulated_model import (
+    Follower,
+    check_interfaces,
+    commandable,
+    independent,
+    simulated_model,
+    without_limits,
+)
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.gripping import GripperFollower
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
@@ -155,8 +163,9 @@ class PreparedRobot(NamedTuple):
     spawn: RobotSpawn
     held: Mapping[str, float]  # positions of joints that do not move, by name
     followers: Sequence[Follower]  # joints that mimic wheels or casters
-    controllers: Sequence[JointController[Any]]  # those of its other joints
+    controllers: Sequence[JointController[Any]]  # the active ones, of its other joints
     controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
+    ignored: Sequence[Problem]  # controllers that are inactive, and parameters without effect
 
     @classmethod
     def from_description(
@@ -180,14 +189,21 @@ class PreparedRobot(NamedTuple):
         Raises:
             OneBotError: config and description do not suit each other.
         """
+        description = independent(description)
         wheels = None if stands else wheels_of(description, config)
         if wheels:
             wheels.geometry(config.wheel_separation, config.wheel_radius)
         candidates = controllers or [DEFAULT_CONTROLLER]
-        controlled = {arm.name: joints_of(arm, description, wheels) for arm in candidates}
-        controllers = [arm for arm in candidates if controlled[arm.name]]
-        _check_claims(description, wheels, controllers, controlled)
+        joints = {arm.name: joints_of(arm, description, wheels) for arm in candidates}
+        candidates = [arm for arm in candidates if joints[arm.name]]
+        inactive = _inactive(description, wheels, candidates, joints)
+        names = {problem.key for problem in inactive}
+        controllers = [arm for arm in candidates if arm.name not in names]
+        controlled = {arm.name: joints[arm.name] for arm in controllers}
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
+        check_interfaces(description, commanded, stands=stands)
+        free = {j for arm in controllers if not arm.enforces_limits for j in controlled[arm.name]}
+        description = without_limits(description, free)
         simulated, held, followers, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
         )
@@ -205,7 +221,12 @@ class PreparedRobot(NamedTuple):
             starts,
             fixed_base=stands,
         )
-        return cls(wheels, spawn, held, followers, controllers, controlled)
+        ignored = [
+            Problem(f"{arm.name}.{problem.key}", problem.text)
+            for arm in controllers
+            for problem in arm.ignored(controlled[arm.name])
+        ]
+        return cls(wheels, spawn, held, followers, controllers, controlled, [*inactive, *ignored])
 
 
 def joints_of(
@@ -215,33 +236,44 @@ def joints_of(
     return controller.joints or commandable(description, wheels)
 
 
-def _check_claims(
+def _inactive(
     description: Description,
     wheels: Wheels | None,
     controllers: Sequence[JointController[Any]],
-    controlled: Mapping[str, Sequence[str]],
-) -> None:
-    """Check that each joint moves and has one controller.
+    joints: Mapping[str, Sequence[str]],
+) -> list[Problem]:
+    """Return why controllers are inactive: the robot has none of their joints, or others move them.
 
     Raises:
-        ConfigError: two controllers, or the wheels and one, have a joint in common, or a joint
-            does not move.
+        ConfigError: only some joints of a controller move, or it is the only one and none moves.
     """
-    owners = dict.fromkeys(wheels.names if wheels else (), "the wheels")
+    owners = dict.fromkeys(wheels.names if wheels else (), "the controller of the wheels")
     moving = [joint.name for joint in description.moving_joints]
-    problems = []
+    inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
-        key = f"{controller.name}.{controller.joints_parameter}"
-        for joint in controlled[controller.name]:
-            if joint in owners:
-                text = f'"{joint}" is a joint of {owners[joint]}, too; each has one controller'
-                problems.append(Problem(key, text))
-            elif joint not in moving:
-                text = f'joint "{joint}" does not move{did_you_mean(joint, moving)}'
-                problems.append(Problem(key, text))
-            owners[joint] = controller.name
+        own = joints[controller.name]
+        missing = [
+            Problem(
+                f"{controller.name}.{controller.joints_parameter}",
+                f'joint "{joint}" does not move{did_you_mean(joint, moving)}',
+            )
+            for joint in own
+            if joint not in moving
+        ]
+        taken = [joint for joint in own if joint in owners]
+        if missing and (len(missing) < len(own) or len(controllers) == 1):
+            problems += missing
+        elif missing:
+            text = f"is inactive: no joint of the robot is {listing(own)}"
+            inactive.append(Problem(controller.name, text))
+        elif taken:
+            text = f"is inactive: {owners[taken[0]]}, which comes first, moves {listing(taken)}"
+            inactive.append(Problem(controller.name, text))
+        else:
+            owners.update(dict.fromkeys(own, controller.name))
     if problems:
         raise ConfigError(problems)
+    return inactive
 
 
 class ControlledRobot:
@@ -326,8 +358,14 @@ class ControlledRobot:
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""
         moving = {joint.name: joint for joint in self.description.moving_joints}
+        limits = {
+            name: listed.limits.get("position", (-math.inf, math.inf))
+            for name, listed in self.description.interfaces.items()
+        }
         joints = [
-            FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range)
+            FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range).within(
+                *limits.get(name, (-math.inf, math.inf))
+            )
             for name in self._controlled[controller.name]
         ]
         with named(controller.name):
@@ -388,6 +426,8 @@ class ControlledRobot:
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
             self.finish(name, arm.update(motion, stamp, self.period))
+            if isinstance(arm, GripperFollower):
+                self.body.limit(arm.names[0], arm.max_effort, arm.max_velocity)
         snapshot = self.snapshot()
         if self.wheels and self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.body.obstructed)

@@ -23,6 +23,7 @@ from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snap
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.joint_controllers import JointController
 from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
+from onebot_control.physics.engine import logger
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.ros.parameters.reader import ConfigError
@@ -225,13 +226,16 @@ def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> Settings:
 
 def _prepared(member: Member) -> PreparedRobot:
     with located(member):
-        return PreparedRobot.from_description(
+        prepared = PreparedRobot.from_description(
             member.description,
             member.config,
             member.name,
             member.controllers,
             stands=member.stands,
         )
+    for problem in prepared.ignored:
+        logger.warning(problem.message(member.places))
+    return prepared
 
 
 def _check_rates(members: Sequence[Member]) -> None:

@@ -9,12 +9,12 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
     Args:
         frame: the name without prefix.
         enabled: the parameter tf_frame_prefix_enable.
-        prefix: the parameter tf_frame_prefix; if empty, the namespace is the prefix.
+        prefix: the parameter tf_frame_prefix; if empty or "~", the namespace is the prefix.
         namespace: the node's.
     """
     if not enabled:
         return frame
-    words = (prefix or namespace).removesuffix("/").removeprefix("/")
+    words = (namespace if prefix in ("", "~") else prefix).removesuffix("/").removeprefix("/")
     return f"{words}/{frame}" if words else frame
 
 

@@ -8,17 +8,25 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from onebot_control.trajectories.config import (
     TrajectoryConfig,
+    foreign_joints,
     joint_constraints,
     unknown_trajectory_parameters,
 )
 from onebot_control.trajectories.following import Outcome, TrajectoryFollower
 from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
-from onebot_control.trajectories.gripping import GripperConfig, GripperFollower
+from onebot_control.trajectories.gripping import (
+    GripperCommandConfig,
+    GripperConfig,
+    GripperFollower,
+)
 from onebot_control.trajectories.trajectory import JointMotion
+from onebot_description.errors import listing
 from onebot_description.ros.parameters.reader import (
+    REQUIRED,
     ConfigError,
     Problem,
+    leaves,
     read,
     unknown_parameters,
 )
@@ -84,11 +92,32 @@ class JointController(ABC, Generic[F]):
         """Return a problem for each of ``names`` that is not a parameter of this kind."""
         return unknown_parameters(cls.parameters, names)
 
+    @classmethod
+    def lacks(cls, values: Mapping[str, Any]) -> str:
+        """Return which parameter it cannot run without is not among ``values``; "" for none."""
+        required = [leaf.name for leaf in leaves(cls.parameters) if leaf.default is REQUIRED]
+        missing = [name for name in required if name not in values]
+        return f"has no parameter {listing(missing)}" if missing else ""
+
     @property
     def joints(self) -> tuple[str, ...]:
         """The joints that its parameters name; empty for all joints that can be commanded."""
         named = getattr(self.config, self.joints_parameter)
         return (named,) if isinstance(named, str) else tuple(named)
+
+    @property
+    def enforces_limits(self) -> bool:
+        """Whether it keeps commands within the joints' limits."""
+        return bool(getattr(self.config, "enforce_command_limits", True))
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The command interfaces that its parameters name."""
+        return ("position",)
+
+    def ignored(self, joints: Sequence[str]) -> list[Problem]:
+        """Return parameters without effect on a controller of these joints, with the reason."""
+        return []
 
     @abstractmethod
     def follower(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> F:
@@ -120,6 +149,15 @@ class TrajectoryController(JointController[TrajectoryFollower]):
         constraints = joint_constraints(self.values, [joint.name for joint in joints])
         return TrajectoryFollower(joints, self.config, constraints, positions)
 
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The parameter command_interfaces."""
+        return self.config.command_interfaces
+
+    def ignored(self, joints: Sequence[str]) -> list[Problem]:
+        """Return the parameters of joints that are not among ``joints``."""
+        return foreign_joints(self.values, joints)
+
     def configure(self, follower: TrajectoryFollower) -> None:
         """Apply its changed parameters to a follower.
 
@@ -135,6 +173,11 @@ class ForwardController(JointController[PositionForwarder]):
     parameters = ForwardConfig
     config: ForwardConfig
 
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The parameter interface_name."""
+        return (self.config.interface_name,)
+
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]
     ) -> PositionForwarder:
@@ -145,9 +188,9 @@ class ForwardController(JointController[PositionForwarder]):
 class GripperController(JointController[GripperFollower]):
     """A parallel_gripper_action_controller with its parameters: it moves one joint to goals."""
 
-    parameters = GripperConfig
+    parameters: ClassVar[Any] = GripperConfig
     joints_parameter = "joint"
-    config: GripperConfig
+    config: GripperCommandConfig
 
     def follower(
         self, joints: Sequence[FollowedJoint], positions: Sequence[float]
@@ -160,11 +203,18 @@ class GripperController(JointController[GripperFollower]):
         follower.configure(self.config)
 
 
+class GripperCommandController(GripperController):
+    """A gripper controller of the older kind, whose action is control_msgs/GripperCommand."""
+
+    parameters = GripperCommandConfig
+
+
 JOINT_CONTROLLERS: Mapping[str, type[JointController[Any]]] = {
     "joint_trajectory_controller/JointTrajectoryController": TrajectoryController,
     "forward_command_controller/ForwardCommandController": ForwardController,
     "position_controllers/JointGroupPositionController": ForwardController,
     "parallel_gripper_action_controller/GripperActionController": GripperController,
+    "position_controllers/GripperActionController": GripperCommandController,
 }
 """The supported kinds of joint controllers, by ros2_control type."""
 

@@ -35,6 +35,11 @@ parallel_gripper_action_controller/GripperActionController:
         joint to a position; the goal succeeds when it is reached or, with allow_stalling, when the
         joint stalls.
 
+position_controllers/GripperActionController:
+    ~/gripper_cmd (control_msgs/action/GripperCommand): the same, as older grippers have it.
+
+Controllers of other types are skipped, and of several that move one joint the first is active.
+
 controller_manager has joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
 the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and rejects goals),
 ~/teleport, and the services ~/reset, ~/pause and ~/step, as in velocity_controller, and the

@@ -3,7 +3,8 @@
 
 Run it alone with ``python -m onebot_control.velocity_controller [FILE] --ros-args ...``; FILE is a
 URDF or xacro file. Without it, the description is the parameter or the topic robot_description.
-Without --params-file, OneBot's control.yaml is used. Simulation, diff_drive_controller and
+Without --params-file, OneBot's control.yaml is used; the node has the name that the file gives to a
+diff_drive_controller. Simulation, diff_drive_controller and
 joint_state_broadcaster run in one process: when it is killed, the robot stops.
 
 To simulate several robots in one world, where they can collide, run one process with a node for
@@ -83,7 +84,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.control_files import default_control_file, drive_name, read_control_files
 from onebot_control.controller_names import DRIVE_CONTROLLER
 from onebot_control.drive.parameters import ControlConfig
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
@@ -119,21 +120,31 @@ def simulation_nodes(
     """Create a node for each robot of a world; they start once every description is known.
 
     Args:
-        name: name of the nodes: velocity_controller, or controller_manager for robots that stand.
+        name: name of the nodes: velocity_controller, for which a control file may have another
+            name, or controller_manager for robots that stand.
         robots: the ROS arguments of each robot's node; empty for a single robot.
         file: URDF or xacro file; None for each node's parameter or topic robot_description.
         arguments: ROS arguments of all nodes.
     """
-    nodes = [SimulationNode(name, words) for words in robots] or [SimulationNode(name)]
+    words_of: Sequence[Sequence[str] | None] = robots or [None]
+    node_arguments = [arguments.joined(words or ()) for words in words_of]
+    nodes = [
+        SimulationNode(node_name(name, own.files), words)
+        for own, words in zip(node_arguments, words_of, strict=True)
+    ]
     # Imported only now: DDS discovery runs meanwhile.
     from onebot_control.nodes.world_interface import WorldInterface
 
-    node_arguments = [arguments.joined(words) for words in robots] or [arguments]
     interface = WorldInterface.from_descriptions(nodes, file, node_arguments)
     at_stop(interface.stop)
     for node in nodes:
         node.interface = interface
     return nodes
+
+
+def node_name(name: str, files: Sequence[Path]) -> str:
+    """Return the name of a robot's node: for a drive, the one in its control files."""
+    return drive_name(files) if name == DRIVE_CONTROLLER else name
 
 
 def run_simulation(
@@ -156,13 +167,19 @@ def run_simulation(
     """
     sys.setswitchinterval(_SWITCH_INTERVAL)
     common_arguments, robots = split_robots(sys.argv if args is None else args)
-    files = [file for words in robots for file in RosArguments().joined(words).files]
+    own_files = [RosArguments().joined(words).files for words in robots] or [()]
+
+    def check(common: Sequence[Path]) -> None:
+        for own in own_files:
+            files = [*common, *own]
+            read_control_files(files, "/", node_name(node, files))
+
     return run_described_node(
         program,
         explanation,
         parameters,
         partial(simulation_nodes, node, robots),
-        lambda common: read_control_files([*common, *files], "/", node),
+        check,
         common_arguments,
         default_file=default_file,
         events=True,

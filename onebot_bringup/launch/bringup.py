@@ -76,10 +76,11 @@ class Bringup(NamedTuple):
         declared += simulation_arguments(self.control) if self.control else standing_arguments()
         return declared
 
-    @property
-    def controller(self) -> str:
-        """The name of the node with the simulation's parameters."""
-        return DRIVE_CONTROLLER if self.control else MANAGER
+    def controller(self, params_file: str) -> str:
+        """Return the name of the node with the simulation's parameters."""
+        from onebot_control.control_files import drive_name
+
+        return drive_name([Path(params_file)] if params_file else []) if self.control else MANAGER
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return the model's xacro arguments; those that the command has, too, as ``model.NAME``.
@@ -133,16 +134,17 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
     _check_files(values)
-    values = with_params_file(values, command_arguments, command.controller)
+    controller = command.controller(values["params_file"])
+    values = with_params_file(values, command_arguments, controller)
     description, source = load_followed(model, for_xacro)
     description.require_tree()
-    values = with_view(values, command_arguments, command, description.root_link)
+    values = with_view(values, command_arguments, command, description.root_link, controller)
     robots: list[PlacedRobot] = []
     if values.get("robots"):
         from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
 
         robots = placed_robots(values["robots"], description)
-    _check_sections(values, command_arguments, robots, command.controller)
+    _check_sections(values, command_arguments, robots, controller)
     os.environ.update(environment(values, forced="discovery" in command_arguments))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
@@ -161,9 +163,9 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
             source,
             declared,
             robots,
-            controller=command.controller,
+            controller=controller,
         )
-        summary = summary_text(description, values, robots)
+        summary = summary_text(description, values, robots, controller)
         return Launcher(command.program).run(launch.nodes(), started_message=summary)
 
 
@@ -232,7 +234,7 @@ def _check_sections(
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.ros.parameters.files import check_sections
+    from onebot_description.ros.parameters.files import check_sections, undeclared_warnings
     from onebot_description.ros.parameters.reader import unknown_parameters
 
     space = absolute(values["namespace"])
@@ -242,14 +244,14 @@ def _check_sections(
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
             files.append((robot.params_file, [name]))
-    nodes = unknown_by_node(controller, [file for file, _ in files])
+    nodes = unknown_by_node(controller, [file for file, _ in files], spaces)
     if given.get("joints"):  # then it is not simulated
         files = [(Path(values["joints"]), [space])]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
+        check_sections(files[0][0], [f"{space}/{node}" for node in nodes])
     warnings: dict[str, None] = {}  # each once, since robots may share a file
-    for file, of_nodes in files:
-        names = [f"{space}/{node}" for node in nodes for space in of_nodes]
-        warnings |= dict.fromkeys(check_sections(file, names, nodes.values()))
+    for file, _ in files:
+        warnings |= dict.fromkeys(undeclared_warnings(file, nodes.values()))
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
 
@@ -271,7 +273,11 @@ def with_params_file(
 
 
 def with_view(
-    values: Mapping[str, str], given: Mapping[str, str], command: Bringup, root_link: str
+    values: Mapping[str, str],
+    given: Mapping[str, str],
+    command: Bringup,
+    root_link: str,
+    controller: str = DRIVE_CONTROLLER,
 ) -> dict[str, str]:
     """Return the launch arguments with the command's view of what is brought up.
 
@@ -285,7 +291,7 @@ def with_view(
         values["view"] = command.sim_view
     elif values.get("world"):
         values["view"] = command.world_view
-        frame = world_frame(values, given_files(values), command.controller)
+        frame = world_frame(values, given_files(values), controller)
     elif command.control and values["sim"] == "false":
         frame = values["frame_prefix"] + root_link  # there is no odom
     values["fixed_frame"] = values["fixed_frame"] or frame
@@ -350,15 +356,23 @@ def help_text(
 
 
 def summary_text(
-    description: "Description", values: Mapping[str, str], robots: Sequence["PlacedRobot"] = ()
+    description: "Description",
+    values: Mapping[str, str],
+    robots: Sequence["PlacedRobot"] = (),
+    controller: str = DRIVE_CONTROLLER,
 ) -> str:
     """Return what is running, where to find it and how to stop it."""
     space = absolute(values["namespace"])
-    lines = _robots(robots, values, space) if robots else _robot(description, values, space)
+    if robots:
+        lines = _robots(robots, values, space, controller)
+    else:
+        lines = _robot(description, values, space, controller)
     return "\n".join([*lines, f"  {UP}"])
 
 
-def _robot(description: "Description", values: Mapping[str, str], space: str) -> list[str]:
+def _robot(
+    description: "Description", values: Mapping[str, str], space: str, controller: str
+) -> list[str]:
     moving = [joint for joint in description.joints if joint.kind != "fixed"]
     lines = [
         f'Robot "{description.robot_name}": {len(description.links)} links, '
@@ -372,7 +386,7 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
         joint = next((joint.name for joint in moving), "JOINT")
         lines.append(f"  move     onebot trajectory {joint}=0.5, or any client of its action")
     elif values.get("sim") == "true":
-        drive = command_topic(values, f"{space}/")
+        drive = command_topic(values, f"{space}/", controller)
         lines.append(
             f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
         )
@@ -383,9 +397,11 @@ def _robot(description: "Description", values: Mapping[str, str], space: str) ->
     return lines
 
 
-def _robots(robots: Sequence["PlacedRobot"], values: Mapping[str, str], space: str) -> list[str]:
+def _robots(
+    robots: Sequence["PlacedRobot"], values: Mapping[str, str], space: str, controller: str
+) -> list[str]:
     first, last = robots[0].name, robots[-1].name
-    drive = command_topic(values, f"{space}/{first}/")
+    drive = command_topic(values, f"{space}/{first}/", controller)
     return [
         f"{len(robots)} robots in one world, {first} to {last}",
         f"  topics   /tf /tf_static, and in each robot's namespace, such as "

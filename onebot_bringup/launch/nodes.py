@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 # The steering page is the page to open, so its address is printed once its view is available.
 AWAIT_VIEW = 15.0  # s at most
 _MAP = "map"  # the frame of localization (REP-105)
-# Topics of velocity_controller, and Nav2's names for them.
-_NAV2_TOPICS = {"velocity_controller/cmd_vel": "cmd_vel", "velocity_controller/odom": "odom"}
+# Topics of velocity_controller, with Nav2's names for two of them.
+_TOPICS = ("cmd_vel", "odom", "ground_truth")
+_NAV2_TOPICS = ("cmd_vel", "odom")
 # Parameters of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
@@ -46,7 +47,7 @@ class Launch:
     arguments: Sequence[Argument]  # the arguments that the command declares
     robots: Sequence[PlacedRobot] = ()  # several robots in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them to make nodes for
-    controller: str = DRIVE_CONTROLLER  # the node with the simulation's parameters
+    controller: str = DRIVE_CONTROLLER  # name of the node with the simulation's parameters
 
     @property
     def params_files(self) -> list[Path]:
@@ -72,17 +73,22 @@ class Launch:
 
         If there are several robots, a row with ``each_robot`` is one process with a node for each.
         """
-        words = row.words(self)
+        words, name = row.words(self), self._name(row)
         parameters: Parameters = {"use_sim_time": self.is_true("use_sim_time")}
         if self.robots and row.each_robot:
             for robot in self.robots:
                 launch = self._of_robot(robot)
                 node_parameters = launch.parameters(row) | parameters
                 files = row.files(launch)[1:]
-                words += ["--robot", *launch.ros_nodes.arguments(row.name, node_parameters, files)]
+                name = launch._name(row)
+                words += ["--robot", *launch.ros_nodes.arguments(name, node_parameters, files)]
         else:
             parameters |= self.parameters(row)
-        return self.ros_nodes.process(row, parameters, words, row.files(self))
+        return self.ros_nodes.process(row, parameters, words, row.files(self), name)
+
+    def _name(self, row: NodeRow) -> str:
+        """Return the name of a row's node, which a control file may give."""
+        return self.controller if row.node in (DRIVE_CONTROLLER, MANAGER) else row.node
 
     def parameters(self, row: NodeRow) -> Parameters:
         """Return the parameters of a node, from the arguments and from its row."""
@@ -96,14 +102,22 @@ class Launch:
         return RosNodes(self.folder, values["namespace"], ros_args, values["log_level"])
 
     def _remappings(self) -> list[str]:
-        """Return the remappings of nav2_topics:=true, which are in each robot's namespace."""
-        if not self.is_true("nav2_topics"):
-            return []
+        """Return remappings in each robot's namespace: of nav2_topics:=true, and of a drive's name.
+
+        Other nodes expect the topics of velocity_controller.
+        """
+        nav2_topics = _NAV2_TOPICS if self.is_true("nav2_topics") else ()
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
+        rules = [
+            (f"{node}/{topic}", topic if topic in nav2_topics else f"{self.controller}/{topic}")
+            for node in dict.fromkeys((DRIVE_CONTROLLER, self.controller))
+            for topic in _TOPICS
+        ]
         return [
             word
             for space in of_robots or [""]
-            for topic, name in _NAV2_TOPICS.items()
+            for topic, name in rules
+            if topic != name and not self.stands
             for word in ("-r", f"{space}{topic}:={space}{name}")
         ]
 
@@ -120,7 +134,12 @@ class Launch:
             "log_level": "",  # it is set for the whole process
         }
         return replace(
-            self, folder=folder, values=values, description=robot.description, robot=robot
+            self,
+            folder=folder,
+            values=values,
+            description=robot.description,
+            robot=robot,
+            controller=_drive_name([*given_files(values), *filter(None, [robot.params_file])]),
         )
 
 
@@ -162,6 +181,12 @@ def _controller_parameters(launch: Launch) -> Parameters:
 def given_files(values: Mapping[str, str], argument: str = "params_file") -> list[Path]:
     """Return the parameter file that a launch argument names, if it does."""
     return [Path(values[argument]).absolute()] if values[argument] else []
+
+
+def _drive_name(files: Sequence[Path]) -> str:
+    from onebot_control.control_files import drive_name
+
+    return drive_name(files)
 
 
 def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
@@ -216,14 +241,17 @@ def _page_parameters(launch: Launch) -> Parameters:
     if launch.values["viewer"] == "web":
         parameters["await_view"] = AWAIT_VIEW
     if launch.robots:
-        parameters["topic"] = command_topic(launch.values, f"{launch.robots[0].name}/")
+        space = f"{launch.robots[0].name}/"
+        parameters["topic"] = command_topic(launch.values, space, launch.controller)
     return parameters
 
 
-def command_topic(values: Mapping[str, str], space: str = "") -> str:
+def command_topic(
+    values: Mapping[str, str], space: str = "", controller: str = DRIVE_CONTROLLER
+) -> str:
     """Return the command topic of the robot in a namespace; ``space`` ends with /."""
-    topic = "velocity_controller/cmd_vel"
-    return space + (_NAV2_TOPICS[topic] if values.get("nav2_topics") == "true" else topic)
+    topic = "cmd_vel"
+    return space + (topic if values.get("nav2_topics") == "true" else f"{controller}/{topic}")
 
 
 NODES = (
@@ -304,6 +332,7 @@ class RosNodes:
         parameters: Mapping[str, object],
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
+        name: str = "",
     ) -> NodeProcess:
         """Return a node to start, and write its parameter file.
 
@@ -312,9 +341,10 @@ class RosNodes:
             parameters: its parameters, which override ``files``.
             words: words before its ROS arguments.
             files: further parameter files.
+            name: name of the node with the parameters; "" for the row's.
         """
         rename = [] if row.module.endswith(f".{row.name}") else ["-r", f"__node:={row.name}"]
-        ros_arguments = [*rename, *self.arguments(row.node, parameters, files)]
+        ros_arguments = [*rename, *self.arguments(name or row.node, parameters, files)]
         words = [*words, "--ros-args", *ros_arguments]
         return python_node(row.name, row.module, words, on_exit=row.on_exit, nice=row.nice)
 

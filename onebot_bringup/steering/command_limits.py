@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isnan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
@@ -34,7 +34,7 @@ class Controller:
     angular: SpeedLimits = SpeedLimits()
 
     @classmethod
-    def from_parameters(cls, node: str, values: Mapping[str, float]) -> "Controller | None":
+    def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "Controller | None":
         """Return the controller with these parameters; None if they are not a controller's.
 
         An impossible limit, such as one of the wrong sign, is ignored.
@@ -49,7 +49,7 @@ class Controller:
         return cls(node, SpeedLimits(**linear), SpeedLimits(**angular))
 
 
-def _speed_limits(axis: str, values: Mapping[str, float]) -> dict[str, float]:
+def _speed_limits(axis: str, values: Mapping[str, Any]) -> dict[str, Any]:
     limits = {}
     for name in _NAMES:
         with suppress(KeyError, ConfigError):  # not given, or impossible

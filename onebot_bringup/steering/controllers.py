@@ -19,6 +19,7 @@ from rclpy.parameter import parameter_value_to_python
 from onebot_bringup.steering.command_limits import AXES, NAMES, Controller
 
 _PERIOD = 2.0  # s between requests to a node, answered or not
+_BOOL = ParameterType.PARAMETER_BOOL
 _NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
 
 
@@ -124,10 +125,12 @@ class _Inquiry:
     def _read(self, names: list[str], response: Any) -> None:
         if len(names) != len(response.values):
             return  # one of them has just been undeclared; they will be requested again
-        numbers = {
-            name: float(parameter_value_to_python(value))
+        values = {
+            name: value.bool_value
+            if value.type == _BOOL
+            else float(parameter_value_to_python(value))
             for name, value in zip(names, response.values, strict=True)
-            if value.type in _NUMBERS
+            if value.type in (_BOOL, *_NUMBERS)
         }
-        self.controller = Controller.from_parameters(self._name, numbers)
+        self.controller = Controller.from_parameters(self._name, values)
         self._answered()

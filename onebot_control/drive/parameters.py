@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from onebot_control.controller_names import BROADCASTER
 from onebot_control.drive.odometry import DiffDriveKinematics
@@ -24,6 +24,9 @@ _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
 _FROM_URDF = "0: read from the URDF"
 _NO_HARDWARE = "there are no other interfaces than these"
+_SIMULATED = "there is no hardware"
+_NO_SWITCHING = "controllers are not switched"
+_PACED = "/diagnostics has the real-time factor and missed cycles"
 _NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
 
 
@@ -135,11 +138,60 @@ class SimulationConfig:
     )
     sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
     tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
-    tf_frame_prefix: str = parameter("", "that prefix; empty: the node's namespace")
+    tf_frame_prefix: str = parameter("", "that prefix; empty or ~: the node's namespace")
     publish_rate: float = parameter(
         50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
     )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
+
+
+@dataclass(frozen=True)
+class InitialStates:
+    """controller_manager's parameters ``hardware_components_initial_state.*``."""
+
+    unconfigured: tuple[str, ...] = ignored((), _SIMULATED)
+    inactive: tuple[str, ...] = ignored((), _SIMULATED)
+    shutdown_on_initial_state_failure: bool = ignored(True, _SIMULATED)
+
+
+@dataclass(frozen=True)
+class ManagerDefaults:
+    """controller_manager's parameters ``defaults.*``."""
+
+    allow_controller_activation_with_inactive_hardware: bool = ignored(False, _SIMULATED)
+    deactivate_controllers_on_hardware_self_deactivate: bool = ignored(True, _SIMULATED)
+    strictness: str = parameter(
+        "best_effort",
+        f"accepted, without effect: {_NO_SWITCHING}",
+        name="switch_controller.strictness",
+        choices=("strict", "best_effort"),
+    )
+
+
+@dataclass(frozen=True)
+class Overruns:
+    """controller_manager's parameters ``overruns.*``."""
+
+    manage: bool = ignored(True, _PACED)
+    print_warnings: bool = ignored(True, _PACED)
+
+
+@dataclass(frozen=True)
+class ManagerConfig(SimulationConfig):
+    """All parameters of controller_manager: the simulation's and ros2_control's."""
+
+    enforce_command_limits: bool = parameter(
+        True, "default of joint_trajectory_controller's parameter of this name"
+    )
+    hardware_components_initial_state: InitialStates = group(InitialStates)
+    defaults: ManagerDefaults = group(ManagerDefaults)
+    overruns: Overruns = group(Overruns)
+    handle_exceptions: bool = ignored(True, "an error ends the process")
+    lock_memory: bool = ignored(False, _PACED)
+    thread_priority: int = ignored(50, _PACED)
+    diagnostics: Mapping[str, float] = parameter(
+        {}, f"accepted, without effect: {_PACED}", keys=("threshold",)
+    )
 
 
 @dataclass(frozen=True)
@@ -173,7 +225,9 @@ class ControlConfig(SimulationConfig):
     position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
     enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
     cmd_vel_timeout: float = parameter(
-        0.5, "time without a command until the robot brakes, s; a stamp's age counts", at_least=0.0
+        0.5,
+        "time without a command until the robot brakes, s; a stamp's age counts; 0: it never does",
+        at_least=0.0,
     )
     publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
     velocity_rolling_window_size: int = parameter(
@@ -182,13 +236,8 @@ class ControlConfig(SimulationConfig):
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
     is_async: bool = ignored(False, IN_EACH_CYCLE)
-
-    # What to write instead of parameters of older diff_drive_controllers.
-    REMEDIES: ClassVar[Mapping[str, str]] = {
-        "use_stamped_vel": "leave it out, Twist and TwistStamped are received",
-        "cmd_vel_type": "leave it out, Twist and TwistStamped are received",
-        "wheels_per_side": "leave it out, the names are counted",
-    }
+    use_stamped_vel: bool = ignored(True, "Twist and TwistStamped are received")
+    wheels_per_side: int = ignored(0, "the names are counted")
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> "ControlConfig":

@@ -1,13 +1,20 @@
 """Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from onebot_description.ros.parameters.reader import parameter
 
 _UNSET = math.nan
+_LIMITS = {
+    "velocity": ("min_velocity", "max_velocity"),
+    "acceleration": (
+        *("max_acceleration", "max_deceleration"),
+        *("max_acceleration_reverse", "max_deceleration_reverse"),
+    ),
+    "jerk": ("min_jerk", "max_jerk"),
+}
 
 
 def _positive(description: str) -> Any:
@@ -16,6 +23,10 @@ def _positive(description: str) -> Any:
 
 def _negative(description: str, unset: str) -> Any:
     return parameter(_UNSET, description, at_most=0.0, nan=unset)
+
+
+def _switch(kind: str) -> Any:
+    return parameter(True, f"false: no limit of {kind}, as in older versions")
 
 
 @dataclass(frozen=True)
@@ -40,10 +51,20 @@ class SpeedLimits:
     min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
     max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
 
-    REMEDIES: ClassVar[Mapping[str, str]] = {
-        f"has_{kind}_limits": f"leave it out, and write max_{kind}: .nan for no limit"
-        for kind in ("velocity", "acceleration", "jerk")
-    }
+    # Parameters of older versions.
+    min_acceleration: float = _negative("older name of max_deceleration", "not given")
+    has_velocity_limits: bool = _switch("velocity")
+    has_acceleration_limits: bool = _switch("acceleration")
+    has_jerk_limits: bool = _switch("jerk")
+
+    def __post_init__(self) -> None:
+        """Apply the parameters of older versions to the others."""
+        if math.isnan(self.max_deceleration):
+            object.__setattr__(self, "max_deceleration", self.min_acceleration)
+        for kind, limits in _LIMITS.items():
+            if not getattr(self, f"has_{kind}_limits"):
+                for limit in limits:
+                    object.__setattr__(self, limit, _UNSET)
 
 
 class SpeedLimiter:

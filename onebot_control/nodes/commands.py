@@ -1,11 +1,12 @@
 """Receives the velocity commands of a robot on ~/cmd_vel, and passes them to the control loop."""
 
+import math
 import time
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
@@ -37,6 +38,7 @@ class Command(NamedTuple):
     angular: float  # left turn, rad/s
     stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
+    fault: str = ""  # names the numbers that are not finite
 
 
 class CommandLock:
@@ -157,7 +159,8 @@ class CommandSubscription:
         if kind != _TWIST:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
-        self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age))
+        fault = _not_finite(linear=twist.linear, angular=twist.angular)
+        self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age, fault))
 
 
 class CommandGate:
@@ -214,6 +217,9 @@ class CommandGate:
         self.answered = max(self.answered, command.stamp or 0)
         if sent < loop.wake.check():
             refused: str | None = "it was sent before this process woke from a stop"
+        elif command.fault:
+            self._warn("not finite", f"~/cmd_vel is ignored: not finite: {command.fault}")
+            return
         else:
             age = _age(loop, command, given)
             refused = self._slot.robot.accept(command.linear, command.angular, age)
@@ -229,6 +235,16 @@ class CommandGate:
         if (loop := self._slot.loop) is not None:
             reason = "Current goal cancelled: the robot is locked."
             loop.post(lambda: self._slot.robot.hold_arms(reason))
+
+
+def _not_finite(**vectors: Vector3) -> str:
+    """Return the components that are not finite, such as "linear.x nan"; "" if all are."""
+    return ", ".join(
+        f"{name}.{axis} {getattr(vector, axis)}"
+        for name, vector in vectors.items()
+        for axis in "xyz"
+        if not math.isfinite(getattr(vector, axis))
+    )
 
 
 def _age(loop: ControlLoop, command: Command, given: float) -> float | None:

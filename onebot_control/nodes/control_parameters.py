@@ -8,7 +8,11 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.control_files import read_control_files, read_joint_controllers
+from onebot_control.control_files import (
+    foreign_sections,
+    read_control_files,
+    read_joint_controllers,
+)
 from onebot_control.controller_names import MANAGER
 from onebot_control.drive.parameters import ControlConfig, SimulationConfig
 from onebot_description.ros.command_line import RosArguments
@@ -40,6 +44,8 @@ class ControlParameters:
         config: the same values, checked.
         places: file and line of each value from a file.
         joints: the joint controllers.
+        foreign_sections: warnings of sections that are for none of the robot's nodes, by file and
+            section.
     """
 
     def __init__(
@@ -64,7 +70,9 @@ class ControlParameters:
         self.stands = name == MANAGER
         self.declared = SimulationConfig if self.stands else ControlConfig
         file = read_control_files(arguments.files, namespace, name)
-        self.joints = read_joint_controllers(arguments.files, namespace)
+        self.joints = read_joint_controllers(arguments.files, namespace, name)
+        self.foreign_sections = foreign_sections(arguments.files, namespace, name)
+        self._ignored = [*file.warnings, *self.joints.warnings]
         names = arguments.names_for(name)
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)
@@ -80,16 +88,20 @@ class ControlParameters:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of limits without effect, each with its place."""
+        """Warnings of what the files have in vain, and of older names, each with its place."""
         limits = {"linear.x": self.config.linear, "angular.z": self.config.angular}
-        return [
-            Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}").message(
-                self.places
-            )
+        problems = [
+            Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}")
             for axis, limit in limits.items()
             for name, needed in _IDLE.items()
             if math.isnan(getattr(limit, needed)) and not math.isnan(getattr(limit, name))
         ]
+        problems += [
+            Problem(f"{axis}.min_acceleration", f"an older name of {axis}.max_deceleration")
+            for axis, limit in limits.items()
+            if not math.isnan(limit.min_acceleration)
+        ]
+        return [*self._ignored, *(problem.message(self.places) for problem in problems)]
 
     def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
         """Return the configuration with these parameters set; nothing changes yet.

@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from onebot_control.joint_controllers import (
     ForwardController,
+    GripperCommandController,
     GripperController,
     JointController,
     TrajectoryController,
@@ -23,13 +24,14 @@ def controller_nodes() -> Mapping[type[JointController[Any]], "type[ControllerNo
     """Return the class of the ROS interface for each kind of joint controller."""
     # Imported late: actions take 0.1 s, and most robots have only wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
-    from onebot_control.nodes.gripper_actions import GripperActions
+    from onebot_control.nodes.gripper_actions import GripperActions, GripperCommandActions
     from onebot_control.nodes.joint_trajectories import JointTrajectories
 
     return {
         TrajectoryController: JointTrajectories,
         ForwardController: ForwardCommands,
         GripperController: GripperActions,
+        GripperCommandController: GripperCommandActions,
     }
 
 

@@ -10,6 +10,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from onebot_control.joint_controllers import TrajectoryController
 from onebot_control.nodes.controller_node import Cancelled, GoalNode
 from onebot_control.trajectories.config import (
+    JointConstraint,
+    JointGains,
     JointParameters,
     TrajectoryConfig,
     is_joint_parameter,
@@ -24,8 +26,8 @@ from onebot_control.trajectories.tolerances import (
 )
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError, first_of
-from onebot_description.ros.parameters.reader import declare
-from onebot_description.ros.topic_qos import DEPTH, make_qos
+from onebot_description.ros.parameters.reader import declare, defaults
+from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
@@ -156,7 +158,12 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
     def _declare(self) -> dict[str, Any]:
         names, values = self._arm.names, dict(self._controller.values)
         common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
-        single = {f"constraints.{joint}.{tolerance}": 0.0 for joint in names for tolerance in _OWN}
+        single = {
+            f"{group}.{joint}.{name}": value
+            for group, kind in (("constraints", JointConstraint), ("gains", JointGains))
+            for joint in names
+            for name, value in defaults(kind).items()
+        }
         single_values = {n: v for n, v in values.items() if n in single}
         return {
             **declare(self.node, TrajectoryConfig, common, fixed={"joints": list(names)}),
@@ -170,9 +177,6 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         values = {n: v for n, v in values.items() if v or not is_joint_parameter(n)}
         joint_constraints(values, self._arm.names)
         return TrajectoryController(self._controller.name, values)
-
-
-_OWN = ("trajectory", "goal", "max_deceleration_on_cancel")
 
 
 def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:

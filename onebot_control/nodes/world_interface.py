@@ -148,6 +148,10 @@ class WorldInterface:
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [warning for robot in self.robots for warning in robot.warnings]
+        foreign = [robot.settings.foreign_sections for robot in self.robots]
+        warnings += [
+            text for key, text in foreign[0].items() if all(key in other for other in foreign)
+        ]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
         self._node.get_logger().info(_moved_text(fleet))

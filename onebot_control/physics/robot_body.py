@@ -131,10 +131,8 @@ class RobotBody:
         self._motor_rows = [self.joints.index(joint.name) for joint in motors]
         count = len(self.driven)
         self._frictions = [0.0] * count + [joint.friction for joint in motors[count:]]
-        strengths = [
-            max((joint.effort or 0.0) - friction, friction)
-            for joint, friction in zip(motors, self._frictions, strict=True)
-        ]
+        self._most_efforts = [joint.effort or 0.0 for joint in motors]
+        strengths = list(map(_strength, self._most_efforts, self._frictions))
         self._strengths, self._strengths_commanded = strengths[:count], strengths[count:]
         fastest = [math.inf if joint.velocity is None else joint.velocity for joint in motors]
         self._fastest = fastest[:count]
@@ -142,6 +140,7 @@ class RobotBody:
             (*joint.range, most)
             for joint, most in zip(motors[count:], fastest[count:], strict=True)
         ]
+        self._all_limits = tuple(self._limits)
         held = [spawn.starts.get(name, 0.0) for name in self.commanded]
         self.reference: Callable[[float], Sequence[float]] = lambda ahead: held
         self.finite = True
@@ -218,6 +217,21 @@ class RobotBody:
             targetVelocities=targets,
             forces=self._strengths_commanded,
         )
+
+    def limit(self, name: str, effort: float, velocity: float) -> None:
+        """Limit the motor of a commanded joint, in addition to the joint's own limits.
+
+        Args:
+            name: the joint.
+            effort: the greatest effort, Nm or N; 0 for that of the joint.
+            velocity: the greatest velocity, rad/s or m/s; 0 for that of the joint.
+        """
+        row = self.commanded.index(name)
+        motor = len(self.driven) + row
+        most = min(self._most_efforts[motor], effort or math.inf)
+        self._strengths_commanded[row] = _strength(most, self._frictions[motor])
+        lower, upper, fastest = self._all_limits[row]
+        self._limits[row] = lower, upper, min(fastest, velocity or math.inf)
 
     def state(self) -> tuple[JointStates, Pose, MassVelocity]:
         """Return the state of the joints, and the true pose and velocity of the root link."""
@@ -332,3 +346,8 @@ class RobotBody:
         root = *place, *turn, *linear, *angular
         joints = *self.positions, *self._velocities, *self._efforts
         self.finite = math.isfinite(sum(root) + sum(joints))
+
+
+def _strength(effort: float, friction: float) -> float:
+    """Return the greatest effort of a motor, of which its joint's friction takes a part."""
+    return max(effort - friction, friction)

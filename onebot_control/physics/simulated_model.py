@@ -3,8 +3,8 @@
 - Wheel motors without an effort limit get the torque at which the wheels slip.
 - Joints that a controller commands by position have motors, too; joints that mimic them follow by
   gears.
-- Other joints of arms, grippers and heads are held still, except continuous joints that
-  ``<ros2_control>`` lists without a command interface: these swing freely.
+- Joints that ``<ros2_control>`` lists without a command interface swing freely; other joints of
+  arms, grippers and heads are held still.
 - A joint that mimics a wheel stays where it starts in the physics; only its published position
   follows the wheel.
 
@@ -31,6 +31,7 @@ from onebot_description.elements.urdf import (
     Description,
     Inertial,
     Joint,
+    JointInterfaces,
     Link,
     Mesh,
     Mimic,
@@ -49,6 +50,7 @@ _LEAST_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is du
 # because the solver's iterations do not reach the force of its motor.
 _LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
 _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
+_ROUNDING = 1e-4  # rad or m by which a rounded start may be beyond a limit
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -106,7 +108,8 @@ def simulated_model(
             if len(tyres) > 2:
                 joint = SkidAxle(**vars(joint))
         elif joint.name in roles.starts:
-            joint = _positioned(joint, is_gear=joint.name in roles.gears)
+            interfaces = description.interfaces.get(joint.name)
+            joint = _positioned(joint, interfaces, is_gear=joint.name in roles.gears)
         joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
     links: Sequence[Link] = rigid.links
@@ -114,10 +117,64 @@ def simulated_model(
         contacts = Contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
+    _report_held(description, roles.held, commanded)
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
     return SimulatedModel(rigid, roles.held, roles.followers, roles.gears, starts)
+
+
+def independent(description: Description) -> Description:
+    """Return a description in which joints with mimic="false" follow no other joint.
+
+    Raises:
+        OneBotError: ``<ros2_control>`` has something that it would not start with.
+    """
+    interfaces = description.interfaces
+    if faults := [fault for listed in interfaces.values() for fault in listed.faults]:
+        raise OneBotError("\n".join(faults))
+    free = {name for name, listed in interfaces.items() if not listed.mimics}
+    joints = [
+        replace(joint, mimic=None) if joint.name in free else joint for joint in description.joints
+    ]
+    return replace(description, joints=tuple(joints)) if free else description
+
+
+def without_limits(description: Description, joints: Collection[str]) -> Description:
+    """Return a description without limits of command interfaces of some joints; report them."""
+    listed = {**description.interfaces}
+    limited = [name for name in joints if name in listed and listed[name].limits]
+    for name in limited:
+        listed[name] = listed[name]._replace(limits={})
+    if limited:
+        logger.warning(
+            "%s: joint %s: min and max of <command_interface> do not limit it, because "
+            "enforce_command_limits is false",
+            description.source,
+            listing(limited),
+        )
+    return replace(description, interfaces=listed) if limited else description
+
+
+def check_interfaces(description: Description, commanded: Collection[str], *, stands: bool) -> None:
+    """Check that positions are among the command interfaces of the ``commanded`` joints.
+
+    Raises:
+        OneBotError: a joint has others only, or the robot stands and all of its joints have.
+    """
+    others = {
+        name: listed.commands
+        for name, listed in description.interfaces.items()
+        if listed.commands and "position" not in listed.commands
+    }
+    none = stands and not _positioned_names(description)
+    joints = [name for name in others if name in commanded or none]
+    if joints:
+        kinds = listing(kind for name in joints for kind in others[name])
+        raise OneBotError(
+            f"{description.source}: joint {listing(joints)}: <ros2_control> has only the command "
+            f"interface {kinds}, which cannot be simulated yet; add position"
+        )
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
@@ -181,14 +238,14 @@ class _Roles:
     ) -> None:
         self._joints = {joint.name: joint for joint in description.moving_joints}
         self._check(description, {*commanded, *positions}, commanded)
+        self._check_starts(positions)
         interfaces = description.interfaces
         of_file = {name: it.start for name, it in interfaces.items() if it.start is not None}
         self._given = {**of_file, **positions}
         self.passive = {
-            name: self._given.get(name, 0.0)
+            name: clamp(self._given.get(name, 0.0), *joint.range)
             for name, joint in self._joints.items()
-            if joint.kind == "continuous"
-            and joint.mimic is None
+            if joint.mimic is None
             and name in interfaces
             and not (interfaces[name].commands or name in rolling or name in commanded)
         }
@@ -213,6 +270,14 @@ class _Roles:
             if name in commanded and (mimic := self._joints[name].mimic):
                 text = f'follows "{mimic.joint}" by <mimic>; command that one'
                 raise OneBotError(f"{where} {text}")
+
+    def _check_starts(self, positions: Mapping[str, float]) -> None:
+        """Raise OneBotError if a start position is beyond its joint's limits."""
+        for name, at in positions.items():
+            lower, upper = self._joints[name].range
+            if not lower - _ROUNDING <= at <= upper + _ROUNDING:
+                limits = f"the joint's limits, {lower:g} to {upper:g}"
+                raise OneBotError(f"initial_positions.{name}: {at:g} is beyond {limits}")
 
     def _place(self, joint: Joint) -> float:
         """Decide how a joint is simulated; return its start position."""
@@ -245,18 +310,49 @@ class _Roles:
         return self.fixed[name]
 
 
-def _positioned(joint: Joint, *, is_gear: bool) -> Joint:
+def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bool) -> Joint:
     """Return a joint with a motor that follows positions, or with a gear.
 
     A gear keeps to its leader's limits. The motor accounts for the joint's friction; see
     ``RobotBody``.
+
+    Args:
+        joint: the joint.
+        interfaces: those of ``<ros2_control>``, whose limits of velocity and effort count, too.
+        is_gear: whether it is moved by another joint's motor.
     """
+    limits = interfaces.limits if interfaces else {}
+    fastest, strongest = (
+        min(value or math.inf, *map(abs, limits.get(name, (math.inf, math.inf))))
+        for name, value in (("velocity", joint.velocity), ("effort", joint.effort))
+    )
     joint = replace(
-        joint, effort=joint.effort or _UNLIMITED, velocity=joint.velocity or None, mimic=None
+        joint,
+        effort=strongest if strongest < math.inf else _UNLIMITED,
+        velocity=fastest if fastest < math.inf else None,
+        mimic=None,
     )
     if is_gear and joint.kind != "continuous":
         return replace(joint, lower=1.0, upper=-1.0)  # how PyBullet denotes no limits
     return joint
+
+
+def _report_held(
+    description: Description, held: Collection[str], commanded: Collection[str]
+) -> None:
+    """Warn of joints that stand still beside others that are commanded."""
+    leaders = [
+        joint.name
+        for joint in description.moving_joints
+        if joint.name in held and joint.mimic is None
+    ]
+    if leaders and commanded:
+        logger.warning(
+            "%s: joint %s: held still, because no controller moves it; name it in a controller's "
+            "parameter joints, or give it a position command interface in <ros2_control>",
+            description.source,
+            listing(leaders),
+        )
 
 
 def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:

@@ -3,14 +3,13 @@
 ``joint_constraints`` reads those of single joints, such as ``constraints.elbow.goal``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.reader import (
-    ConfigError,
     Problem,
     group,
     parameter,
@@ -18,7 +17,8 @@ from onebot_description.ros.parameters.reader import (
     unknown_parameters,
 )
 
-_INTERFACES = ("position", "velocity", "acceleration")
+_INTERFACES = ("position", "velocity", "acceleration", "effort")
+_NO_FEEDBACK = "of position interfaces there is no feedback"
 MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
@@ -68,11 +68,36 @@ class JointConstraint:
     )
 
 
+def _gain() -> Any:
+    return ignored(0.0, _NO_FEEDBACK, infinite=True)
+
+
+@dataclass(frozen=True)
+class JointGains:
+    """The parameters ``gains.<joint>.*``, also those of older versions."""
+
+    p: float = _gain()
+    i: float = _gain()
+    d: float = _gain()
+    ff_velocity_scale: float = _gain()
+    i_clamp: float = _gain()
+    i_clamp_max: float = _gain()
+    i_clamp_min: float = _gain()
+    u_clamp_max: float = _gain()
+    u_clamp_min: float = _gain()
+    tracking_time_constant: float = _gain()
+    error_deadband: float = _gain()
+    antiwindup_strategy: str = ignored("legacy", _NO_FEEDBACK)
+    normalize_error: bool = ignored(False, _NO_FEEDBACK)
+    angle_wraparound: bool = ignored(False, "that of continuous joints wraps")
+
+
 @dataclass(frozen=True)
 class JointParameters:
     """The parameters of single joints, by joint."""
 
     constraints: Mapping[str, JointConstraint] = parameter({}, "", keys=("joint",))
+    gains: Mapping[str, JointGains] = parameter({}, "", keys=("joint",))
 
 
 @dataclass(frozen=True)
@@ -90,7 +115,11 @@ class TrajectoryConfig:
     )
     command_joints: tuple[str, ...] = ignored((), "it commands its joints", read_only=True)
     command_interfaces: tuple[str, ...] = parameter(
-        ("position",), "what is commanded: [position]", unique=True, read_only=True
+        ("position",),
+        "what is commanded; only position has an effect",
+        choices=_INTERFACES,
+        unique=True,
+        read_only=True,
     )
     state_interfaces: tuple[str, ...] = parameter(
         ("position", "velocity"),
@@ -127,6 +156,7 @@ class TrajectoryConfig:
         "time after the last point until the measured position is held, s; 0: never",
         at_least=0.0,
     )
+    start_with_holding: bool = ignored(True, "it always holds the joints")
     state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
@@ -147,12 +177,6 @@ class TrajectoryConfig:
             ConfigError: values are wrong; it names each of them, and what would be right.
         """
         return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
-
-    def check(self) -> Iterator[Problem]:
-        """Report command interfaces that this one does not support."""
-        if self.command_interfaces != ("position",):
-            text = "only position, no other kind of command; write [position]"
-            yield Problem("command_interfaces", text)
 
     @property
     def timeout(self) -> float:
@@ -177,23 +201,26 @@ def joint_constraints(
     """Return the constraints of each of ``joints``, by its name.
 
     Args:
-        values: all parameters, dotted name to value. Gains are not read: they have no effect on
+        values: all parameters, dotted name to value. Gains are only checked: they have no effect on
             position commands.
-        joints: names of the controller's joints.
+        joints: names of the controller's joints; parameters of others are ignored.
 
     Raises:
         ConfigError: values are wrong; it names each of them, and what would be right.
     """
-    constraint_values = {name: value for name, value in values.items() if _is_constraint(name)}
-    constraints = read(JointParameters, constraint_values).constraints
-    problems = [
-        Problem(_CONSTRAINTS + name, f"no joint of the controller{did_you_mean(name, joints)}")
-        for name in constraints
-        if name not in joints
-    ]
-    if problems:
-        raise ConfigError(problems)
+    own_values = {name: value for name, value in values.items() if is_joint_parameter(name)}
+    constraints = read(JointParameters, own_values).constraints
     return {name: constraints.get(name, JointConstraint()) for name in joints}
+
+
+def foreign_joints(names: Iterable[str], joints: Sequence[str]) -> list[Problem]:
+    """Return a problem for each joint that has parameters, but is none of ``joints``."""
+    owners = dict.fromkeys(name.rpartition(".")[0] for name in names if is_joint_parameter(name))
+    return [
+        Problem(owner, f"no joint of the controller{did_you_mean(name, joints)}; it is ignored")
+        for owner in owners
+        if (name := owner.partition(".")[2]) not in joints
+    ]
 
 
 def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
@@ -202,9 +229,5 @@ def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
     common = (name for name in parameters if not is_joint_parameter(name))
     return [
         *unknown_parameters(TrajectoryConfig, common),
-        *unknown_parameters(JointParameters, filter(_is_constraint, parameters)),
+        *unknown_parameters(JointParameters, filter(is_joint_parameter, parameters)),
     ]
-
-
-def _is_constraint(name: str) -> bool:
-    return is_joint_parameter(name) and not name.startswith(_GAINS)

@@ -9,7 +9,7 @@ Example:
     [0.5]
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from onebot_control.drive.speed_limiter import clamp
@@ -17,7 +17,7 @@ from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint, field_problems
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter
+from onebot_description.ros.parameters.reader import REQUIRED, parameter
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,11 @@ class ForwardConfig:
         unique=True,
         read_only=True,
     )
-    interface_name: str = parameter("position", "what is commanded: position", read_only=True)
+    interface_name: str = parameter(
+        "position", "what is commanded; only position has an effect", read_only=True
+    )
     update_rate: float = ignored(0.0, IN_EACH_CYCLE, read_only=True)
     is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
-
-    def check(self) -> Iterator[Problem]:
-        """Report values that forward_command_controller supports and this one does not."""
-        if self.interface_name != "position":
-            text = "only position, no other kind of command; write position"
-            yield Problem("interface_name", text)
 
 
 class PositionForwarder:

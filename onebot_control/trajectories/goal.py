@@ -23,6 +23,10 @@ class FollowedJoint(NamedTuple):
     lower: float = -math.inf
     upper: float = math.inf
 
+    def within(self, least: float, greatest: float) -> "FollowedJoint":
+        """Return the joint with these further limits of its position, rad or m."""
+        return self._replace(lower=max(self.lower, least), upper=min(self.upper, greatest))
+
 
 class TrajectoryGoal(NamedTuple):
     """A trajectory that a client requests, as in trajectory_msgs/JointTrajectory."""

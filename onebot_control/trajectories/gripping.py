@@ -2,10 +2,10 @@
 
 Example:
     >>> from onebot_control.trajectories.goal import FollowedJoint
-    >>> from onebot_control.trajectories.gripping import GripperConfig, GripperFollower
+    >>> from onebot_control.trajectories.gripping import GripperConfig, GripperFollower, GripperGoal
     >>> from onebot_control.trajectories.trajectory import JointMotion
     >>> gripper = GripperFollower([FollowedJoint("finger")], GripperConfig("finger"), [0.04])
-    >>> gripper.start(0.0, token="mine")
+    >>> gripper.start(GripperGoal((0.0,)), token="mine")
     >>> measured = JointMotion((0.0005,), (0.0,), ())  # m, m/s
     >>> [outcome] = gripper.update(measured, now=0, period=0.01)  # once per control cycle
     >>> outcome.text
@@ -14,6 +14,7 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.following import (
@@ -29,18 +30,16 @@ from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.ros.parameters.reader import REQUIRED, parameter
+from onebot_description.ros.parameters.values import LARGEST
 
-_BY_LIMIT = "a motor has the effort and velocity of <limit>"
+_AT_ONCE = "the motor has them without"
 
 
 @dataclass(frozen=True)
-class GripperConfig:
-    """parallel_gripper_action_controller's parameters."""
+class GripperCommandConfig:
+    """gripper_controllers' parameters."""
 
     joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
-    state_interfaces: tuple[str, ...] = ignored(
-        ("position", "velocity"), "position, velocity and effort are measured"
-    )
     goal_tolerance: float = parameter(
         0.01, "the goal is reached at a smaller position error, rad or m", at_least=0.0
     )
@@ -54,12 +53,33 @@ class GripperConfig:
     action_monitor_rate: float = parameter(
         20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
     )
-    max_effort: float = ignored(10.0, _BY_LIMIT, at_least=0.0)
-    max_velocity: float = ignored(0.1, _BY_LIMIT, at_least=0.0)
-    max_effort_interface: str = ignored("", _BY_LIMIT)
-    max_velocity_interface: str = ignored("", _BY_LIMIT)
+    max_effort: float = parameter(
+        0.0, "the greatest effort of goals without their own, N or Nm; 0: of <limit>", at_least=0.0
+    )
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
+
+
+@dataclass(frozen=True)
+class GripperConfig(GripperCommandConfig):
+    """parallel_gripper_action_controller's parameters."""
+
+    max_velocity: float = parameter(
+        0.0, "the greatest velocity of such goals, m/s or rad/s; 0: of <limit>", at_least=0.0
+    )
+    state_interfaces: tuple[str, ...] = ignored(
+        ("position", "velocity"), "position, velocity and effort are measured"
+    )
+    max_effort_interface: str = ignored("", _AT_ONCE)
+    max_velocity_interface: str = ignored("", _AT_ONCE)
+
+
+class GripperGoal(NamedTuple):
+    """A goal of a gripper, as its client sends it."""
+
+    positions: Sequence[float]  # one, rad or m
+    effort: float = 0.0  # the greatest one, Nm or N; 0: the parameter's
+    velocity: float = 0.0  # the greatest one, rad/s or m/s; 0: the parameter's
 
 
 class GripperFollower(GoalHolder, PositionForwarder):
@@ -75,26 +95,49 @@ class GripperFollower(GoalHolder, PositionForwarder):
     field = "command.position"
 
     def __init__(
-        self, joints: Sequence[FollowedJoint], config: GripperConfig, positions: Sequence[float]
+        self,
+        joints: Sequence[FollowedJoint],
+        config: GripperCommandConfig,
+        positions: Sequence[float],
     ) -> None:
         """Hold ``positions``, one value for the one joint, rad or m."""
         super().__init__(joints, positions)
         self.reached = self.stalled = False
+        self._goal = GripperGoal(positions)
         self.configure(config)
 
-    def configure(self, config: GripperConfig) -> None:
+    def configure(self, config: GripperCommandConfig) -> None:
         """Apply changed parameters, from the next update on."""
         self._config = config
 
-    def start(self, position: float, token: object) -> Outcome | None:
+    @property
+    def max_effort(self) -> float:
+        """The greatest effort, Nm or N; 0 for that of the joint."""
+        return self._goal.effort or self._config.max_effort
+
+    @property
+    def max_velocity(self) -> float:
+        """The greatest velocity, rad/s or m/s; 0 for that of the joint."""
+        return self._goal.velocity or getattr(self._config, "max_velocity", 0.0)
+
+    def goal_problems(self, goal: GripperGoal) -> list[str]:
+        """Return why a goal is refused, a line for each reason."""
+        return self.problems(goal.positions) + [
+            f"command.{name}: {value:g} is not a number from 0 to {LARGEST:g}"
+            for name, value in (("effort", goal.effort), ("velocity", goal.velocity))
+            if not 0.0 <= value <= LARGEST
+        ]
+
+    def start(self, goal: GripperGoal, token: object) -> Outcome | None:
         """Move to a position; return the outcome of the goal that this one preempts.
 
         Args:
-            position: rad or m; ``problems`` must have found none.
+            goal: ``goal_problems`` must have found none.
             token: identifies the goal in ``active`` and in its outcome.
         """
         preempted = self._ended(PREEMPTED)
-        self.command([position])
+        self._goal = goal
+        self.command(goal.positions)
         self.active = token
         self.reached = self.stalled = False
         self._still = 0.0  # s that the joint has stood still

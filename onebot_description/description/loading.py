@@ -19,7 +19,7 @@ from onebot_description.description.checks import (
     named,
 )
 from onebot_description.description.physics_elements import LinkPhysics, read_physics
-from onebot_description.description.ros2_control import read_interfaces
+from onebot_description.description.ros2_control import read_interfaces, sideways_drive
 from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.elements import xml
 from onebot_description.elements.packages import package_share, resolve
@@ -250,6 +250,7 @@ def _check(
         sensors=sensors,
         bad_sensors=bad_sensors,
         interfaces=interfaces,
+        sideways_drive=sideways_drive(findings),
     )
 
 

@@ -1,12 +1,17 @@
-"""Reads ``<ros2_control>``: the command interfaces of joints, and their start positions."""
+"""Reads ``<ros2_control>``: the command interfaces of joints, their limits and start positions."""
 
-from collections.abc import Collection
+import math
+import re
+from collections.abc import Callable, Mapping
 
 from onebot_description.elements.reading import Element, Findings, number_fault
-from onebot_description.elements.urdf import JointInterfaces
+from onebot_description.elements.urdf import Joint, JointInterfaces
+
+_ROUNDING = 1e-4  # rad or m by which a rounded start may be beyond a limit
+_SIDEWAYS = re.compile(r"planar.?move|mec+anum|omni", re.IGNORECASE)
 
 
-def read_interfaces(findings: Findings, joints: Collection[str]) -> dict[str, JointInterfaces]:
+def read_interfaces(findings: Findings, joints: Mapping[str, Joint]) -> dict[str, JointInterfaces]:
     """Return the interfaces by joint; if a joint is listed twice, the first one counts."""
     interfaces: dict[str, JointInterfaces] = {}
     for block in findings.document.root.iter("ros2_control"):
@@ -16,20 +21,83 @@ def read_interfaces(findings: Findings, joints: Collection[str]) -> dict[str, Jo
                 hint = findings.hint(name, joints, "joints")
                 findings.warning(element, f'the robot has no joint "{name}"{hint}')
             elif name not in interfaces:
-                commands = (part.get("name", "") for part in element.iter("command_interface"))
-                interfaces[name] = JointInterfaces(tuple(commands), _start(findings, element))
+                interfaces[name] = _interfaces(findings, element, joints[name])
     return interfaces
 
 
-def _start(findings: Findings, joint: Element) -> float | None:
+def _interfaces(findings: Findings, element: Element, joint: Joint) -> JointInterfaces:
+    earlier = len(findings.by_severity("problem"))
+    commands = tuple(part.get("name", "") for part in element.iter("command_interface"))
+    mimics = element.get("mimic", "").lower()
+    if joint.mimic and mimics != "false" and commands:
+        text = f'follows "{joint.mimic.joint}" by <mimic>, so it cannot have a command interface'
+        # Before Jazzy, ROS wanted one, and this parameter.
+        older = element.find("param[@name='mimic']") is not None
+        report = findings.warning if older else findings.problem
+        report(element, f'{text}; remove that, or write mimic="false" here')
+    if mimics == "true" and joint.mimic is None:
+        findings.problem(element, 'mimic="true", but the joint has no <mimic>')
+    limits = {
+        part.get("name", ""): _limits(findings, part)
+        for part in element.iter("command_interface")
+        if element.find("limits[@enable='false']") is None
+        and part.find("limits[@enable='false']") is None
+    }
+    start = _start(findings, element, joint)
+    faults = findings.by_severity("problem")[earlier:]
+    return JointInterfaces(commands, start, limits, mimics != "false", faults)
+
+
+def _limits(findings: Findings, command: Element) -> tuple[float, float]:
+    """Return the parameters min and max of a command interface; ROS ignores unusable ones."""
+    least, greatest = (
+        _number(command, name, default, findings.warning)
+        for name, default in (("min", -math.inf), ("max", math.inf))
+    )
+    if least > greatest:
+        findings.warning(command, f"min {least:g} is greater than max {greatest:g}: ignored")
+        return -math.inf, math.inf
+    return least, greatest
+
+
+def _start(findings: Findings, element: Element, joint: Joint) -> float | None:
     """Return the initial value of a joint's position; None if there is none."""
-    for state in joint.iter("state_interface"):
-        for value in state.iter("param"):
-            if (state.get("name"), value.get("name")) != ("position", "initial_value"):
-                continue
-            text = (value.text or "").strip()
-            if fault := number_fault(text):
-                findings.problem(value, f"initial_value: {fault}")
-                return None
-            return float(text)
-    return None
+    state = element.find("state_interface[@name='position']")
+    if state is None:
+        return None
+    start = _number(state, "initial_value", math.nan, findings.problem)
+    lower, upper = joint.range
+    if start < lower - _ROUNDING or start > upper + _ROUNDING:
+        text = f"initial_value {start:g} is beyond the joint's limits, {lower:g} to {upper:g}"
+        findings.problem(element, text)
+        return None
+    return None if math.isnan(start) else start
+
+
+def _number(
+    interface: Element,
+    name: str,
+    default: float,
+    report: Callable[[Element, str], None],
+) -> float:
+    """Return the number in a <param> of an interface, or else the default."""
+    parameter = interface.find(f"param[@name='{name}']")
+    if parameter is None:
+        return default
+    text = (parameter.text or "").strip()
+    if fault := number_fault(text):
+        report(parameter, f"{name}: {fault}")
+        return default
+    return float(text)
+
+
+def sideways_drive(findings: Findings) -> str:
+    """Return where a Gazebo plugin drives the robot sideways, too, and its name; "" if none does.
+
+    Gazebo moves the base of such a robot as a whole, so its wheels may look like any others.
+    """
+    for plugin in findings.document.root.iterfind("gazebo/plugin"):
+        name = plugin.get("filename", "")
+        if _SIDEWAYS.search(f"{name} {plugin.get('name', '')}"):
+            return f"{findings.where(plugin)}: plugin {name}"
+    return ""

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from onebot_description.elements.sensor import Sensor
@@ -173,6 +174,10 @@ class JointInterfaces(NamedTuple):
 
     commands: tuple[str, ...]  # command interfaces, such as "position"; empty: it is not driven
     start: float | None = None  # initial_value of its position, rad or m
+    # Least and greatest command by command interface, rad, m or per second; infinite: no limit.
+    limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    mimics: bool = True  # whether it follows the joint that its <mimic> names
+    faults: tuple[str, ...] = ()  # what is wrong; ros2_control would not start with it
 
 
 @dataclass(frozen=True)
@@ -197,6 +202,8 @@ class Description:
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
     # From <ros2_control>, by joint.
     interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)
+    # File and line, and name, of a Gazebo plugin that drives it sideways, too; "" for none.
+    sideways_drive: str = ""
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -542,16 +542,12 @@ def test_files_are_checked_before_anything_starts(
 
 
 OF_JOINTS = JOINTS.replace("/**", "joint_state_publisher")
-OF_CONTROL = "velocity_controller: {ros__parameters: {linear.x.max_velocity: 0.15}}"
 
 
 @pytest.mark.parametrize(
     ("text", "words", "spaces"),
     [
         (OF_JOINTS, "joints:=file.yaml sim:=false", ["r1"]),
-        (OF_CONTROL, "params_file:=file.yaml", ["r1"]),
-        (OF_CONTROL, "params_file:=file.yaml robots:=2", ["**"]),
-        (OF_CONTROL, "robots:=fleet.yaml", ["r1/a"]),
     ],
 )
 def test_parameters_for_no_node_are_refused(
@@ -559,7 +555,6 @@ def test_parameters_for_no_node_are_refused(
 ) -> None:
     """A limit would be none; the error has the sections that would do."""
     Path("file.yaml").write_text(text)
-    Path("fleet.yaml").write_text("robots: {a: {x: 0.0, y: 0.0, params_file: file.yaml}}\n")
     said = refused(driven, *words.split(), "namespace:=r1")
     node = text.partition(":")[0]
     assert f'file.yaml: section "/{node}" is for none of the nodes; write ' in said

@@ -120,6 +120,49 @@ def test_namespace_and_params_file(peer, tmp_path):
         wait_for(lambda: not left.exists(), "the removal of a killed process's shared memory")
 
 
+NAMED = """\
+/**:
+  controller_manager:
+    ros__parameters:
+      imu_broadcaster: {type: imu_sensor_broadcaster/IMUSensorBroadcaster}
+      base: {type: diff_drive_controller/DiffDriveController}
+  base:
+    ros__parameters: {use_stamped_vel: false, publish_cmd: true, base_frame_id: base_link}
+driver:
+  ros__parameters: {rate: 3}
+"""
+
+
+def test_the_control_file_names_the_drive(peer, tmp_path):
+    """Its node and topics have that name for all nodes; what is skipped is a line each."""
+    file = tmp_path / "control.yaml"
+    file.write_text(NAMED)
+    words = [f"params_file:={file}", "viewer:=none", f"record:={tmp_path / 'run'}"]
+    with NodeProcess(MODULE, *words) as node:
+        odom = peer.hear(Odometry, "/base/odom")
+        publisher = peer.publisher(Twist, "/base/cmd_vel", subscribers=1)
+        wait_for(lambda: odom, "the odometry")
+        command = Twist()
+        command.linear.x = 0.3
+
+        def has_moved():
+            publisher.publish(command)
+            return _position(odom[-1])[0] > 0.05
+
+        wait_for(has_moved, "a motion")
+        command.linear.y = float("nan")
+        ignored = "~/cmd_vel is ignored: not finite: linear.y nan"
+        wait_for(lambda: publisher.publish(command) or ignored in node.output, "a warning")
+        wait_for(lambda: peer.node.count_subscribers("/base/odom") > 1, "the recorder")
+        assert "a Twist on /base/cmd_vel" in node.output
+        for text in (
+            f"{file}:4: imu_broadcaster: imu_sensor_broadcaster/IMUSensorBroadcaster does not run",
+            f"{file}:7: publish_cmd: no such parameter (did you mean ",
+            f'{file}:9: section "/driver" is for none of the nodes, so it is skipped',
+        ):
+            assert node.output.count(text) == 1
+
+
 def test_steer_serves_the_page_with_the_view(peer):
     """One address is named, of the page that holds the view, when both are there.
 

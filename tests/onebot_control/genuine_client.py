@@ -41,6 +41,7 @@ from tests.support import wait_for
 
 FollowJointTrajectory = control_msgs.action.FollowJointTrajectory
 ParallelGripperCommand = control_msgs.action.ParallelGripperCommand
+GripperCommand = control_msgs.action.GripperCommand
 JointTolerance = control_msgs.msg.JointTolerance
 ControllerState = control_msgs.msg.JointTrajectoryControllerState
 
@@ -210,3 +211,28 @@ def test_the_gripper_closes(arm: Arm) -> None:
         assert -1e-6 <= state.position[0] <= 0.05
         assert len(state.velocity) == len(state.effort) == 1
     assert ended.result.state.position[0] < 0.01
+
+
+def test_a_gripper_of_the_older_kind_moves(arm: Arm) -> None:
+    """Its messages have one position and one effort; an impossible effort is refused."""
+    client = ActionClient(arm.peer.node, GripperCommand, "/older_gripper/gripper_cmd")
+    wait_for(client.server_is_ready, "the gripper")
+    feedback: list[Any] = []
+
+    def grip(effort: float) -> Any:
+        goal = GripperCommand.Goal()
+        goal.command.position, goal.command.max_effort = 0.3, effort
+        return answered(
+            arm.peer,
+            lambda: client.send_goal_async(goal, lambda each: feedback.append(each.feedback)),
+            "the goal to be answered",
+        )
+
+    assert not grip(-1.0).accepted
+    handle = grip(15.0)
+    assert handle.accepted
+    ended = answered(arm.peer, handle.get_result_async, "the goal to end")
+    assert flags(ended) == (SUCCEEDED, True, False)
+    assert ended.result.position == pytest.approx(0.3, abs=0.01)
+    for state in (*feedback, ended.result):
+        assert -1e-6 <= state.position <= 0.3 and abs(state.effort) <= 20.0

@@ -491,8 +491,10 @@ def test_each_of_several_robots_stands_on_its_own_held_joints() -> None:
     """Of one description, with legs that are held at other lengths."""
     legs = {"low": 0.1, "high": 0.3}
     foot = joint("leg", "base_link", "foot", "prismatic", "0 0 -1", limits='lower="0" upper="1"')
-    parts = [link("base_link", 1.0), link("foot", 1.0, shape=box("0.2 0.2 0.2")), foot]
-    text = f'<robot name="arm">{"".join(parts)}{interfaces("leg", "velocity")}</robot>'
+    turret = link("turret", 1.0) + joint("turn", "base_link", "turret", axis="0 0 1")
+    parts = [link("base_link", 1.0), link("foot", 1.0, shape=box("0.2 0.2 0.2")), foot, turret]
+    listed = interfaces("leg", "velocity") + interfaces("turn", "position")
+    text = f'<robot name="arm">{"".join(parts)}{listed}</robot>'
     setups = {
         name: RobotSetup(x=2.0 * row, parameters={"initial_positions.leg": length})
         for row, (name, length) in enumerate(legs.items())

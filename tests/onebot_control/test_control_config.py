@@ -6,13 +6,11 @@ import pytest
 
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.parameters import ControlConfig
-from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.drive.wheels.geometry import WheelGeometry
 from onebot_description.ros.parameters.reader import ConfigError, defaults, leaves
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)
-REMEDIES = SpeedLimits.REMEDIES
 NEGATIVE = ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")
 
 
@@ -91,8 +89,9 @@ def test_the_multipliers_scale_the_geometry() -> None:
             "publish_rate: 10000.1 is above 10000",
         ),
         ({"wheel_seperation": 0.3}, 'did you mean "wheel_separation"?'),
-        ({"use_stamped_vel": False}, "no longer a parameter; leave it out"),
-        ({"linear__x__has_velocity_limits": True}, "leave it out, and write max_velocity: .nan"),
+        ({"use_stamped_vel": 3}, "use_stamped_vel: 3 is a number; write true or false"),
+        ({"linear__x__has_velocity_limits": 1}, "has_velocity_limits: 1 is a number; write true"),
+        ({"linear__x__min_acceleration": 1.0}, "min_acceleration: 1 is above 0"),
     ],
 )
 def test_wrong_values(values: dict[str, Any], said: str) -> None:

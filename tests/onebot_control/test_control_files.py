@@ -12,6 +12,8 @@ from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
     default_control_file,
+    drive_name,
+    foreign_sections,
     read_control_files,
     read_joint_controllers,
     unknown_by_node,
@@ -26,7 +28,7 @@ from onebot_control.joint_controllers import (
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_description.errors import OneBotError
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.files import Parameters
+from onebot_description.ros.parameters.files import Parameters, read_sections
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args
 
@@ -95,18 +97,16 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("wheel_radius: 0.1", "wheel_raduis: 0.1", ":13: wheel_raduis: no such parameter (did you"),
         ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a string'),
-        ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
-        ("joints: [", "joint: [", ':8: joint: no such parameter (did you mean "joints"?'),
         (
             "diff_drive_controller/DiffDriveController",
             "mecanum_drive_controller/MecanumDriveController",
-            ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController is not",
+            ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController cannot",
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
-        ("update_rate: 200", "use_stamped_vel: true", ":3: use_stamped_vel: no such parameter"),
+        ("update_rate: 200", "handle_exceptions: 3", ":3: handle_exceptions: 3 is a number"),
+        ("wheel_radius: 0.1", "use_stamped_vel: 3", ":13: use_stamped_vel: 3 is a number"),
         ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
     ],
 )
@@ -114,6 +114,26 @@ def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, s
     text = complaint(file, old, new)
     assert text.startswith(str(file))
     assert said in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("wheel_radius: 0.1", "wheel_raduis: 0.1", ":13: wheel_raduis: no such parameter (did you"),
+        ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
+        ("joints: [", "joint: [", ':8: joint: no such parameter (did you mean "joints"?'),
+        ("update_rate: 200", "overruns: {manag: 1}", ":3: overruns.manag: no such parameter (did"),
+    ],
+)
+def test_unknown_parameters_are_ignored_with_a_warning(
+    file: Path, old: str, new: str, said: str
+) -> None:
+    assert old in GOOD
+    file.write_text(GOOD.replace(old, new))
+    read_parameters = read_control_files([file], "/", "velocity_controller")
+    [warning] = read_parameters.warnings
+    assert warning.startswith(f"{file}{said}") and warning.endswith("; it is ignored")
+    assert not {new.partition(":")[0], "overruns.manag"} & read_parameters.values.keys()
 
 
 def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:
@@ -186,17 +206,22 @@ def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: s
     assert len(read_joint_controllers([file], "/").controllers) == 3
 
 
-def test_the_controller_may_have_another_name(file: Path) -> None:
-    file.write_text(GOOD.replace("velocity_controller", "other"))
-    parameters = read_control_files([file], "/", "other")
+def test_the_drive_may_have_another_name(file: Path) -> None:
+    """The first one counts; of a robot that stands, none."""
+    file.write_text(GOOD.replace("velocity_controller", "base"))
+    assert drive_name([file]) == "base"
+    parameters = read_control_files([file], "/", "base")
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
-    with pytest.raises(
-        OneBotError, match=r":4: other\.type: diff_drive.* named \"velocity_controller\" runs"
-    ):
-        read_control_files([file], "/", "velocity_controller")
-    file.write_text(GOOD.replace("update_rate: 200", "enforce_command_limits: true"))
-    with pytest.raises(OneBotError, match=r":4: vel.*Controller is not .*GripperActionController$"):
-        read_control_files([file], "/", MANAGER)
+    assert parameters.warnings == [] == read_joint_controllers([file], "/", "base").warnings
+    [skipped] = read_joint_controllers([file], "/", MANAGER).warnings
+    assert skipped.startswith(
+        f"{file}:4: base: is a further diff_drive_controller, or the robot st"
+    )
+    kind = "diff_drive_controller/DiffDriveController"
+    file.write_text(f"base: {{ros__parameters: {{type: {kind}, wheel_radius: 1.0}}}}")
+    assert drive_name([file]) == "base"
+    assert read_control_files([file], "/", "base").values == {"wheel_radius": 1.0}
+    assert drive_name([]) == "velocity_controller"
 
 
 def _set(**values: Any) -> list[Parameter]:
@@ -297,7 +322,8 @@ hand:
 
 def test_a_file_names_controllers_of_several_kinds(file: Path) -> None:
     file.write_text(JOINTS)
-    controllers, places = read_joint_controllers([file], "/")
+    controllers, places, warnings = read_joint_controllers([file], "/")
+    assert not warnings
     assert [(type(each), each.name, each.joints) for each in controllers] == [
         (TrajectoryController, "arm", ("elbow",)),
         (ForwardController, "head", ("pan", "tilt")),
@@ -318,7 +344,7 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
     section = "joint_trajectory_controller: {ros__parameters: {joints: [elbow]}}\n"
     for text, joints in ((GOOD, ()), (GOOD + section, ("elbow",))):
         file.write_text(text)
-        [controller], _ = read_joint_controllers([file], "/")
+        [controller], *_ = read_joint_controllers([file], "/")
         assert (type(controller), controller.joints) == (TrajectoryController, joints)
         assert controller.name == "joint_trajectory_controller"
 
@@ -326,21 +352,15 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("    joint: finger\n", "", "hand.joint: is missing, the joint it moves"),
         (
             "stall_timeout: 0.5",
             "stall_timeout: -0.5",
             "{file}:17: hand.stall_timeout: -0.5 is below 0; write a number from 0",
         ),
         (
-            "stall_timeout: 0.5",
-            "stal_timeout: 0.5",
-            '{file}:17: stal_timeout: no such parameter (did you mean "stall_timeout"?',
-        ),
-        (
-            "joints: [yaw]",
-            "joints: []",
-            "neck.joints: is missing, the joints it moves, in the order of the values",
+            "constraints.elbow.goal: 0.1",
+            "command_interfaces: [positon]",
+            '{file}:9: arm.command_interfaces: no "positon" (did you mean "position"?',
         ),
     ],
 )
@@ -350,6 +370,125 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
     with pytest.raises(ConfigError) as caught:
         read_joint_controllers([file], "/")
     assert str(caught.value).startswith(text.format(file=file))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "left", "said"),
+    [
+        (
+            "stall_timeout: 0.5",
+            "stal_timeout: 0.5",
+            "arm head neck hand",
+            '17: stal_timeout: no such parameter (did you mean "stall_timeout"? known: ',
+        ),
+        (
+            "    joint: finger\n",
+            "",
+            "arm head neck",
+            "6: hand: has no parameter joint, so it is skipped",
+        ),
+        (
+            "joints: [yaw]",
+            "joints: []",
+            "arm head hand",
+            "5: neck: has no parameter joints, so it is skipped",
+        ),
+        (
+            "interface_name: position",
+            "interface_name: effort",
+            "arm neck hand",
+            "4: head: commands effort, which cannot be simulated yet, so it is skipped",
+        ),
+        (
+            "constraints.elbow.goal: 0.1",
+            "command_interfaces: [velocity]",
+            "head neck hand",
+            "3: arm: commands velocity, which cannot be simulated yet, so it is skipped",
+        ),
+        (
+            "position_controllers/JointGroupPositionController",
+            "effort_controllers/JointGroupEffortController",
+            "arm head hand",
+            "5: neck: effort_controllers/JointGroupEffortController does not run here, so it is sk",
+        ),
+        (
+            "position_controllers/JointGroupPositionController",
+            "position_controller/JointGroupPositionController",
+            "arm head hand",
+            "5: neck: position_controller/JointGroupPositionController does not run here (did you "
+            "mean position_controllers/JointGroupPositionController?), so it is skipped",
+        ),
+    ],
+)
+def test_what_does_not_run_is_skipped_with_a_warning(
+    file: Path, old: str, new: str, left: str, said: str
+) -> None:
+    assert JOINTS.count(old) == 1
+    file.write_text(JOINTS.replace(old, new))
+    controllers, _, warnings = read_joint_controllers([file], "/")
+    assert [controller.name for controller in controllers] == left.split()
+    [warning] = warnings
+    assert warning.startswith(f"{file}:{said}")
+
+
+def test_where_nothing_runs_trajectories_are_followed(file: Path) -> None:
+    file.write_text(JOINTS.replace("elbow", "a").replace("_controller", "_other"))
+    controllers, _, warnings = read_joint_controllers([file], "/")
+    assert [controller.name for controller in controllers] == ["joint_trajectory_controller"]
+    assert len(warnings) == 4
+
+
+def test_a_type_may_be_in_the_controllers_own_section(file: Path) -> None:
+    """In any of the ways that a section names a node; those of other namespaces are not its own."""
+    kind = "type: joint_trajectory_controller/JointTrajectoryController, joints: [a]"
+    file.write_text(
+        "".join(
+            f"{section}: {{ros__parameters: {{{kind}}}}}\n"
+            for section in ("arm", "/**/boom", "/robot1/crane", "/robot2/other")
+        )
+    )
+    for namespace, names in (("/", "arm boom"), ("/robot1", "boom crane")):
+        controllers, _, warnings = read_joint_controllers([file], namespace)
+        assert " ".join(controller.name for controller in controllers) == names
+        assert not warnings
+    foreign = foreign_sections([file], "/robot1", MANAGER)
+    assert [section for _, section in foreign] == ["/arm", "/robot2/other"]
+    [text, _] = foreign.values()
+    assert text.startswith(f'{file}:1: section "/arm" is for none of the nodes, so it is skipped (')
+
+
+def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> None:
+    other = tmp_path / "arm.yaml"
+    other.write_text("arm: {ros__parameters: {joints: [a]}}")
+    kind = "type: joint_trajectory_controller/JointTrajectoryController"
+    more = "fallback_controllers: [x], node_options_args: [y]"
+    manager = f"arm: {{{kind}, params_file: {other}, {more}}}"
+    file.write_text(f"controller_manager: {{ros__parameters: {{{manager}, cpu_affinity: 3}}}}")
+    [controller], places, warnings = read_joint_controllers([file], "/")
+    assert (controller.joints, places, warnings) == (
+        ("a",),
+        {"arm.joints": f"{other}:1", "arm": f"{file}:1"},
+        [],
+    )
+
+
+def test_maps_in_lists_are_read_as_rcl_does(file: Path) -> None:
+    """As gpio_controllers has them; they are another controller's here."""
+    file.write_text("gpio: {ros__parameters: {command_interfaces: {a: [{interfaces: [b, c]}]}}}\n")
+    [(_, parameters)] = read_sections(file.read_text(), "f").items()
+    assert parameters.values == {"command_interfaces.a.interfaces": ["b", "c"]}
+    assert len(foreign_sections([file], "/", MANAGER)) == 1
+
+
+@pytest.mark.parametrize("enforced", [True, False])
+def test_the_managers_limits_are_the_controllers_default(file: Path, enforced: bool) -> None:
+    manager = f"  ros__parameters:\n    enforce_command_limits: {str(enforced).lower()}\n"
+    file.write_text(JOINTS.replace("  ros__parameters:\n", manager, 1))
+    arm = read_joint_controllers([file], "/").controllers[0]
+    assert (arm.config.enforce_command_limits, arm.enforces_limits) == (enforced, enforced)
+    own = JOINTS.replace("joints: [elbow]", "joints: [elbow], enforce_command_limits: true")
+    file.write_text(own.replace("  ros__parameters:\n", manager, 1))
+    assert read_joint_controllers([file], "/").controllers[0].config.enforce_command_limits
 
 
 def test_the_nodes_that_a_file_is_for(file: Path) -> None:

@@ -62,17 +62,33 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
         alone(robot(), config(**wrong))
 
 
-@pytest.mark.parametrize(
-    ("joint", "said"),
-    [
-        ("left_wheel_joint", '"left_wheel_joint" is a joint of the wheels, too; each has one'),
-        ("caster_joint", 'joint "caster_joint" does not move'),
-    ],
-)
-def test_what_controllers_of_joints_cannot_have_is_refused(joint: str, said: str) -> None:
-    controllers = [TrajectoryController("arm", {"joints": [joint]})]
-    with pytest.raises(OneBotError, match=said):
-        PreparedRobot.from_description(robot(), config(), "", controllers)
+def ignored_of(*joints: str) -> list[str]:
+    """What is said of controllers of these joints, one joint each."""
+    controllers = [
+        TrajectoryController(f"arm{row}", {"joints": [joint]}) for row, joint in enumerate(joints)
+    ]
+    prepared = PreparedRobot.from_description(robot(), config(), "", controllers)
+    assert len(prepared.controllers) == len(joints) - len(prepared.ignored)
+    return [problem.message() for problem in prepared.ignored]
+
+
+def test_controllers_that_cannot_run_are_inactive() -> None:
+    """If their joints have another controller, or the robot has no such joints."""
+    wheel = "left_wheel_joint"
+    moved = f"is inactive: the controller of the wheels, which comes first, moves {wheel}"
+    assert ignored_of(wheel) == [f"arm0: {moved}"]
+    none = "is inactive: no joint of the robot is finger"
+    assert ignored_of("finger", wheel) == [f"arm0: {none}", f"arm1: {moved}"]
+
+
+def test_a_controller_of_no_joint_is_refused() -> None:
+    """If it is the only one, or has some other joints: then a name is misspelt."""
+    with pytest.raises(OneBotError, match='arm0.joints: joint "caster_joint" does not move'):
+        ignored_of("caster_joint")
+    wrong = TrajectoryController("arm", {"joints": ["left_wheel_joint", "left_wheel_joynt"]})
+    other = TrajectoryController("other", {"joints": ["finger"]})
+    with pytest.raises(OneBotError, match='arm.joints: joint "left_wheel_joynt" .*did you mean'):
+        PreparedRobot.from_description(robot(), config(), "", [wrong, other])
 
 
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:

@@ -18,6 +18,8 @@ from onebot_control.frame_names import namespace_prefix, prefixed
         (True, "/test_prefix/", "/", "test_prefix/odom"),
         (True, "/", "/test_namespace", "odom"),
         (True, "", "/a/b", "a/b/odom"),
+        (True, "~", "/a/b", "a/b/odom"),
+        (True, "~", "/", "odom"),
         (True, "/", "/", "odom"),
         (True, "a", "/a", "a/odom"),
         (True, "//a//", "/", "/a//odom"),

@@ -26,6 +26,10 @@ from tests.ros_support import NodeProcess, Peer
 from tests.support import require, require_program, skip_for, wait_for
 
 PACKAGE = "control_msgs"
+OLDER_GRIPPER = """\
+older_gripper:
+  ros__parameters: {type: position_controllers/GripperActionController, joint: pan}
+"""
 CHECKOUT = Path(__file__).resolve().parents[2]
 
 
@@ -85,7 +89,7 @@ def test_a_genuine_client_moves_the_robot(ros_domain: int, tmp_path: Path) -> No
 
     robot, control = tmp_path / "arm.urdf", tmp_path / "control.yaml"
     robot.write_text(ROBOT.urdf)
-    control.write_text(CONTROL)
+    control.write_text(CONTROL.replace("[tilt, pan]", "[tilt]") + OLDER_GRIPPER)
     given = ["--params-file", str(control), "-p", "use_sim_time:=true"]
     with NodeProcess(MODULE, str(robot), "--ros-args", *given) as node:
         run(

@@ -12,7 +12,7 @@ from onebot_control.trajectories.following import (
     Outcome,
 )
 from onebot_control.trajectories.goal import FollowedJoint
-from onebot_control.trajectories.gripping import GripperConfig, GripperFollower
+from onebot_control.trajectories.gripping import GripperConfig, GripperFollower, GripperGoal
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.ros.parameters.reader import read
 
@@ -69,7 +69,7 @@ class Finger:
 def closing(**values: Any) -> Finger:
     """A finger that has been told to close."""
     finger = Finger(**values)
-    finger.gripper.start(0.0, "mine")
+    finger.gripper.start(GripperGoal((0.0,)), "mine")
     return finger
 
 
@@ -83,7 +83,7 @@ def test_it_holds_without_a_goal() -> None:
 def test_it_closes_on_nothing() -> None:
     """The goal is reached in the first cycle in which the error is below the tolerance."""
     finger = Finger(goal_tolerance=0.0095)
-    assert finger.gripper.start(0.0, "mine") is None
+    assert finger.gripper.start(GripperGoal((0.0,)), "mine") is None
     assert finger.gripper.active == "mine" and finger.flags == (False, False)
     outcome = finger.outcome()
     assert outcome[:3] == ("mine", SUCCESSFUL, REACHED)
@@ -126,22 +126,22 @@ def test_one_that_moves_slowly_does_not_stall() -> None:
     """Faster than the threshold it takes its time, slower it stalls."""
     finger = Finger(stall_velocity_threshold=0.001)
     finger.speed = 0.0011
-    finger.gripper.start(OPEN - 0.012, "mine")
+    finger.gripper.start(GripperGoal((OPEN - 0.012,)), "mine")
     assert finger.outcome().text == REACHED
     finger = Finger(stall_velocity_threshold=0.001)
     finger.speed = 0.0009
-    finger.gripper.start(OPEN - 0.012, "mine")
+    finger.gripper.start(GripperGoal((OPEN - 0.012,)), "mine")
     assert finger.outcome().text == STALLED
 
 
 def test_a_rest_on_the_way_counts_anew() -> None:
     """Rests of 0.75 s and 0.9 s are no stall, and a new goal has a second of its own."""
     finger = Finger(stop=0.03)
-    finger.gripper.start(0.0, "first")
+    finger.gripper.start(GripperGoal((0.0,)), "first")
     for stop in (0.025, 0.02):
         assert [finger.cycle() for _ in range(95)] == [[]] * 95
         finger.stop = stop
-    preempted = finger.gripper.start(0.0, "second")
+    preempted = finger.gripper.start(GripperGoal((0.0,)), "second")
     assert preempted == Outcome(
         "first", INVALID_GOAL, "Current goal preempted by new incoming action."
     )
@@ -168,7 +168,7 @@ def test_an_abort_holds_it() -> None:
     assert finger.gripper.abort("locked") == Outcome("mine", INVALID_GOAL, "locked")
     finger.cycle()
     assert finger.commanded == finger.position == pytest.approx(0.04)
-    finger.gripper.start(0.0, "again")
+    finger.gripper.start(GripperGoal((0.0,)), "again")
     finger.outcome()
     assert finger.gripper.abort("locked") is None
     finger.cycle()
@@ -178,7 +178,7 @@ def test_an_abort_holds_it() -> None:
 def test_a_reset_ends_a_goal() -> None:
     finger = Finger()
     assert finger.gripper.reset([0.03]) is None
-    finger.gripper.start(0.0, "mine")
+    finger.gripper.start(GripperGoal((0.0,)), "mine")
     text = "Current goal cancelled by a reset."
     assert finger.gripper.reset([0.03]) == Outcome("mine", INVALID_GOAL, text)
     assert finger.cycle() == [] and finger.commanded == 0.03

@@ -391,6 +391,16 @@ def test_tolerances_are_set_while_it_runs(arm: SteppedArm) -> None:
     assert arm.set_parameter(CONTROLLER, "constraints.goal_time", 0.0).successful
 
 
+def test_gains_can_be_set(arm: SteppedArm) -> None:
+    """They are checked, and have no effect on a motion by positions."""
+    for name, value in (("p", 100.0), ("i_clamp_max", math.inf), ("antiwindup_strategy", "none")):
+        assert arm.set_parameter(CONTROLLER, f"gains.{JOINT}.{name}", value).successful
+    refused = arm.set_parameter(CONTROLLER, f"gains.{JOINT}.p", "much")
+    assert not refused.successful and f'gains.{JOINT}.p: "much" is a string' in refused.reason
+    assert arm.ending(arm.send(goal(point(1.0, 0.2)))) == SUCCESS
+    assert arm.position == pytest.approx(0.2, abs=1e-3)
+
+
 def test_a_wrong_parameter_is_refused(arm: SteppedArm) -> None:
     """With the reason; its value stays."""
     own = f"constraints.{JOINT}.goal"

@@ -46,6 +46,7 @@ from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 ParallelGripperCommand = load_interface("control_msgs/action/ParallelGripperCommand")
+GripperCommand = load_interface("control_msgs/action/GripperCommand")
 # The finger, 2 cm wide, meets it at 0.02 m.
 BOX = arm(
     link("box", shape=box("0.1 0.1 0.1")), joint("place", "world", "box", "fixed", xyz="1 -0.04 1")
@@ -55,14 +56,14 @@ BOX = arm(
 class Client(ArmClient):
     """Moves the arm, the gripper and the head."""
 
-    def __init__(self) -> None:
+    def __init__(self, gripper: Any = ParallelGripperCommand) -> None:
         super().__init__("/arm_controller")
-        self.gripper = ActionClient(self, ParallelGripperCommand, "gripper_controller/gripper_cmd")
+        self.gripper = ActionClient(self, gripper, "gripper_controller/gripper_cmd")
         self.commands = self.create_publisher(Float64MultiArray, "head_controller/commands", 10)
 
-    def grip(self, *positions: float) -> Any:
+    def grip(self, *positions: float, **limits: list[float]) -> Any:
         """Send a goal to the gripper; the future of its handle."""
-        command = JointState(name=["finger"], position=positions)
+        command = JointState(name=["finger"], position=positions, **limits)
         return self.gripper.send_goal_async(
             ParallelGripperCommand.Goal(command=command),
             lambda each: self.feedback.append(each.feedback),
@@ -74,19 +75,19 @@ class Stepped(SteppedArm):
 
     client: Client
 
-    def __init__(self, ros: Lockstep[Simulation]) -> None:
-        super().__init__(ros, Client())
+    def __init__(self, ros: Lockstep[Simulation], gripper: Any) -> None:
+        super().__init__(ros, Client(gripper))
         assert self.client.gripper.wait_for_server(10.0)
 
-    def grip(self, position: float) -> Any:
+    def grip(self, position: float, **limits: list[float]) -> Any:
         """The handle of an accepted goal of the gripper."""
-        handle = self.awaited(self.client.grip(position))
+        handle = self.awaited(self.client.grip(position, **limits))
         assert handle.accepted
         return handle
 
-    def gripped(self, position: float) -> Any:
+    def gripped(self, position: float, **limits: list[float]) -> Any:
         """How a goal of the gripper ends: its status, and its result."""
-        return self.awaited(self.grip(position).get_result_async())
+        return self.awaited(self.grip(position, **limits).get_result_async())
 
     def command(self, *positions: float, seconds: float = 0.05) -> None:
         """Command the head, tilt and pan, and let some time pass."""
@@ -109,10 +110,15 @@ class Stepped(SteppedArm):
 
 
 @contextmanager
-def started(folder: Path, world: Description | str = "") -> Iterator[Stepped]:
+def started(
+    folder: Path,
+    world: Description | str = "",
+    control: str = CONTROL,
+    gripper: Any = ParallelGripperCommand,
+) -> Iterator[Stepped]:
     """The robot with the controllers of the control file; all that they ignore is logged."""
     file = folder / "control.yaml"
-    file.write_text(CONTROL)
+    file.write_text(control)
     controllers = read_joint_controllers([file], "/").controllers
     member = simulation_module._member
     start = {"initial_positions.finger": OPEN}
@@ -125,7 +131,7 @@ def started(folder: Path, world: Description | str = "") -> Iterator[Stepped]:
         )
         with Simulation(ROBOT, world=world, parameters=start) as simulation:
             with simulation.ros(domain) as ros:
-                yield Stepped(ros)
+                yield Stepped(ros, gripper)
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +177,71 @@ def test_a_gripper_stalls_at_a_box(tmp_path: Path, capfd: pytest.CaptureFixture[
         for text in (stalled, allowed):
             pattern = r"Stalled on the way to the goal: finger: position 0\.0\d+, goal 0"
             assert re.fullmatch(pattern, text), text
+
+
+def test_a_gripper_presses_as_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """With the goal's effort, or the parameter's, or its motor's; likewise with velocities."""
+    control = CONTROL.replace(
+        "    joint: finger\n", "    joint: finger\n    allow_stalling: true\n"
+    )
+    with started(tmp_path, BOX, control) as robot:
+
+        def pressed(**limits: list[float]) -> float:
+            assert flags(robot.gripped(0.0, **limits)) == (SUCCEEDED, False, True)
+            return float(robot.state("finger").effort)
+
+        assert pressed(effort=[5.0]) == pytest.approx(-5.0, rel=0.01)
+        assert pressed() == pytest.approx(-EFFORT, rel=0.01)
+        assert robot.set_parameter("gripper_controller", "max_effort", 8.0).successful
+        assert pressed() == pytest.approx(-8.0, rel=0.01)
+        assert pressed(effort=[1e6]) == pytest.approx(-EFFORT, rel=0.01)
+        robot.client.feedback.clear()
+        robot.gripped(OPEN, velocity=[0.02])
+        speeds = [each.state.velocity[0] for each in robot.client.feedback]
+        assert max(speeds) == pytest.approx(0.02, rel=1e-3)
+        robot.client.feedback.clear()
+        assert robot.set_parameter("gripper_controller", "max_velocity", 0.05).successful
+        pressed()
+        speeds = [each.state.velocity[0] for each in robot.client.feedback]
+        assert min(speeds) == pytest.approx(-0.05, rel=1e-3)
+        capfd.readouterr()
+        for limits in ({"effort": [-1.0]}, {"velocity": [math.nan]}):
+            assert not robot.awaited(robot.client.grip(0.0, **limits)).accepted
+        texts = [text for _, text in logged(capfd, "gripper_controller")]
+        assert texts == [
+            "goal rejected: command.effort: -1 is not a number from 0 to 1e+60",
+            "goal rejected: command.velocity: nan is not a number from 0 to 1e+60",
+        ]
+
+
+def test_a_gripper_of_the_older_kind(tmp_path: Path) -> None:
+    """Its action is control_msgs/action/GripperCommand, with one effort."""
+    older = "position_controllers/GripperActionController"
+    control = CONTROL.replace("parallel_gripper_action_controller/GripperActionController", older)
+    with started(tmp_path, BOX, control, GripperCommand) as robot:
+        feedback: list[Any] = []
+
+        def gripped(position: float, effort: float) -> Any:
+            goal = GripperCommand.Goal()
+            goal.command.position, goal.command.max_effort = position, effort
+            handle = robot.awaited(
+                robot.client.gripper.send_goal_async(
+                    goal, lambda each: feedback.append(each.feedback)
+                )
+            )
+            return robot.awaited(handle.get_result_async()) if handle.accepted else None
+
+        assert gripped(math.nan, 0.0) is None and gripped(0.0, -1.0) is None
+        ended = gripped(0.04, 0.0)
+        assert flags(ended) == (SUCCEEDED, True, False)
+        assert ended.result.position == pytest.approx(0.05, abs=0.01)
+        feedback.clear()
+        ended = gripped(0.0, 6.0)
+        assert flags(ended) == (ABORTED, False, True)
+        assert ended.result.position == pytest.approx(0.02, abs=1e-3)
+        assert ended.result.effort == pytest.approx(-6.0, rel=0.01)
+        assert len(feedback) > 10 and not any(each.stalled for each in feedback[:-1])
+        assert feedback[-1].position == pytest.approx(0.02, abs=1e-3)
 
 
 # The gripper ------------------------------------------------------------------------------------

@@ -11,7 +11,11 @@ from hypothesis import strategies as st
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.ros.parameters.reader import ConfigError, read
 
-NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
+OLDER = (
+    "min_acceleration",
+    *(f"has_{kind}_limits" for kind in "velocity acceleration jerk".split()),
+)
+NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits) if field.name not in OLDER)
 MAXIMA = ("max_velocity", "max_acceleration", "max_jerk")
 NEGATIVE = ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")
 
@@ -65,6 +69,20 @@ def test_limits_have_a_sign(name: str) -> None:
     with pytest.raises(ConfigError, match=f"{name}: {-sign:g} is .* 0; .* 0, or .nan for"):
         read(SpeedLimits, {name: -sign})
     read(SpeedLimits, {name: 0.0})
+
+
+def test_parameters_of_older_versions_count() -> None:
+    """A least acceleration is the deceleration, unless that is given; switches remove limits."""
+    older = SpeedLimits(max_acceleration=1.0, min_acceleration=-2.0)
+    assert older.max_deceleration == -2.0
+    assert run(older, [0.1] * 12 + [0.0] * 2)[-3:] == pytest.approx([0.1, 0.08, 0.06])
+    assert SpeedLimits(max_deceleration=-3.0, min_acceleration=-2.0).max_deceleration == -3.0
+    limits = dict.fromkeys(NAMES, 0.0)
+    for kind, count in (("velocity", 2), ("acceleration", 4), ("jerk", 2)):
+        switched = read(SpeedLimits, {**limits, f"has_{kind}_limits": False})
+        gone = [name for name in NAMES if math.isnan(getattr(switched, name))]
+        assert gone == [name for name in NAMES if kind[2:] in name]
+        assert len(gone) == count
 
 
 @pytest.mark.parametrize("minimum", [-0.5, -0.0, math.nan])

@@ -267,18 +267,23 @@ def problem(values: dict[str, Any]) -> str:
     return str(caught.value)
 
 
-_COMMANDED = "command_interfaces: only position, no other kind of command; write [position]"
-
-
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ({"command_interfaces": ["position", "velocity"]}, _COMMANDED),
-        ({"command_interfaces": ["effort"]}, _COMMANDED),
         (
-            {"constraints.elbo.goal": 0.1},
-            "constraints.elbo: no joint of the controller "
-            '(did you mean "elbow"? known: elbow, shoulder)',
+            {"command_interfaces": ["positon"]},
+            'command_interfaces: no "positon" (did you mean "position"? '
+            "known: acceleration, effort, position, velocity)",
+        ),
+        (
+            {"gains.elbow.p": "big"},
+            'gains.elbow.p: "big" is a string; write a number',
+        ),
+        (
+            {"gains.elbow.kp": 1.0},
+            'gains.elbow.kp: no such parameter (did you mean "p"? known: angle_wraparound, '
+            "antiwindup_strategy, d, error_deadband, ff_velocity_scale, i, i_clamp, i_clamp_max, "
+            "i_clamp_min, normalize_error, p, tracking_time_constant, and 2 more)",
         ),
         (
             {"constraints.elbow.goals": 0.1},

@@ -33,7 +33,9 @@ GENERATED = [name for kind in ("msg", "srv") for name in installed(kind) if name
 # an action or a service are of its messages, too: they are parts of its description.
 HASHES = {
     "control_msgs/action/FollowJointTrajectory": "738ebcb7a2d7cfa42f9f1001cc99ce3a",
+    "control_msgs/action/GripperCommand": "e17c0e644eccf14bea84a0a93e097718",
     "control_msgs/action/ParallelGripperCommand": "adfd3c1ebe8abc38ebcc0e454b6423d2",
+    "control_msgs/msg/GripperCommand": "57eb8f326c9889ca8bb34ead82cc94cc",
     "control_msgs/msg/JointComponentTolerance": "739ea7566931944d33830fa10f1bf5e7",
     "control_msgs/msg/JointTolerance": "c254f9cece0f3b733017b6990fd46d13",
     "control_msgs/msg/JointTrajectoryControllerState": "51d8dd89cc624cbe9daaeeb4d80d6de9",

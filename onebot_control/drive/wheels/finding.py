@@ -107,6 +107,9 @@ def find_wheels(
     if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
         reason = "by their names, its wheels are omnidirectional, with rollers around them"
         raise _not_driven(description, turning, f"it is no differential drive: {reason}")
+    if len(drive) > 2 and description.sideways_drive:
+        reason = "it drives sideways, too, by mecanum or omni wheels, which is not simulated yet"
+        raise _not_driven(description, turning, f"{reason} ({description.sideways_drive})")
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)

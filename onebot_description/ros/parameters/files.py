@@ -47,6 +47,7 @@ class Parameters:
     places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
     shared: set[str] = field(default_factory=set)  # names in a section for several nodes
     sections: list[str] = field(default_factory=list)  # node names that the files have
+    warnings: list[str] = field(default_factory=list)  # what is ignored, a line each
 
     def update(self, later: "Parameters") -> None:
         """Add the parameters of a later file, which override these."""
@@ -57,8 +58,14 @@ class Parameters:
 
     def drop_shared(self, unknown: Unknown) -> None:
         """Drop unknown parameters in sections for several nodes, which are for other nodes."""
-        for problem in unknown(self.shared):
-            del self.values[problem.key], self.places[problem.key]
+        for problem in unknown(sorted(self.shared)):
+            self.drop(problem.key)
+
+    def drop(self, name: str) -> None:
+        """Drop a parameter, if it is there."""
+        self.values.pop(name, None)
+        self.places.pop(name, None)
+        self.shared.discard(name)
 
 
 def read_parameters(text: str, name: str, node: str) -> Parameters:
@@ -143,12 +150,19 @@ class _YamlFile:
             lines[key.value] = key.start_mark.line + 1
         return list(node.value)
 
-    def entries(self, node: yaml.Node, prefix: str = "") -> Iterator[tuple[str, str, yaml.Node]]:
-        """Yield dotted name, place and value of each entry of a map and of the maps in it."""
+    def entries(
+        self, node: yaml.Node, prefix: str = "", *, merge: bool = False
+    ) -> Iterator[tuple[str, str, yaml.Node]]:
+        """Yield dotted name, place and value of each entry of a map and of the maps in it.
+
+        With ``merge``, the maps in a list are one map, as they are to rcl.
+        """
         for key, value in self.pairs(node):
             name = prefix + key.value
-            if isinstance(value, yaml.MappingNode) and value.value:
-                yield from self.entries(value, f"{name}.")
+            maps = value.value if merge and isinstance(value, yaml.SequenceNode) else [value]
+            if maps and all(isinstance(item, yaml.MappingNode) and item.value for item in maps):
+                for item in maps:
+                    yield from self.entries(item, f"{name}.", merge=merge)
             else:
                 yield name, f"{self._name}:{key.start_mark.line + 1}", value
 
@@ -163,7 +177,7 @@ class _YamlFile:
 
 def _section(file: _YamlFile, node: yaml.Node) -> Parameters:
     parameters = Parameters()
-    for name, place, value in file.entries(node):
+    for name, place, value in file.entries(node, merge=True):
         # rcl cannot infer the type of an empty list, and treats it as not given.
         if value.value or isinstance(value, yaml.ScalarNode):
             parameters.values[name] = _value(file, name, value)
@@ -254,16 +268,12 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
     return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
-def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown]) -> list[str]:
+def check_sections(file: Path, nodes: Sequence[str]) -> None:
     """Check the sections of a file that a bringup gives to some nodes.
 
     Args:
         file: its sections for one node are checked by that node.
         nodes: the full names of the nodes.
-        unknown: a function for each node that reports the names that it does not declare.
-
-    Returns:
-        A warning for each name that sections of several nodes have for none of these.
 
     Raises:
         ConfigError: sections are for none of the nodes, and would do nothing.
@@ -274,8 +284,17 @@ def check_sections(file: Path, nodes: Sequence[str], unknown: Iterable[Unknown])
         text = '{}: section "{}" is for none of the nodes; {}'
         texts = [text.format(file, section, _meant(section, nodes)) for section in idle]
         raise ConfigError([Problem("", text) for text in texts])
+
+
+def undeclared_warnings(file: Path, unknown: Iterable[Unknown]) -> list[str]:
+    """Return a warning for each name that sections of several nodes have for no node.
+
+    Args:
+        file: its sections for one node are checked by that node.
+        unknown: a function for each node that reports the names that it does not declare.
+    """
     warnings = []
-    for section, parameters in sections.items():
+    for section, parameters in read_sections(read_text(file), str(file)).items():
         names: set[str] = parameters.shared
         for report in unknown:
             names = {problem.key for problem in report(names)}

@@ -47,6 +47,7 @@ class Rule:
     pattern: re.Pattern[str] | None = None  # a string must match it
     write: str = ""  # what would be right, for errors, such as "a topic, such as /odom"
     nan: str = ""  # what NaN means, such as "no limit"; empty if the number must be finite
+    infinite: bool = False  # whether a number may be infinite
     read_only: bool = False  # it is read once, when the node starts
     keys: tuple[str, ...] = ()  # of a map: what its names are, such as "joint"
 
@@ -116,7 +117,7 @@ class ValueType:
         return value
 
     def _check_number(self, value: Any) -> None:
-        if self.rule.nan and math.isnan(value):
+        if (self.rule.nan and math.isnan(value)) or (self.rule.infinite and math.isinf(value)):
             return
         if self.base is float and not abs(value) <= LARGEST:
             beyond = f"beyond {LARGEST:g}" if math.isfinite(value) else "not finite"
