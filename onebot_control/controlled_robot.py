@@ -31,7 +31,7 @@ from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import OneBotError, unknown_names
 from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
@@ -93,13 +93,13 @@ class JointStateBroadcaster:
         joints = (*joints, *held)
         chosen = config.joints or joints
         problems = [
-            Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{did_you_mean(name, joints)}')
-            for name in chosen
-            if name not in joints
+            Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{hint}')
+            for name, hint in unknown_names(chosen, joints)
         ]
         if problems:
             raise ConfigError(problems)
-        extra = [name for name in config.extra_joints if name not in chosen]
+        known = {*chosen}
+        extra = [name for name in config.extra_joints if name not in known]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
         self._rows = [joints.index(name) for name in chosen]
@@ -232,12 +232,13 @@ def _check_claims(
     problems = []
     for controller in controllers:
         key = f"{controller.name}.{controller.joints_parameter}"
+        hints = dict(unknown_names(controlled[controller.name], moving))
         for joint in controlled[controller.name]:
             if joint in owners:
                 text = f'"{joint}" is a joint of {owners[joint]}, too; each has one controller'
                 problems.append(Problem(key, text))
-            elif joint not in moving:
-                text = f'joint "{joint}" does not move{did_you_mean(joint, moving)}'
+            elif joint in hints:
+                text = f'joint "{joint}" does not move{hints[joint]}'
                 problems.append(Problem(key, text))
             owners[joint] = controller.name
     if problems:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import unknown_names
 from onebot_description.ros.parameters.reader import (
     ConfigError,
     Problem,
@@ -106,7 +106,9 @@ class TrajectoryConfig:
     interpolate_from_desired_state: bool = parameter(
         False, "begin a trajectory at the last command, not at the measured motion", read_only=True
     )
-    allow_integration_in_goal_trajectories: bool = ignored(False, "each point needs positions")
+    allow_integration_in_goal_trajectories: bool = parameter(
+        False, "accept points with velocities or accelerations only, and integrate them"
+    )
     set_last_command_interface_value_as_state_on_activation: bool = parameter(
         True, "hold the last command when it starts again, not the measured position"
     )
@@ -187,9 +189,8 @@ def joint_constraints(
     constraint_values = {name: value for name, value in values.items() if _is_constraint(name)}
     constraints = read(JointParameters, constraint_values).constraints
     problems = [
-        Problem(_CONSTRAINTS + name, f"no joint of the controller{did_you_mean(name, joints)}")
-        for name in constraints
-        if name not in joints
+        Problem(_CONSTRAINTS + name, f"no joint of the controller{hint}")
+        for name, hint in unknown_names(constraints, joints)
     ]
     if problems:
         raise ConfigError(problems)
