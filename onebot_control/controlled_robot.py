@@ -39,7 +39,7 @@ from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.gripping import GripperFollower
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, listing, unknown_names
 from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 
@@ -101,13 +101,13 @@ class JointStateBroadcaster:
         joints = (*joints, *held)
         chosen = config.joints or joints
         problems = [
-            Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{did_you_mean(name, joints)}')
-            for name in chosen
-            if name not in joints
+            Problem(f"{BROADCASTER}.joints", f'no joint "{name}"{hint}')
+            for name, hint in unknown_names(chosen, joints)
         ]
         if problems:
             raise ConfigError(problems)
-        extra = [name for name in config.extra_joints if name not in chosen]
+        known = {*chosen}
+        extra = [name for name in config.extra_joints if name not in known]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
         self._rows = [joints.index(name) for name in chosen]
@@ -255,10 +255,9 @@ def _inactive(
         missing = [
             Problem(
                 f"{controller.name}.{controller.joints_parameter}",
-                f'joint "{joint}" does not move{did_you_mean(joint, moving)}',
+                f'joint "{joint}" does not move{hint}',
             )
-            for joint in own
-            if joint not in moving
+            for joint, hint in unknown_names(own, moving)
         ]
         taken = [joint for joint in own if joint in owners]
         if missing and (len(missing) < len(own) or len(controllers) == 1):

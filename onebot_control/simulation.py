@@ -456,7 +456,8 @@ class SimulatedRobot:
 
         They start in the next control cycle and follow a quintic polynomial that begins with their
         current velocity; another call replaces it. Other joints hold their commanded positions, so
-        fingers that grip something keep gripping it. ``moving`` is true until the end.
+        fingers that grip something keep gripping it. Joints that are too slow for it arrive later:
+        ``moving`` is true until they are there, or cannot get there, as ``stalled`` tells.
 
         Args:
             positions: target by joint name, rad (m for prismatic joints); a continuous joint makes
@@ -490,8 +491,20 @@ class SimulatedRobot:
 
     @property
     def moving(self) -> bool:
-        """Whether joints are still moving to a goal of ``move_to`` or of a ROS node."""
+        """Whether joints are still moving to a goal of ``move_to`` or of a ROS node.
+
+        A joint arrives within 1e-4 rad or m, at rest. It cannot get there if, after the end of the
+        motion, it stands still elsewhere for a second, or comes no nearer for five.
+        """
         return any(arm.moving for arm in self._trajectories.values())
+
+    @property
+    def stalled(self) -> Sequence[str]:
+        """The joints that could not get to their last goal: blocked, or too weak; see ``moving``.
+
+        A finger that grips something is one of them.
+        """
+        return [name for arm in self._trajectories.values() for name in arm.stalled]
 
     @property
     def _trajectories(self) -> dict[str, TrajectoryFollower]:

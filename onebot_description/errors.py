@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing with all of them takes some hundredths of a second
@@ -62,6 +62,19 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
     guess = nearest(name, names)
     question = f'did you mean "{guess}"? ' if guess is not None else ""
     return f" ({question}{what}: {listing(names)})"
+
+
+def unknown_names(
+    names: Iterable[str], candidates: Collection[str], what: str = "known"
+) -> Iterator[tuple[str, str]]:
+    """Yield those of ``names`` that are not among ``candidates``, with ``did_you_mean``'s hint.
+
+    Only the first few have a hint: of the many names of a message, comparing all takes too long.
+    """
+    known = {*candidates}
+    unknown = [name for name in names if name not in known]
+    for number, name in enumerate(unknown):
+        yield name, did_you_mean(name, known, what) if number < _MAX_ALIKE else ""
 
 
 def printable(text: str) -> str:

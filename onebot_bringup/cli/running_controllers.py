@@ -1,6 +1,6 @@
 """Finds the running joint_trajectory_controllers, and the one that a command means."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from onebot_bringup.cli.session import Session
@@ -8,6 +8,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing, printa
 
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _TOPIC = "/controller_state"
+_DEPTH = 1000  # states; several seconds of a busy computer
 _START = "start one by mrm_bringup sim:=true, or of any robot by onebot view FILE sim:=true"
 
 
@@ -17,7 +18,10 @@ class RunningController:
     Attributes:
         name: the full name of its node.
         state: the message; None until one is received.
+        on_state: called with each message.
     """
+
+    on_state: Callable[[Any], object] = staticmethod(lambda state: None)
 
     def __init__(self, session: Session, name: str) -> None:
         from onebot_description.ros.topic_qos import compatible_qos
@@ -27,11 +31,12 @@ class RunningController:
         self.state: Any = None
         node, topic = session.node, name + _TOPIC
         offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
-        qos = compatible_qos(offered, depth=1)
+        qos = compatible_qos(offered, depth=_DEPTH)
         node.create_subscription(load_interface(_STATE), topic, self._receive, qos)
 
     def _receive(self, state: Any) -> None:
         self.state = state
+        self.on_state(state)
 
     @property
     def joints(self) -> list[str]:

@@ -32,6 +32,8 @@ _ARGUMENTS = [
         _ABOVE_ZERO,
     ),
 ]
+_CLOSE = 1e-3  # rad or m; error at the end that is accepted where the controller accepts any
+_ROUNDING = 2e-6  # rad or m; a controller may clamp a position to a limit
 _HELP = f"""usage: onebot trajectory [JOINT=POSITION ...] [name:=value ...] [--ros-args ...]
 
 Moves joints to positions, in rad or m, by an action of a joint_trajectory_controller, and waits for
@@ -42,7 +44,8 @@ Arguments and their defaults:
 {table(_ARGUMENTS)}
 
 --ros-args is passed to ROS; -r __ns:=NS there restricts it to the controllers in a namespace. Exit
-codes: 0 the goal was reached; 1 it was rejected, aborted or canceled; 2 the command line is wrong;
+codes: 0 the goal was reached; 1 it was rejected, aborted or canceled, or without tolerance:= a
+joint was more than {_CLOSE:g} rad or m away when the time was over; 2 the command line is wrong;
 130 Ctrl-C."""
 
 _ACTION = "control_msgs/action/FollowJointTrajectory"
@@ -154,6 +157,8 @@ class _Motion:
         self._session, self._controller = session, controller
         self._joints, self._seconds = joints, seconds
         self._logged: list[str] = []
+        self._target: Sequence[float] = ()  # positions whose error we check; empty: none
+        self._at_end: Any = None  # the controller's first state there
         session.node.create_subscription(Log, "/rosout", self._on_log, 10)
         name = f"{controller.name}/follow_joint_trajectory"
         self._client = ActionClient(session.node, load_interface(_ACTION), name)
@@ -165,16 +170,25 @@ class _Motion:
         if message.name == name and message.level >= message.WARN:
             self._logged.append(message.msg)
 
+    def _on_state(self, state: Any) -> None:
+        """Keep the state at the end of the trajectory."""
+        pairs = zip(state.reference.positions, self._target, strict=True)
+        if self._at_end is None and all(abs(at - end) <= _ROUNDING for at, end in pairs):
+            self._at_end = state
+
     def follow(self, goal: Any) -> None:
         """Send the goal, and print its progress and how it ended; Ctrl-C cancels it.
 
         Raises:
-            OneBotError: the goal is not reached.
+            OneBotError: the goal is not reached, or, if it has no tolerances, not in time.
         """
         with self._session.interrupts.deferred() as interrupted:
             handle = self._response(self._client.send_goal_async(goal))
             if not handle.accepted:
                 raise self._failure(f"REJECTED by {self._controller.name}")
+            if not goal.goal_tolerance:
+                self._target = goal.trajectory.points[-1].positions
+                self._controller.on_state = self._on_state
             ended = handle.get_result_async()
             try:
                 self._show_until(lambda: ended.done() or interrupted())
@@ -218,7 +232,7 @@ class _Motion:
 
         statuses = load_interface("action_msgs/msg/GoalStatus")
         if status == statuses.STATUS_SUCCEEDED:
-            print(f"SUCCESSFUL: {result.error_string}\n{self._error()}")
+            self._report_success(result.error_string)
         elif status == statuses.STATUS_CANCELED and interrupted:
             print("CANCELED: the joints hold where they are")
         elif status == statuses.STATUS_CANCELED:
@@ -226,11 +240,19 @@ class _Motion:
         else:
             raise self._failure(f"ABORTED ({result.error_code}): {result.error_string}")
 
-    def _error(self) -> str:
-        state = self._controller.state
-        errors = zip(map(abs, state.error.positions), state.joint_names, strict=True)
-        error, joint = max(errors)
-        return f"largest error: {error:.2g}, of {joint}"
+    def _report_success(self, text: str) -> None:
+        """Print the result and the largest error; controllers may accept any error in time."""
+        # The state may be received after the result.
+        self._session.spin(lambda: self._at_end or not len(self._target), _ANSWER)
+        state = self._at_end or self._controller.state
+        error, joint = max(zip(map(abs, state.error.positions), state.joint_names, strict=True))
+        if len(self._target) and error > _CLOSE:
+            raise OneBotError(
+                f"{joint} was {error:.2g} rad or m away from its goal after {self._seconds:g} s, "
+                "which the controller accepts: a limit of velocity or effort, or an obstacle, "
+                "holds it back; choose a longer time:=, or a tolerance:="
+            )
+        print(f"SUCCESSFUL: {text}\nlargest error: {error:.2g}, of {joint}")
 
     def _failure(self, text: str) -> OneBotError:
         """Return the error, with the controller's log messages."""

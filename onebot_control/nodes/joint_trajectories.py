@@ -27,7 +27,7 @@ from onebot_control.trajectories.tolerances import (
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.ros.parameters.reader import declare, defaults
-from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, make_qos
+from onebot_description.ros.topic_qos import DEPTH, make_qos
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
@@ -75,13 +75,18 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         self._state.publish(message)
 
     def _fill_state(self, message: Any, desired: Any, measured: Any) -> None:
-        """Fill the fields that ~/controller_state and the feedback have in common."""
+        """Fill the fields that ~/controller_state and the feedback have in common.
+
+        As joint_trajectory_controller's, measured motion and error have the derivatives that
+        state_interfaces name, and errors of derivatives are 0 while positions are commanded.
+        """
         arm = self._arm
         message.header.stamp = time_message(self._stamp)
         message.joint_names = list(arm.names)
         _fill(desired, *arm.desired)
-        _fill(measured, arm.measured.positions, arm.measured.velocities)
-        _fill(message.error, arm.error)
+        state = arm.state
+        _fill(measured, *state)
+        _fill(message.error, arm.error, *([0.0] * len(values) for values in state[1:]))
         desired.time_from_start = Duration(seconds=arm.time).to_msg()
         measured.time_from_start = Duration(seconds=arm.elapsed).to_msg()
 
@@ -106,9 +111,10 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         self._error("topic", f"~/joint_trajectory is ignored: {fault}")
 
     def _on_accepted(self, handle: Any) -> None:
-        tolerances = _tolerances(handle.request)
-        if problems := [*tolerance_problems(tolerances, self._arm.names)]:
+        arm, (trajectory, tolerances) = self._accepted
+        if problems := tolerance_problems(tolerances or TolerancesGiven(), arm.names):
             self.node.get_logger().error(first_of(problems))
+            self._accepted = arm, (trajectory, None)  # the defaults
         super()._on_accepted(handle)
 
     def _on_scaling(self, message: Any) -> None:

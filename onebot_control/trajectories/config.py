@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_description.errors import did_you_mean
 from onebot_description.ros.parameters.reader import (
     Problem,
     group,
@@ -135,7 +134,9 @@ class TrajectoryConfig:
     interpolate_from_desired_state: bool = parameter(
         False, "begin a trajectory at the last command, not at the measured motion", read_only=True
     )
-    allow_integration_in_goal_trajectories: bool = ignored(False, "each point needs positions")
+    allow_integration_in_goal_trajectories: bool = parameter(
+        False, "accept points with velocities or accelerations only, and integrate them"
+    )
     set_last_command_interface_value_as_state_on_activation: bool = parameter(
         True, "hold the last command when it starts again, not the measured position"
     )
@@ -216,10 +217,10 @@ def joint_constraints(
 def foreign_joints(names: Iterable[str], joints: Sequence[str]) -> list[Problem]:
     """Return a problem for each joint that has parameters, but is none of ``joints``."""
     owners = dict.fromkeys(name.rpartition(".")[0] for name in names if is_joint_parameter(name))
+    named = {owner.partition(".")[2]: owner for owner in owners}
     return [
-        Problem(owner, f"no joint of the controller{did_you_mean(name, joints)}; it is ignored")
-        for owner in owners
-        if (name := owner.partition(".")[2]) not in joints
+        Problem(named[name], f"no joint of the controller{hint}; it is ignored")
+        for name, hint in unknown_names(named, joints)
     ]
 
 

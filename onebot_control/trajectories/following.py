@@ -17,10 +17,11 @@ Example:
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from operator import add
+from operator import add, sub
 from typing import NamedTuple
 
 from onebot_control.drive.speed_limiter import clamp
+from onebot_control.trajectories.arrival import Arrival
 from onebot_control.trajectories.config import MOST_SCALING, JointConstraint, TrajectoryConfig
 from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
 from onebot_control.trajectories.tolerances import (
@@ -34,6 +35,7 @@ from onebot_control.trajectories.trajectory import (
     Trajectory,
     Waypoint,
     braking,
+    integrated,
     standstill,
 )
 from onebot_description.errors import OneBotError
@@ -90,6 +92,7 @@ class TrajectoryFollower(GoalHolder):
             joints the shortest angle.
         time: trajectory time at the last update, s since its start; negative before the start.
         elapsed: seconds of cycles since the start; more than ``time`` if the scaling is below 1.
+        stalled: joints of the last goal that could not get there; see ``Arrival``.
     """
 
     def __init__(
@@ -107,6 +110,7 @@ class TrajectoryFollower(GoalHolder):
             constraints: tolerances by joint.
             positions: current positions of the joints, rad or m.
         """
+        self.stalled: tuple[str, ...] = ()
         # Called in the next update, with measured motion and stamp, to begin a trajectory.
         self._next: Callable[[JointMotion, int], None] | None = None
         self.joints = tuple(joints)
@@ -149,8 +153,8 @@ class TrajectoryFollower(GoalHolder):
 
     @property
     def moving(self) -> bool:
-        """Whether a trajectory is being followed, or begins in the next update."""
-        return self._next is not None or (not self._holding and self.time < self._trajectory.end)
+        """Whether a joint of a goal is neither there nor known to be unable to get there."""
+        return self._next is not None or self._arrival is not None
 
     # Goals ------------------------------------------------------------------------------------
 
@@ -225,13 +229,18 @@ class TrajectoryFollower(GoalHolder):
         """Run one control cycle, before the joints move for ``period`` seconds.
 
         Args:
-            measured: current motion of the joints; accelerations may be empty.
+            measured: current motion of the joints; empty accelerations are computed from the
+                velocities, if state_interfaces include them.
             now: stamp of the cycle, ns.
             period: seconds until the next cycle.
 
         Returns:
             Outcomes of what ended in this cycle.
         """
+        if "acceleration" in self._config.state_interfaces and not measured.accelerations:
+            changes = map(sub, measured.velocities, self.measured.velocities)
+            measured = measured._replace(accelerations=tuple(dv / period for dv in changes))
+        self.measured = measured
         begin = self._next
         if begin is None:
             self.time += self._advance
@@ -243,9 +252,10 @@ class TrajectoryFollower(GoalHolder):
         self._rate = self._scaling
         self._advance = period * self._rate
         self._now = now
-        self.measured = measured
         self.desired = self._limited(self._trajectory.sample(self.time))
         self.error = self._errors()
+        if self._arrival is not None and self.time >= self._trajectory.end - ROUNDING:
+            self._judge_arrival(self._arrival, period)
         return [] if self._holding else self._judged(first=begin is not None)
 
     def reference(self, ahead: float) -> list[float]:
@@ -314,6 +324,8 @@ class TrajectoryFollower(GoalHolder):
         self._start_stamp = None
         self._turns = turns or (0.0,) * len(self.joints)
         self._holding = holding
+        self._arrival: Arrival | None = None
+        self.stalled = ()
 
     def _hold(self, positions: Sequence[float]) -> None:
         self._follow(standstill(positions))
@@ -339,13 +351,13 @@ class TrajectoryFollower(GoalHolder):
         now: int,
     ) -> None:
         """Follow ``goal`` from the joints' motion; see ``start``."""
-        start = self._command() if self._config.begins_at_command else self._state(measured)
+        start = self._command() if self._config.begins_at_command else self.state
         if from_command:
             start = self._with_commands(start, from_command)
         time = (now - goal.stamp) / NS_PER_S if goal.stamp else 0.0
-        points = self._points(goal)
+        points = integrated(Waypoint(time, *start), self._points(goal))
         turns: tuple[float, ...] = (0.0,) * len(self.joints)
-        if not absolute:
+        if not absolute and goal.points[0].positions:
             target = Trajectory(points[0], points).sample(time)
             turns = self._turns_between(target.positions, start.positions)
         positions = tuple(p - turn for p, turn in zip(start.positions, turns, strict=True))
@@ -355,6 +367,7 @@ class TrajectoryFollower(GoalHolder):
             splines=self._config.interpolation_method == "splines",
         )
         self._follow(trajectory, time, turns, holding=False)
+        self._arrival = Arrival(goal.joints)
 
     def _command(self) -> JointMotion:
         """Return the last command, which is the reference at the end of the last cycle."""
@@ -362,9 +375,10 @@ class TrajectoryFollower(GoalHolder):
         positions = map(add, motion.positions, self._turns)
         return motion._replace(positions=tuple(positions))
 
-    def _state(self, measured: JointMotion) -> JointMotion:
-        """Return the part of the measured motion that state_interfaces include."""
-        interfaces = self._config.state_interfaces
+    @property
+    def state(self) -> JointMotion:
+        """The part of the measured motion that state_interfaces include."""
+        interfaces, measured = self._config.state_interfaces, self.measured
         return JointMotion(
             measured.positions,
             measured.velocities if "velocity" in interfaces else (),
@@ -416,6 +430,16 @@ class TrajectoryFollower(GoalHolder):
             )
             for point in goal.points
         ]
+
+    # Arrival ----------------------------------------------------------------------------------
+
+    def _judge_arrival(self, arrival: Arrival, period: float) -> None:
+        """Stop following ``arrival`` once each joint of the goal is there or cannot get there."""
+        present = zip(self.names, self.reference(0.0), self.measured.positions, strict=True)
+        errors = {name: command - position for name, command, position in present}
+        velocities = dict(zip(self.names, self.measured.velocities, strict=True))
+        if arrival.update(errors, velocities, period):
+            self.stalled, self._arrival = arrival.stalled, None
 
     # Tolerances -------------------------------------------------------------------------------
 

@@ -1,6 +1,7 @@
 """Trajectory goals, and the checks that accept or refuse them."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -8,7 +9,7 @@ from typing import NamedTuple
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.tolerances import FLOAT_EPSILON
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.errors import did_you_mean, printable
+from onebot_description.errors import printable, unknown_names
 from onebot_description.ros.parameters.values import LARGEST
 from onebot_description.ros.wire.cdr import NS_PER_S
 
@@ -57,8 +58,9 @@ def goal_problems(
         problems.append("points is empty; cancel a goal to stop it, or send a position to hold")
     if goal.has_efforts:
         problems.append("effort is given, but only positions are commanded")
+    integrates = config.allow_integration_in_goal_trajectories
     for index, point in enumerate(goal.points):
-        faults = _point_problems(goal.joints, point, limits)
+        faults = _point_problems(goal.joints, point, limits, integrates)
         problems += (f"points[{index}].{fault}" for fault in faults)
     if not config.allow_nonzero_velocity_at_trajectory_end:
         problems += _end_problems(goal)
@@ -71,21 +73,22 @@ def _name_problems(
     if not names:
         yield "joint_names is empty"
         return
-    for name in dict.fromkeys(names):
-        if name not in known:
-            hint = did_you_mean(name, known)
-            yield f'joint_names: "{printable(name)}" is no joint of the controller{hint}'
-        if names.count(name) > 1:
+    counts = Counter(names)
+    for name, hint in unknown_names(counts, known):
+        yield f'joint_names: "{printable(name)}" is no joint of the controller{hint}'
+    for name, count in counts.items():
+        if count > 1:
             yield f'joint_names: "{printable(name)}" is there twice'
     for name in () if config.allow_partial_joints_goal else known:
-        if name not in names:
+        if name not in counts:
             yield f'joint_names: "{name}" is missing, and allow_partial_joints_goal is false'
 
 
 def _point_problems(
-    names: Sequence[str], point: Waypoint, limits: Mapping[str, FollowedJoint]
+    names: Sequence[str], point: Waypoint, limits: Mapping[str, FollowedJoint], integrates: bool
 ) -> Iterator[str]:
-    yield from field_problems("positions", names, point.positions, limits)
+    if point.positions or not (integrates and (point.velocities or point.accelerations)):
+        yield from field_problems("positions", names, point.positions, limits)
     if point.velocities:
         yield from field_problems("velocities", names, point.velocities, {})
     if point.accelerations:

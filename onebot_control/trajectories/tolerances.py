@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
-from onebot_description.errors import did_you_mean, printable
+from onebot_description.errors import printable, unknown_names
 
 _OFF = -1.0  # value by which a goal switches a tolerance off
 FLOAT_EPSILON = 1.1920929e-07  # a float32's; joint_trajectory_controller compares with it
@@ -54,18 +54,16 @@ def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[st
     """Return why ``given`` cannot be used, a line for each reason; empty if it can."""
     problems = list(_value_problems("goal_time_tolerance", given.goal_time))
     for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
+        for name, hint in unknown_names([tolerance.name for tolerance in tolerances], joints):
+            problems.append(f'{field}: "{printable(name)}" is no joint of the controller{hint}')
         for tolerance in tolerances:
-            problems += _joint_problems(field, tolerance, joints)
+            problems += _tolerance_problems(field, tolerance)
     return [f"{problem}; all tolerances are the defaults" for problem in problems]
 
 
-def _joint_problems(field: str, given: ToleranceGiven, joints: Sequence[str]) -> Iterator[str]:
-    name = printable(given.name)
-    if given.name not in joints:
-        hint = did_you_mean(given.name, joints)
-        yield f'{field}: "{name}" is no joint of the controller{hint}'
+def _tolerance_problems(field: str, given: ToleranceGiven) -> Iterator[str]:
     for quantity, value in zip(given._fields[1:], given[1:], strict=True):
-        yield from _value_problems(f"{field}: {name}: {quantity}", value)
+        yield from _value_problems(f"{field}: {printable(given.name)}: {quantity}", value)
 
 
 def _value_problems(what: str, value: float) -> Iterator[str]:

@@ -21,7 +21,7 @@ class Waypoint(NamedTuple):
     """One point of a trajectory: values per joint in rad (m for prismatic joints) and seconds."""
 
     time: float  # time_from_start, s
-    positions: tuple[float, ...]  # positions in the order of the trajectory's joints
+    positions: tuple[float, ...]  # in the order of the trajectory's joints; empty: ``integrated``
     velocities: tuple[float, ...] = ()  # empty: not given
     accelerations: tuple[float, ...] = ()  # empty: not given
 
@@ -108,6 +108,43 @@ def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
         velocities=start.velocities or (zeros if point.velocities else ()),
         accelerations=start.accelerations or (zeros if point.accelerations else ()),
     )
+
+
+def integrated(start: Waypoint, points: Sequence[Waypoint]) -> list[Waypoint]:
+    """Return ``points`` with positions, as joint_trajectory_controller deduces missing ones.
+
+    Velocities and accelerations are integrated by the trapezoidal rule from point to point; those
+    that are missing at the beginning of a segment are 0.
+
+    Args:
+        start: the motion before the first point.
+        points: the points, of which any may lack positions, but then has velocities or
+            accelerations.
+    """
+    earlier, completed = start, list[Waypoint]()
+    for point in points:
+        if not point.positions:
+            duration, zeros = point.time - earlier.time, (0.0,) * len(earlier.positions)
+            begin = earlier._replace(velocities=earlier.velocities or zeros)
+            if not point.velocities:
+                begin = begin._replace(accelerations=earlier.accelerations or zeros)
+                accelerations = begin.accelerations, point.accelerations
+                point = point._replace(velocities=_sum(begin.velocities, *accelerations, duration))
+            velocities = begin.velocities, point.velocities
+            point = point._replace(positions=_sum(begin.positions, *velocities, duration))
+            if completed and begin != earlier:
+                completed.append(begin)  # at the same time; only this segment has these zeros
+        completed.append(point)
+        earlier = point
+    return completed
+
+
+def _sum(
+    values: Sequence[float], rates: Sequence[float], end_rates: Sequence[float], duration: float
+) -> tuple[float, ...]:
+    """Return values after ``duration`` seconds, by the trapezoidal rule."""
+    rows = zip(values, rates, end_rates, strict=True)
+    return tuple(value + 0.5 * (rate + end_rate) * duration for value, rate, end_rate in rows)
 
 
 def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from onebot_description.arrays import Floats
 from onebot_description.description import Joint
-from onebot_description.errors import did_you_mean
+from onebot_description.errors import unknown_names
 from onebot_description.joints import mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.mimic import Following
@@ -164,13 +164,13 @@ def _wrong_names(
     """Return a problem for each of ``names``, by parameter, that no moving joint has."""
     moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
+    hints = dict(unknown_names(names.values(), moving, "joints that move"))
     problems = []
     for key, name in names.items():
-        if name not in moving:
-            hint = did_you_mean(name, moving, "joints that move")
+        if name in hints:
             absent = f'the robot has no joint "{name}"'
             text = f'joint "{name}" is {kinds[name]}' if name in kinds else absent
-            problems.append(Problem(key, text + hint))
+            problems.append(Problem(key, text + hints[name]))
     return problems
 
 

@@ -153,9 +153,12 @@ def test_an_arm_that_stands_has_its_joints_only(
     page: Page, arm: Arm, request: pytest.FixtureRequest
 ) -> None:
     """They are open from the beginning; what drives is there as soon as there are wheels."""
-    driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout"
+    tools = "[data-tool=goal]", "[data-tool=estimate]", "[data-camera=follow]"
+    driving = "#pad", "#linear", "#angular", "#braking", "#settings", "#readout", *tools
     wait_for(lambda: not any(page.find(part).is_displayed() for part in driving), "no wheels")
     assert page.find(SLIDER).is_displayed() and page.find("#stop").is_displayed()
+    assert page.find("[data-tool=point]").is_displayed()
+    assert "odometry" not in page.find("body").text.lower()
 
     def says(words: str) -> bool:
         return page.text("#driver").startswith(words)  # a page that was left may still be open

@@ -97,11 +97,12 @@ def test_without_a_joint_it_lists(arm: Arm) -> None:
     [
         (["shoulder=9"], f"REJECTED by {NAME}\nerror: goal rejected: points[0].positions: "),
         (["wrist=1", "controller:=/arm"], f"no /arm found (controllers: {NAME}); "),
-        # The joint is faster than its limit of velocity.
+        # The joint cannot be that fast, because of its limit of velocity, 10 rad/s.
         (
             ["shoulder=2", "time:=0.01", "tolerance:=1e-4"],
             "ABORTED (-5): Aborted due to goal_time_tolerance",
         ),
+        (["shoulder=-1.5", "wrist=0", "time:=0.1"], "shoulder was "),
     ],
 )
 def test_a_goal_that_fails(arm: Arm, words: list[str], message: str) -> None:

@@ -37,10 +37,13 @@ from tests.onebot_control.arm_support import (
     OPEN,
     ROBOT,
     SUCCEEDED,
+    SUCCESS,
     ArmClient,
     SteppedArm,
     answered,
     flags,
+    goal,
+    point,
 )
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
@@ -242,6 +245,42 @@ def test_a_gripper_of_the_older_kind(tmp_path: Path) -> None:
         assert ended.result.effort == pytest.approx(-6.0, rel=0.01)
         assert len(feedback) > 10 and not any(each.stalled for each in feedback[:-1])
         assert feedback[-1].position == pytest.approx(0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "interfaces",
+    [["position"], ["position", "velocity"], ["position", "velocity", "acceleration"]],
+)
+def test_the_state_has_the_arrays_of_its_interfaces(
+    interfaces: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in ros2_controllers' state_topic_consistency, and so has the action's feedback."""
+    listed = f"joints: [shoulder]\n    state_interfaces: [{', '.join(interfaces)}]"
+    monkeypatch.setattr(f"{__name__}.CONTROL", CONTROL.replace("joints: [shoulder]", listed))
+    with started(tmp_path) as robot:
+        robot.client.watch()
+        robot.ros.add()
+        ending = robot.ending(robot.send(goal(point(0.5, 0.1), joints=["shoulder"])))
+        assert ending == SUCCESS
+        states, feedback = robot.client.states, robot.client.feedback
+    measured = [1 if name in interfaces else 0 for name in ("position", "velocity", "acceleration")]
+    pairs = [(state.feedback, state.error) for state in states]
+    pairs += [(each.actual, each.error) for each in feedback]
+    for actual, error in pairs:
+        for each in (actual, error):
+            fields = each.positions, each.velocities, each.accelerations
+            assert [*map(len, fields)] == measured and not each.effort
+        assert not any([*error.velocities, *error.accelerations])
+    for state in states:
+        each = state.reference
+        assert [*map(len, (each.positions, each.velocities, each.accelerations))] == [1, 1, 1]
+        assert len(state.output.positions) == 1
+        assert not [*state.output.velocities, *state.output.accelerations, *state.output.effort]
+    if "acceleration" in interfaces:
+        for before, state in zip(states, states[1:], strict=False):
+            change = state.feedback.velocities[0] - before.feedback.velocities[0]
+            assert state.feedback.accelerations[0] == pytest.approx(change / 0.01, abs=1e-9)
+        assert max(state.feedback.accelerations[0] for state in states) > 0.5
 
 
 # The gripper ------------------------------------------------------------------------------------

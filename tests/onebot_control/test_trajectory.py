@@ -15,6 +15,7 @@ from onebot_control.trajectories.trajectory import (
     Trajectory,
     Waypoint,
     braking,
+    integrated,
 )
 
 QUARTERS = [0.25 * quarter for quarter in range(9)]  # s
@@ -109,6 +110,50 @@ def test_the_ends() -> None:
         assert tuple(trajectory.positions(time)) == (3.0,)
     bare = Trajectory(Waypoint(0.0, (1.0,)), [Waypoint(2.0, (3.0,))])
     assert bare.sample(2.0) == JointMotion((3.0,), (0.0,), (0.0,))
+
+
+def test_velocities_are_integrated() -> None:
+    """The values of ros2_controllers' sample_trajectory_velocity_with_interpolation."""
+    start = Waypoint(0.0, (0.0,), (0.0,))
+    rates = [Waypoint(time, (), (speed,)) for time, speed in ((1.0, 1.0), (2.0, 2.0), (3.0, 1.0))]
+    for begin in (start, Waypoint(0.0, (0.0,))):
+        trajectory = Trajectory(begin, integrated(begin, rates))
+        for time, position, velocity, acceleration in (
+            (0.0, 0.0, 0.0, 1.0),
+            (0.5, 0.125, 0.5, 1.0),
+            (1.0, 0.5, 1.0, 1.0),
+            (1.5, 1.125, 1.5, 1.0),
+            (2.0, 2.0, 2.0, -1.0),
+            (2.5, 2.875, 1.5, -1.0),
+            (3.0, 3.5, 1.0, 0.0),
+            (9.0, 3.5, 1.0, 0.0),
+        ):
+            sampled = [values[0] for values in trajectory.sample(time)]
+            assert sampled == pytest.approx([position, velocity, acceleration], abs=1e-12)
+
+
+def test_accelerations_are_integrated() -> None:
+    """The values of its sample_trajectory_acceleration_with_interpolation."""
+    start = Waypoint(0.0, (0.0,), (0.0,))
+    rates = [Waypoint(time, (), (), (a,)) for time, a in ((1.0, 1.0), (2.0, 2.0), (3.0, 1.0))]
+    points = integrated(start, rates)
+    assert [point.velocities[0] for point in points] == [0.5, 2.0, 3.5]
+    assert [point.positions[0] for point in points] == [0.25, 1.5, 4.25]
+    motion = Trajectory(start, points).sample(2.0)
+    assert [values[0] for values in motion] == pytest.approx([1.5, 2.0, 2.0], abs=1e-12)
+
+
+def test_a_point_may_follow_one_with_positions_only() -> None:
+    """Each segment has the degree that it would have alone; points with positions are reached."""
+    start = Waypoint(0.0, (0.0,), (0.0,))
+    given = [Waypoint(1.0, (1.0,)), Waypoint(2.0, (), (2.0,)), Waypoint(3.0, (5.0,), (0.0,))]
+    points = integrated(start, given)
+    trajectory = Trajectory(start, points)
+    assert [trajectory.sample(t).velocities[0] for t in (0.5, 1.0, 1.5)] == [1.0, 0.0, 1.0]
+    assert [trajectory.positions(t)[0] for t in (1.0, 2.0, 3.0)] == [1.0, 2.0, 5.0]
+    stepped = Trajectory(start, points, splines=False)
+    assert [stepped.positions(t)[0] for t in (0.5, 1.0, 1.5, 2.5)] == [0.0, 2.0, 2.0, 5.0]
+    assert integrated(start, [given[0], given[2]]) == [given[0], given[2]]
 
 
 def test_steps_instead_of_splines() -> None:

@@ -136,6 +136,25 @@ def test_the_start_has_the_measured_velocity() -> None:
         assert arm.follower.desired == JointMotion((0.5,) * 2, (velocity,) * 2, (acceleration,) * 2)
 
 
+def test_a_goal_of_velocities() -> None:
+    """From where the joints are, also if those are continuous, and end more than a turn away."""
+    joints = [FollowedJoint(name, continuous=True) for name in NAMES]
+    arm = Arm(joints=joints, positions=(0.5, 7.0), allow_integration_in_goal_trajectories=True)
+    speeds = Waypoint(1.0, (), (8.0, -8.0)), Waypoint(2.0, (), REST)
+    arm.follower.start(goal(*speeds), "mine")
+    assert arm.cycles(201) == [("mine", *SUCCESS)]
+    assert arm.measured.positions == near(8.5, -1.0)
+
+
+def test_measured_accelerations() -> None:
+    """Computed from the velocities of two cycles where state_interfaces have them."""
+    arm = Arm(state_interfaces=["position", "velocity", "acceleration"])
+    for speed, acceleration in ((0.0, 0.0), (0.2, 20.0), (0.1, -10.0)):
+        arm.measured = JointMotion(REST, (speed, 0.0), ())
+        arm.follower.update(arm.measured, arm.now, PERIOD)
+        assert arm.follower.state.accelerations == pytest.approx((acceleration, 0.0))
+
+
 def test_joints_in_another_order() -> None:
     arm = Arm()
     point = Waypoint(1.0, (1.0, 2.0), (0.1, 0.2), (0.3, 0.4))

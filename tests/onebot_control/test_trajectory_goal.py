@@ -106,6 +106,33 @@ def test_wrong_points(point: Waypoint, expected: str) -> None:
     assert problems(RESTING, point) == [f"points[1].{expected}"]
 
 
+def test_points_that_are_integrated() -> None:
+    """A point may have any of the three, of the right size; one with none is refused."""
+    allowed = {"allow_integration_in_goal_trajectories": True}
+    rates = Waypoint(0.5, (), (0.1, 0.2)), Waypoint(1.0, (), (), (0.3, 0.4))
+    assert not problems(*rates, Waypoint(2.0, (), (0.0, 0.0)), **allowed)
+    assert problems(*rates) == [
+        f"points[{index}].positions: 0 given, for 2 joints" for index in range(2)
+    ]
+    for point, expected in (
+        (Waypoint(2.0, ()), "positions: 0 given, for 2 joints"),
+        (Waypoint(2.0, (0.1,), (0.0, 0.0)), "positions: 1 given, for 2 joints"),
+        (Waypoint(2.0, (), (0.0,)), "velocities: 1 given, for 2 joints"),
+        (Waypoint(2.0, (), (), (0.0,) * 3), "accelerations: 3 given, for 2 joints"),
+        (Waypoint(2.0, (), (), (0.0, math.nan)), "accelerations: elbow: nan is not finite"),
+    ):
+        assert problems(*rates, point, **allowed) == [f"points[2].{expected}"]
+
+
+@pytest.mark.parametrize("names", [[f"joint{row}" for row in range(50_000)], ["elbow"] * 50_000])
+def test_many_names(names: list[str]) -> None:
+    """Checking them takes no longer than a few comparisons each."""
+    lines = problems(Waypoint(1.0, (0.5,) * len(names)), joints=tuple(names))
+    assert len(lines) == (50_002 if len(set(names)) > 1 else 2)
+    tolerances = TolerancesGiven(tuple(ToleranceGiven(name, 0.1) for name in names))
+    assert len(tolerance_problems(tolerances, NAMES)) == (50_000 if len(set(names)) > 1 else 0)
+
+
 def test_velocities_that_are_nan_are_refused_anywhere() -> None:
     """At the last point, and where only others would be allowed."""
     moving = Waypoint(2.0, (0.5,) * 2, (math.nan, 0.3))

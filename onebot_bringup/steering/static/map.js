@@ -180,7 +180,7 @@ export class GroundMap {
   publish(place) {
     const { frame, command_topic } = this.ground;
     if (frame) this.placed(this.tool, { frame, command_topic, ...place });
-    else this.say("Nothing is published: neither odometry nor transforms say which frame this is.");
+    else this.say("Nothing is published: nothing that is received says which frame this is.");
   }
 
   input(name) {

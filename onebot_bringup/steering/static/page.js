@@ -156,10 +156,11 @@ function receive(message) {
   }
 }
 
-/** Of a robot that has joints and does not drive, only the joints are shown. */
+/** Of a robot that has joints and does not drive, nothing is shown that is about driving. */
 function showWhetherItStands({ joints: moved, listeners }) {
   const stands = moved.length > 0 && listeners === 0;
   if (stands && !standing() && !joints.isOpen) tools.toggle("joints");
+  if (stands && ["goal", "estimate"].includes(map.tool)) tools.choose("");
   document.body.classList.toggle("stands", stands);
 }
 

@@ -1,6 +1,7 @@
 """The stage, which all displays share: the robots, the TF tree, the fixed frame and the time."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -154,7 +155,8 @@ class Stage:
         """
         names, tops = self.frames.names, [self.frames.top(frame) for frame in self.message_frames]
         if tops:
-            return max(tops, key=lambda top: (top in names, tops.count(top)))
+            counts = Counter(tops)
+            return max(tops, key=lambda top: (top in names, counts[top]))
         return self.frames.top(min(names)) if names else ""
 
     @property

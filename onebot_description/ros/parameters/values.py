@@ -3,6 +3,7 @@
 import math
 import re
 from array import array
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -99,7 +100,7 @@ class ValueType:
         if self.rule.not_empty and not items:
             raise ValueError(f"is empty; write {self.wanted(value)}")
         if self.rule.unique and len(set(items)) < len(items):
-            twice = next(item for item in items if items.count(item) > 1)
+            twice = next(item for item, count in Counter(items).items() if count > 1)
             raise ValueError(f'"{twice}" is there twice')
         return items
 
