@@ -17,17 +17,20 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _LIBC = ctypes.CDLL(None)  # looked up before any fork, because the child may not allocate much
 
 
-def die_with_this_thread() -> Callable[[], None]:
+def die_with_this_thread(sent: int = signal.SIGKILL) -> Callable[[], None]:
     """Return a ``preexec_fn`` for a child that is killed when the calling thread ends.
 
     Linux follows the *thread* that starts the child, so that has to be one that lives as long as
     the process: the main thread.
+
+    Args:
+        sent: the signal that the child gets.
     """
     parent = os.getpid()
 
     def arrange() -> None:
         if sys.platform == "linux":
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            _LIBC.prctl(_PR_SET_PDEATHSIG, sent)
             if os.getppid() != parent:  # the parent died before the call above
                 os._exit(1)
 

@@ -86,6 +86,17 @@ class _World(Protocol):
 
     def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
 
+    def set_joints(self, robot: "RobotBody", positions: Mapping[str, float]) -> None: ...
+
+    def push(
+        self,
+        robot: "RobotBody",
+        link: str,
+        point: Triple | None,
+        force: Triple,
+        duration: float,
+    ) -> None: ...
+
 
 class RobotBody:
     """One simulated robot, which moves when its world steps.
@@ -262,6 +273,10 @@ class RobotBody:
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
         self._efforts = (0.0,) * len(self.joints)
+        self._update(self._read_joints())
+
+    def read_again(self) -> None:
+        """Read the state after joints were set."""
         self._update(self._read_joints())
 
     def continue_from(self, other: "RobotBody") -> None:

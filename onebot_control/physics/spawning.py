@@ -15,7 +15,7 @@ from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.elements.meshes import read_mesh
-from onebot_description.elements.urdf import Description, Mesh, Mimic
+from onebot_description.elements.urdf import Description, Link, Mesh, Mimic
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.model.rigid_bodies import Body
@@ -41,6 +41,7 @@ class RobotSpawn(NamedTuple):
     gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
+    links: tuple[Link, ...] = ()  # as written, if some have other shapes in the simulation
 
     @property
     def converges_slowly(self) -> bool:
@@ -91,6 +92,13 @@ class LoadedBody(NamedTuple):
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
         # Two quaternions describe a rotation; return the one with w >= 0.
         return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+
+    def link_pose(self, index: int) -> Transform:
+        """Return the pose in the world of the first link of a rigid body; -1: the root's."""
+        if index < 0:
+            return self.pose()
+        state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=True)
+        return state[4], state[5]
 
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
         """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""
