@@ -123,11 +123,11 @@ class Fleet(AbstractContextManager["Fleet"]):
         now = self.stamp if stamp is None else stamp
         return [robot.begin(now) for robot in self.robots]
 
-    def finish(self, *, recorded: bool = False) -> None:
+    def finish(self, *, recorded: bool | None = False) -> None:
         """Move all robots for one control period, as their controllers have decided.
 
         Args:
-            recorded: record the contacts of the world, too.
+            recorded: record the contacts of the world, too; see ``World.step``.
         """
         for robot in self.robots:
             robot.turn()

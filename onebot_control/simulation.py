@@ -16,7 +16,7 @@ Example:
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -244,7 +244,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         for number in range(cycles):
             if until is not None and until():
                 return
-            self._cycle(watched=until is not None or number == cycles - 1)
+            self._cycle(last=number == cycles - 1)
         if until is not None and not until():
             states = "; ".join(map(str, self.robots.values()))
             text = f"until returned nothing true in {timeout:g} s of simulated time"
@@ -299,7 +299,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         if not isinstance(cycles, int | np.integer) or cycles < 0:
             raise ValueError(f"{cycles!r}: a number of control cycles is whole, and not negative")
         for number in range(cycles):
-            self._cycle(watched=number == cycles - 1)
+            self._cycle(last=number == cycles - 1)
 
     def on_step(self, function: Callable[[], object]) -> Callable[[], None]:
         """Call a function after each control cycle from now on, without arguments.
@@ -426,9 +426,9 @@ class Simulation(AbstractContextManager["Simulation"]):
             ValueError: a number is not finite, eye and target are equal, or a size is out of range.
             OneBotError: Embree, which casts the rays, is not installed.
         """
-        start, end = np.array([eye, target], float)
-        if start.shape != (3,) or not 0.0 < np.linalg.norm(end - start) < math.inf:
-            raise ValueError("eye and target are two points, each of three finite numbers")
+        start, end = _vector("eye", eye), _vector("target", target)
+        if np.array_equal(start, end):
+            raise ValueError("eye and target are the same point")
         if not 0 < min(width, height) <= max(width, height) <= _MOST_PIXELS:
             raise ValueError(f"{width} x {height}: sizes are from 1 to {_MOST_PIXELS} pixels")
         if not HAS_EMBREE:
@@ -488,6 +488,7 @@ class Simulation(AbstractContextManager["Simulation"]):
     def _begin(self) -> None:
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
+        self._asked = False  # whether somebody has asked for contacts
         self._sensors.restart()
         for robot in self.robots.values():
             robot._command = None
@@ -499,22 +500,21 @@ class Simulation(AbstractContextManager["Simulation"]):
             raise ValueError(f"{seconds} s: a duration is finite, and not negative")
         return round(seconds * self._fleet.rate)
 
-    def _cycle(self, *, watched: bool) -> None:
+    def _cycle(self, *, last: bool) -> None:
         """Run one control cycle; afterwards the robots' state is that at its end.
 
         Args:
-            watched: whether somebody may ask for its contacts. Those that cannot be collisions
-                are recorded only then, or if nodes or functions can ask in each cycle.
+            last: whether it is the last one before somebody can ask for its contacts. They are
+                recorded then, and from the first time on that somebody has asked.
         """
         fleet = self._fleet
-        watched = watched or bool(self._functions) or self._ros is not None
         for robot in self.robots.values():
             if robot._command is not None:
                 robot._controlled.accept(*robot._command)
         self._before = fleet.begin()
         if self._ros is not None:
             self._ros.publish(self._before, fleet.stamp)
-        fleet.finish(recorded=watched or fleet.world.has_obstacles)
+        fleet.finish(recorded=last or self._asked or None)
         fleet.observe()
         self._frame = None
         if self._recording is not None and fleet.ticks % self._recording.every == 0:
@@ -644,6 +644,7 @@ class SimulatedRobot:
         It is empty after a reset or a teleport, until the next cycle. Of two links that touch, all
         points are listed, where they were last; the sum of their forces is the mean over the cycle.
         """
+        self._simulation._asked = True
         return self._simulation._fleet.world.contacts.contacts(self._row)
 
     @property
@@ -653,8 +654,7 @@ class SimulatedRobot:
         It was placed at the start, by a reset, a teleport. It stands on what carries its base,
         wheels and casters from below; for links that arms move, the ground is an obstacle, too.
         """
-        world = self._simulation._fleet.world
-        return world.has_obstacles and world.contacts.collided[self._row]
+        return self._simulation._fleet.world.contacts.collided[self._row]
 
     def push(
         self,
@@ -678,15 +678,13 @@ class SimulatedRobot:
             ValueError: a number is not finite, or the duration is negative.
             OneBotError: there is no such link, or it stands still.
         """
-        numbers = np.array([force, (0.0, 0.0, 0.0) if point is None else point], float)
-        if numbers.shape != (2, 3) or not np.isfinite(numbers).all():
-            raise ValueError("force and point are three finite numbers each")
+        pushed = _vector("force", force)
+        at = None if point is None else _vector("point", point)
         if not (math.isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"{seconds} s: a duration is finite, and not negative")
         link = link or self.description.root_link
-        vectors = [(float(x), float(y), float(z)) for x, y, z in numbers]
         body = self._controlled.body
-        body.world.push(body, link, None if point is None else vectors[1], vectors[0], seconds)
+        body.world.push(body, link, at, pushed, seconds)
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
         """Set joints to ``positions`` at once, at rest; their controllers hold them there.
@@ -939,6 +937,19 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
     return {**defaults.values, **parameters, **start}
+
+
+def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:
+    """Return three finite numbers as an array (3,).
+
+    Raises:
+        ValueError: they are not.
+    """
+    with suppress(TypeError, ValueError):
+        vector = np.array(values, float)
+        if vector.shape == (3,) and np.isfinite(vector).all():
+            return vector
+    raise ValueError(f"{name} {values!r}: write three finite numbers")
 
 
 def _check_effects(parameters: Mapping[str, Any]) -> None:

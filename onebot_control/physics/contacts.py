@@ -27,6 +27,9 @@ from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 GROUND, WORLD = "ground", "world"  # names of what is no robot
 _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
 
+_NEAR, _FAST = 0.02, 3.0  # m; and m/s that bodies are at most expected to move at, for a cycle
+_MOST_WALLS = 100  # with more, looking whether one is near would take longer than recording
+
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # as in ``Body.collisions``
 
@@ -105,11 +108,52 @@ class ContactRecorder:
         self._touches: list[list[_Touch]] = [[] for _ in self._robots]
         self._poses: dict[_Place, Transform] = {}
         self._steps = 1
+        self._pending: set[int] = set()  # robots whose last cycle was not recorded
         self.collided = [False] * len(self._robots)
+        self._measure()
+
+    def _measure(self) -> None:
+        """Measure where fixed bodies are, and how far movable ones reach, seen from above."""
+        self._walls = []
+        self._radii: dict[int, float] = {}  # m, about the root link
+        for body, index in self._shapes:
+            (left, low, _), (right, high, _) = self._bullet.getAABB(body, index)
+            if body not in self._loaded:
+                self._walls.append((left, low, right, high))
+                continue
+            (x, y, _), _ = self._loaded[body].pose()
+            far = math.hypot(max(x - left, right - x), max(y - low, high - y))
+            self._radii[body] = max(far, self._radii.get(body, 0.0))
+
+    def may_collide(self, period: float) -> bool:
+        """Return whether a robot may touch something in the next ``period``, s.
+
+        Robots with arms and the like always may, others if they are near anything.
+        """
+        if any(robot.spawn.starts for robot in self._robots) or len(self._walls) > _MOST_WALLS:
+            return True
+        margin = _NEAR + _FAST * period
+        poses = [robot.pose for robot in self._robots]
+        poses += self._scene.poses if self._scene else ()
+        circles = [
+            (x, y, self._radii.get(body, 0.0) + margin)
+            for body, ((x, y, _), _) in zip(self._loaded, poses, strict=True)
+        ]
+        for row in range(len(self._robots)):
+            x, y, radius = circles[row]
+            for left, low, right, high in self._walls:
+                if left - radius < x < right + radius and low - radius < y < high + radius:
+                    return True
+            for x2, y2, radius2 in circles[row + 1 :]:
+                reach = radius + radius2
+                if abs(x - x2) < reach and abs(y - y2) < reach:
+                    return True
+        return False
 
     def begin(self, steps: int) -> None:
         """Begin a control cycle of ``steps`` physics steps; 0: it is not recorded."""
         self._steps = steps
+        self._pending = set() if steps else {*range(len(self._robots))}
         for touches in self._touches:
             touches.clear()
         if not steps:
@@ -119,6 +163,7 @@ class ContactRecorder:
         """Forget the contacts of a robot that was placed somewhere else."""
         row = self._rows[robot.parts.body]
         self._touches[row].clear()
+        self._pending.discard(row)
         self.collided[row] = False
         self._poses.clear()
 
@@ -165,7 +210,15 @@ class ContactRecorder:
             self.collided[row] = True
 
     def contacts(self, row: int) -> list[Contact]:
-        """Return the contacts of a robot in the last cycle, where it was last touched."""
+        """Return the contacts of a robot in the last cycle, where it was last touched.
+
+        If that was not recorded, they are those of its last physics step.
+        """
+        if row in self._pending:
+            pending, self._pending, self._steps = self._pending, set(), 1
+            self.record(0)
+            for other in {*range(len(self._robots))} - pending:
+                self._touches[other].clear()
         pairs: dict[tuple[str, str, str], list[_Touch]] = {}
         for touch in self._touches[row]:
             link = self._link(touch.own, touch.points[0], touch.poses)

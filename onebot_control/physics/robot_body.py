@@ -15,6 +15,7 @@ from onebot_control.physics.spawning import (
     checked_spawn_pose,
     load_robot,
 )
+from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
@@ -92,8 +93,8 @@ class _World(Protocol):
         self,
         robot: "RobotBody",
         link: str,
-        point: Triple | None,
-        force: Triple,
+        point: Floats | None,
+        force: Floats,
         duration: float,
     ) -> None: ...
 

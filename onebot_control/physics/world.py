@@ -5,8 +5,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-
 from onebot_control.physics.contacts import ContactRecorder
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
@@ -14,10 +12,11 @@ from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import LoadedBody, RobotSpawn, SpawnPose, make_world
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices
-from onebot_description.geometry.poses import Transform, Triple, compose
+from onebot_description.geometry.poses import Transform
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms, the solver stops once an iteration changes no velocity by more than the square root of
@@ -30,15 +29,17 @@ _RESIDUAL = 1e-12
 class _Push:
     parts: LoadedBody
     index: int  # PyBullet's, of the link; -1: the root
-    point: Triple  # in that link's frame, m
-    force: Triple  # in the world's axes, N
+    point: Floats  # (3,), in that link's frame, m
+    force: Floats  # (3,), in the world's axes, N
     steps: int  # physics steps to come
 
     def apply(self) -> None:
         """Apply the force in the next physics step."""
-        point, _ = compose(self.parts.link_pose(self.index), (self.point, (0.0, 0.0, 0.0, 1.0)))
-        frame = engine.WORLD_FRAME
-        self.parts.bullet.applyExternalForce(self.parts.body, self.index, self.force, point, frame)
+        pose = matrices.of_transform(self.parts.link_pose(self.index))
+        [point] = matrices.transformed(self.point[None], pose).tolist()
+        self.parts.bullet.applyExternalForce(
+            self.parts.body, self.index, self.force.tolist(), point, engine.WORLD_FRAME
+        )
         self.steps -= 1
 
 
@@ -89,6 +90,8 @@ class World(AbstractContextManager["World"]):
         self.bullet = Bullet()
         self._problem = ""  # why it can no longer be used
         self._contacts: ContactRecorder | None = None
+        # The ground is an obstacle for arms only.
+        self._has_obstacles = bool(self.scene or self._arms) or len(self.robots) > 1
         self._pushes: list[_Push] = []
         self._build()
         if at_start:
@@ -103,12 +106,12 @@ class World(AbstractContextManager["World"]):
             self._contacts.load(self.bullet)
         return self._contacts
 
-    def step(self, duration: float, *, recorded: bool = False) -> None:
+    def step(self, duration: float, *, recorded: bool | None = False) -> None:
         """Advance by ``duration`` seconds, rounded to whole physics steps.
 
         Args:
             duration: s.
-            recorded: record ``contacts``, too.
+            recorded: record ``contacts``, too; None: if there may be a collision.
 
         Raises:
             OneBotError: the world is closed, or its state is no longer finite.
@@ -116,6 +119,8 @@ class World(AbstractContextManager["World"]):
         count = self.settings.steps(duration)
         self.check()
         bullet, robots, arms = self.bullet, self.robots, self._arms
+        if recorded is None:
+            recorded = self._has_obstacles and self.contacts.may_collide(duration)
         contacts = self.contacts if recorded else self._contacts
         if contacts is not None:
             contacts.begin(count if recorded else 0)
@@ -137,11 +142,6 @@ class World(AbstractContextManager["World"]):
         if self.scene is not None:
             self.scene.read()
         self._check_finite()
-
-    @property
-    def has_obstacles(self) -> bool:
-        """Whether there is anything that a robot can run into; for arms the ground is."""
-        return bool(self.scene or self._arms) or len(self.robots) > 1
 
     def restart(self) -> None:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
@@ -222,15 +222,15 @@ class World(AbstractContextManager["World"]):
         robot.read_again()
 
     def push(
-        self, robot: RobotBody, link: str, point: Triple | None, force: Triple, duration: float
+        self, robot: RobotBody, link: str, point: Floats | None, force: Floats, duration: float
     ) -> None:
         """Push a link of a robot in the next steps.
 
         Args:
             robot: the robot.
             link: its link.
-            point: where, in the link's frame, m; None: the centre of mass of the rigid body.
-            force: in the world's axes, N.
+            point: (3,), where, in the link's frame, m; None: the centre of mass of the rigid body.
+            force: (3,), in the world's axes, N.
             duration: s, rounded to whole physics steps.
 
         Raises:
@@ -244,14 +244,13 @@ class World(AbstractContextManager["World"]):
         first, pose = rigid_frames(description)[link]
         place = merged_bodies(description)[first].center
         if point is not None:
-            place = matrices.transformed(np.array([point]), pose)[0]
+            place = matrices.transformed(point[None], pose)[0]
         joints = {joint.child: joint.name for joint in description.moving_joints}
         index = robot.parts.joints[joints[first]] if first in joints else -1
         if robot.spawn.fixed_base and index < 0:
             raise OneBotError(f'{description.source}: link "{link}" stands still')
-        x, y, z = place.tolist()
         steps = self.settings.steps(duration)
-        self._pushes.append(_Push(robot.parts, index, (x, y, z), force, steps))
+        self._pushes.append(_Push(robot.parts, index, place, force, steps))
 
     @contextmanager
     def _undone_if_refused(self) -> Iterator[None]:

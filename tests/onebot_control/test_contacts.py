@@ -81,7 +81,7 @@ def test_boxes_at_rest_weigh_m_g_on_the_links_that_carry_them():
                 ("mesh", "world", "foot"): pytest.approx(GRAVITY, rel=0.01),
             }
         for contact in robot.contacts:
-            assert contact.normal == pytest.approx((0.0, 0.0, -1.0), abs=1e-4)
+            assert contact.normal == pytest.approx((0.0, 0.0, -1.0), abs=0.01)
             height = 0.412 if contact.link == "mesh" else 0.42  # the cube's edge is 0.2 m
             assert contact.point[2] == pytest.approx(height, abs=1e-3)
         assert robot.collided  # they stand on it, not it on them
