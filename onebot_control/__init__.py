@@ -23,8 +23,11 @@ TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
 __all__ = [
+    "Contact",
     "ImuReading",
     "JointState",
+    "Moment",
+    "OccupancyGrid",
     "OdometryReading",
     "OneBotError",
     "PlanarVelocity",
@@ -37,6 +40,9 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from onebot_control.physics.contacts import Contact
+    from onebot_control.physics.occupancy import OccupancyGrid
+    from onebot_control.recording import Moment
     from onebot_control.sensing.readings import (
         ImuReading,
         JointState,
@@ -50,6 +56,9 @@ if TYPE_CHECKING:
 else:
     __getattr__ = onebot_description.lazy(
         {
+            "onebot_control.physics.contacts": ("Contact",),
+            "onebot_control.physics.occupancy": ("OccupancyGrid",),
+            "onebot_control.recording": ("Moment",),
             "onebot_control.sensing.readings": (
                 *("ImuReading", "JointState", "OdometryReading"),
                 *("RobotPose", "Scan", "PlanarVelocity"),

@@ -220,6 +220,7 @@ class PreparedRobot(NamedTuple):
             gears,
             starts,
             fixed_base=stands,
+            links=description.links,
         )
         ignored = [
             Problem(f"{arm.name}.{problem.key}", problem.text)
@@ -515,6 +516,46 @@ class ControlledRobot:
         self.drift.restart()
         self._read_state()
         self._observed = -1
+
+    def set_joints(self, positions: Mapping[str, float]) -> None:
+        """Set positions of joints, rad or m, at rest; controllers hold them there.
+
+        Joints that mimic them follow. Other joints and the base go on; a goal of a controller
+        whose joints are set ends.
+
+        Raises:
+            OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
+                limits, or the robot would be in something there; then nothing has changed.
+        """
+        moving = {joint.name: joint for joint in self.description.moving_joints}
+        settable = [name for name in self.body.joints if name not in self.body.spawn.gears]
+        problems = []
+        for name, position in positions.items():
+            if name not in settable:
+                problems.append(f'joint "{name}" cannot be set{did_you_mean(name, settable)}')
+            elif not moving[name].range[0] <= position <= moving[name].range[1]:
+                lower, upper = moving[name].range
+                problems.append(f'joint "{name}": {position} is not from {lower:g} to {upper:g}')
+            elif not math.isfinite(position):
+                problems.append(f'joint "{name}": {position} is not finite')
+        if problems:
+            raise OneBotError("\n".join(f"{self.description.source}: {each}" for each in problems))
+        gears = self.body.spawn.gears.items()
+        followers = {
+            name: mimic.at(positions[mimic.joint])
+            for name, mimic in gears
+            if mimic.joint in positions
+        }
+        self.body.world.set_joints(self.body, {**positions, **followers})
+        for name, arm in self.arms.items():
+            present = dict(zip(arm.names, arm.reference(0.0), strict=True))
+            if not present.keys().isdisjoint(positions):
+                held = {name: positions.get(name, at) for name, at in present.items()}
+                self._finish(name, [arm.reset([*held.values()])])
+        self._read_state()
+        if not positions.keys().isdisjoint(self.body.driven):
+            self.diff_drive.odometry.forget_wheels()
+            self._observed = -1
 
     def _halt(self) -> None:
         """Drop the command, and what ``begin`` decided if ``turn`` is still to come."""

@@ -124,11 +124,15 @@ class Fleet(AbstractContextManager["Fleet"]):
         now = self.stamp if stamp is None else stamp
         return [robot.begin(now) for robot in self.robots]
 
-    def finish(self) -> None:
-        """Move all robots for one control period, as their controllers have decided."""
+    def finish(self, *, recorded: bool | None = False) -> None:
+        """Move all robots for one control period, as their controllers have decided.
+
+        Args:
+            recorded: record the contacts of the world, too; see ``World.step``.
+        """
         for robot in self.robots:
             robot.turn()
-        self.world.step(self.period)
+        self.world.step(self.period, recorded=recorded)
 
     def restart(self) -> None:
         """Go back to the start, to the same state as a new fleet of these robots.

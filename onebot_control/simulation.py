@@ -14,14 +14,14 @@ Example:
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +32,13 @@ from onebot_control.controller_names import DRIVE_CONTROLLER
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
+from onebot_control.physics.contacts import Contact
+from onebot_control.physics.occupancy import OccupancyGrid, occupancy_grid
+from onebot_control.recording import Moment, Recording
+from onebot_control.sensing.camera import picture_from
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.lidar import LidarInstrument, angles
-from onebot_control.sensing.rays import Rays, cast
+from onebot_control.sensing.rays import HAS_EMBREE, Rays, cast
 from onebot_control.sensing.readings import (
     ImuReading,
     JointState,
@@ -53,7 +57,7 @@ from onebot_description.description.loading import load_sensors, load_world
 from onebot_description.description.xacro import xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
-from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.ros.parameters.reader import ConfigError, Problem, leaves
 
 if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep
@@ -65,27 +69,12 @@ ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
 _REACH = 1e4  # m; rays that go farther hit nothing
+_MOST_PIXELS = 4096  # of a picture's width and height
 # Parameters of velocity_controller that do not make a Simulation another one.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
     *("real_time_factor", "paused", "step_topics", "step_timeout"),
 }
-
-
-class Moment(NamedTuple):
-    """The poses in one control cycle, as ``Simulation.keep`` records them.
-
-    Attributes:
-        stamp: simulated time of the cycle, ns.
-        poses: the robots' root links in the world, in the order of ``Simulation.robots``.
-        joints: joint positions by name for each robot, rad or m.
-        boxes: poses in the world of movable boxes, by link.
-    """
-
-    stamp: int
-    poses: Sequence[Transform]
-    joints: Sequence[Mapping[str, float]]
-    boxes: Mapping[str, Transform]
 
 
 @dataclass(frozen=True)
@@ -154,7 +143,9 @@ class Simulation(AbstractContextManager["Simulation"]):
         """
         self._seed, self._noisy = seed, noise
         self._ros: Lockstep[Simulation] | None = None
-        self._kept: deque[Moment] | None = None
+        self._recording: Recording | None = None
+        self._functions: dict[int, Callable[[], object]] = {}  # called after each cycle
+        self._numbers = count()  # of these functions
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are for a single robot; give each RobotSetup its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
@@ -164,6 +155,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._values = [
             _values(setup, {**parameters, **setup.parameters}) for setup in setups.values()
         ]
+        self._start_values = tuple(self._values)
         members = [
             _member(
                 name,
@@ -249,10 +241,10 @@ class Simulation(AbstractContextManager["Simulation"]):
         if (seconds is None) == (until is None):
             raise ValueError("run takes seconds, or until=...")
         cycles = self._cycles(timeout if seconds is None else seconds)
-        for _ in range(cycles):
+        for number in range(cycles):
             if until is not None and until():
                 return
-            self._cycle()
+            self._cycle(last=number == cycles - 1)
         if until is not None and not until():
             states = "; ".join(map(str, self.robots.values()))
             text = f"until returned nothing true in {timeout:g} s of simulated time"
@@ -274,12 +266,99 @@ class Simulation(AbstractContextManager["Simulation"]):
             for robot in self.robots.values():
                 for instrument in robot._instruments:
                     instrument.reseed(self._seed)
+        for row, values in enumerate(self._start_values):
+            if values is not self._values[row]:
+                self._configure(row, values)
         self._fleet.restart()
         self._begin()
+        if self._recording is not None:
+            self._recording.moments.clear()
+            self._recording.moments.append(self._moment())
 
-    def _moment(self, snapshots: Sequence[Snapshot]) -> "Moment":
+    def _set_parameters(self, row: int, parameters: Mapping[str, Any]) -> None:
+        if self._ros is not None:
+            raise OneBotError("nodes are in step with it: set the parameters of the robot's node")
+        _check_effects(parameters)
+        fixed = {leaf.name for leaf in leaves(ControlConfig) if leaf.type.rule.read_only}
+        text = "is read at the start; give it to Simulation(parameters=...)"
+        if problems := [Problem(name, text) for name in parameters if name in fixed]:
+            raise ConfigError(problems)
+        self._configure(row, {**self._values[row], **parameters})
+
+    def _configure(self, row: int, values: dict[str, Any]) -> None:
+        self._fleet.robots[row].configure(ControlConfig.from_parameters(values))
+        self._values[row] = values
+
+    def step(self, cycles: int = 1) -> None:
+        """Simulate a number of control cycles, of ``period`` seconds each.
+
+        Raises:
+            ValueError: the number is not whole, or negative.
+            OneBotError: the simulation has been closed, or has diverged.
+        """
+        if not isinstance(cycles, int | np.integer) or cycles < 0:
+            raise ValueError(f"{cycles!r}: a number of control cycles is whole, and not negative")
+        for number in range(cycles):
+            self._cycle(last=number == cycles - 1)
+
+    def on_step(self, function: Callable[[], object]) -> Callable[[], None]:
+        """Call a function after each control cycle from now on, without arguments.
+
+        The state is that at the cycle's end; what the function raises ends ``run`` there.
+
+        Returns:
+            A function that ends these calls.
+        """
+        if not callable(function):
+            raise ValueError(f"{function!r} cannot be called")
+        number = next(self._numbers)
+        self._functions[number] = function
+
+        def end() -> None:
+            self._functions.pop(number, None)
+
+        return end
+
+    def record(self, seconds: float | None = None, rate: float | None = None) -> None:
+        """Record poses and joints from now on, for ``log`` and ``moments``.
+
+        A reset begins the recording anew.
+
+        Args:
+            seconds: how many simulated seconds are kept, the last ones; None for all.
+            rate: recorded moments per second, Hz; None for one in each control cycle.
+
+        Raises:
+            ValueError: the duration is negative or not finite, or the rate is not above 0.
+        """
+        cycles = None if seconds is None else self._cycles(seconds)
+        if rate is not None and not rate > 0.0:
+            raise ValueError(f"{rate} Hz is not above 0")
+        every = 1 if rate is None else max(1, round(self._fleet.rate / rate))
+        most = None if cycles is None else max(1, round(cycles / every))
+        self._recording = Recording(every, most)
+        self._recording.moments.append(self._moment())
+
+    @property
+    def moments(self) -> "Sequence[Moment]":
+        """The recorded moments, oldest first; empty unless ``record`` was called."""
+        return tuple(self._recording.moments) if self._recording else ()
+
+    @property
+    def log(self) -> dict[str, NDArray[np.float64]]:
+        """The recorded moments as arrays of one length, by name, as for ``pandas.DataFrame``.
+
+        They are ``time`` (s), the root link's true ``x``, ``y``, ``z`` (m), ``roll``, ``pitch``,
+        ``yaw`` (rad), ``joints.NAME`` (rad or m), and of a box ``boxes.NAME.x`` and so on; of
+        several robots ``ROBOT.x`` and so on. It is empty unless ``record`` was called.
+        """
+        return self._recording.columns([*self.robots]) if self._recording else {}
+
+    def _moment(self) -> Moment:
         fleet = self._fleet
+        snapshots = [robot.snapshot() for robot in fleet.robots]
         return Moment(
+            self.time,
             fleet.stamp,
             [snapshot.pose for snapshot in snapshots],
             [
@@ -293,26 +372,68 @@ class Simulation(AbstractContextManager["Simulation"]):
         scene = self._fleet.world.scene
         return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
 
-    def keep(self, seconds: float, rate: float) -> None:
-        """Start recording poses; ``kept`` returns those of the last simulated seconds.
+    def occupancy_grid(
+        self,
+        resolution: float = 0.05,
+        *,
+        height: float = 0.1,
+        bounds: tuple[float, float, float, float] | None = None,
+    ) -> OccupancyGrid:
+        """Return the true map of the world: what stands at some height, without the robots.
+
+        A cell is occupied if a collision shape of the world, or of a box where it is now, reaches
+        into it at that height.
 
         Args:
-            seconds: how many simulated seconds to keep.
-            rate: recorded moments per second, Hz.
+            resolution: edge of a cell, m.
+            height: height above the ground, m; a ramp is there only where it is higher.
+            bounds: least x and y, greatest x and y of the map, m; None for what is there, with the
+                corners of cells at multiples of the resolution.
 
         Raises:
-            ValueError: the duration is negative or not finite, or the rate is not above 0.
+            ValueError: a length is not above 0, or bounds are not least before greatest.
+            OneBotError: nothing is there, and there are no bounds; or there are too many cells.
         """
-        cycles = self._cycles(seconds)
-        if not rate > 0.0:
-            raise ValueError(f"{rate} Hz is not above 0")
-        self._kept_every = max(1, round(self._fleet.rate / rate))
-        self._kept = deque(maxlen=max(1, round(cycles / self._kept_every)))
+        if not (0.0 < resolution < math.inf and 0.0 < height < math.inf):
+            raise ValueError(f"{resolution} m, {height} m: resolution and height are above 0")
+        if bounds is not None:
+            left, low, right, high = bounds
+            if not (-math.inf < left < right < math.inf and -math.inf < low < high < math.inf):
+                raise ValueError(f"{bounds}: bounds are least x, least y, greatest x, greatest y")
+        boxes = [*self._boxes().values()]
+        return occupancy_grid(self._scene, boxes, resolution, height, bounds)
 
-    @property
-    def kept(self) -> "Sequence[Moment]":
-        """The moments that ``keep`` has recorded, oldest first; a reset does not clear them."""
-        return tuple(self._kept or ())
+    def picture(
+        self,
+        eye: Sequence[float],
+        target: Sequence[float],
+        *,
+        width: int = 640,
+        height: int = 480,
+    ) -> NDArray[np.uint8]:
+        """Return a picture of the world and its robots, (height, width, 3), RGB.
+
+        It is painted as those of simulated cameras, without a display; ``robot.image()`` is what a
+        robot's own camera sees.
+
+        Args:
+            eye: (3,), where it is seen from, in the world, m.
+            target: (3,), another point, in the middle of the picture, m.
+            width: pixels.
+            height: pixels.
+
+        Raises:
+            ValueError: a number is not finite, eye and target are equal, or a size is out of range.
+            OneBotError: Embree, which casts the rays, is not installed.
+        """
+        start, end = _vector("eye", eye), _vector("target", target)
+        if np.array_equal(start, end):
+            raise ValueError("eye and target are the same point")
+        if not 0 < min(width, height) <= max(width, height) <= _MOST_PIXELS:
+            raise ValueError(f"{width} x {height}: sizes are from 1 to {_MOST_PIXELS} pixels")
+        if not HAS_EMBREE:
+            raise OneBotError("pictures need the package embreex, which is not installed here")
+        return picture_from(self._sensed_world(), start, end, width, height)
 
     def ray(self, origin: Sequence[float], direction: Sequence[float]) -> float:
         """Return the distance to the first thing on a ray, m; infinite if there is none.
@@ -367,6 +488,7 @@ class Simulation(AbstractContextManager["Simulation"]):
     def _begin(self) -> None:
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
+        self._asked = False  # whether somebody has asked for contacts
         self._sensors.restart()
         for robot in self.robots.values():
             robot._command = None
@@ -378,20 +500,27 @@ class Simulation(AbstractContextManager["Simulation"]):
             raise ValueError(f"{seconds} s: a duration is finite, and not negative")
         return round(seconds * self._fleet.rate)
 
-    def _cycle(self) -> None:
-        """Run one control cycle; afterwards the robots' state is that at its end."""
+    def _cycle(self, *, last: bool) -> None:
+        """Run one control cycle; afterwards the robots' state is that at its end.
+
+        Args:
+            last: whether it is the last one before somebody can ask for its contacts. They are
+                recorded then, and from the first time on that somebody has asked.
+        """
         fleet = self._fleet
         for robot in self.robots.values():
             if robot._command is not None:
                 robot._controlled.accept(*robot._command)
         self._before = fleet.begin()
-        if self._kept is not None and fleet.ticks % self._kept_every == 0:
-            self._kept.append(self._moment(self._before))
         if self._ros is not None:
             self._ros.publish(self._before, fleet.stamp)
-        fleet.finish()
+        fleet.finish(recorded=last or self._asked or None)
         fleet.observe()
         self._frame = None
+        if self._recording is not None and fleet.ticks % self._recording.every == 0:
+            self._recording.moments.append(self._moment())
+        for function in [*self._functions.values()]:
+            function()
 
     def _sensed_world(self) -> SensedWorld:
         """Return the world as it is now, for sensors; the first time their meshes are read."""
@@ -525,6 +654,84 @@ class SimulatedRobot:
         self._controlled.teleport(PlanarPose(x, y, yaw))
         self._controlled.observe()
         self._simulation._frame = None
+
+    @property
+    def contacts(self) -> Sequence[Contact]:
+        """What touched the robot in the last control cycle, in any of its physics steps.
+
+        It is empty after a reset or a teleport, until the next cycle. Of two links that touch, all
+        points are listed, where they were last; the sum of their forces is the mean over the cycle.
+        """
+        self._simulation._asked = True
+        return self._simulation._fleet.world.contacts.contacts(self._row)
+
+    @property
+    def collided(self) -> bool:
+        """Whether it has touched anything but what it stands on since it was placed.
+
+        It was placed at the start, by a reset, a teleport. It stands on what carries its base,
+        wheels and casters from below; for links that arms move, the ground is an obstacle, too.
+        """
+        return self._simulation._fleet.world.contacts.collided[self._row]
+
+    def push(
+        self,
+        force: Sequence[float],
+        seconds: float,
+        *,
+        link: str = "",
+        point: Sequence[float] | None = None,
+    ) -> None:
+        """Push the robot for some time, from the next cycle on; several pushes add up.
+
+        Args:
+            force: (3,), in the world's axes, N.
+            seconds: simulated duration, rounded to whole physics steps; a reset or a teleport of
+                the robot ends it.
+            link: what is pushed; "" for the root link.
+            point: (3,), where, in the link's frame, m; None for the centre of mass of the link and
+                all that is fixed to it.
+
+        Raises:
+            ValueError: a number is not finite, or the duration is negative.
+            OneBotError: there is no such link, or it stands still.
+        """
+        pushed = _vector("force", force)
+        at = None if point is None else _vector("point", point)
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"{seconds} s: a duration is finite, and not negative")
+        link = link or self.description.root_link
+        body = self._controlled.body
+        body.world.push(body, link, at, pushed, seconds)
+
+    def set_joints(self, positions: Mapping[str, float]) -> None:
+        """Set joints to ``positions`` at once, at rest; their controllers hold them there.
+
+        Joints that mimic them follow; other joints and the base go on. Use ``move_to`` to move
+        joints by their motors.
+
+        Args:
+            positions: position by joint name, rad (m for prismatic joints).
+
+        Raises:
+            OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
+                limits, or the robot would be in something there; then nothing has changed.
+        """
+        self._controlled.set_joints({name: float(at) for name, at in positions.items()})
+        self._controlled.observe()
+        self._simulation._frame = None
+
+    def set_parameters(self, parameters: Mapping[str, Any]) -> None:
+        """Change parameters of the controller from the next cycle on; a reset undoes it.
+
+        Args:
+            parameters: values by their ROS names, such as ``linear.x.max_velocity``.
+
+        Raises:
+            ConfigError: a value is wrong, or is read at the start only; then nothing has changed.
+            OneBotError: ROS nodes are in step: the robot's node has the parameters.
+        """
+        self._simulation._set_parameters(self._row, parameters)
 
     @property
     def description(self) -> Description:
@@ -744,12 +951,30 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ConfigError: a given parameter has no effect in a Simulation.
     """
-    text = "has no effect here; Simulation has arguments for what can be chosen"
-    if problems := [Problem(name, text) for name in parameters if name in _WITHOUT_EFFECT]:
-        raise ConfigError(problems)
+    _check_effects(parameters)
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
     start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
     return {**defaults.values, **parameters, **start}
+
+
+def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:
+    """Return three finite numbers as an array (3,).
+
+    Raises:
+        ValueError: they are not.
+    """
+    with suppress(TypeError, ValueError):
+        vector = np.array(values, float)
+        if vector.shape == (3,) and np.isfinite(vector).all():
+            return vector
+    raise ValueError(f"{name} {values!r}: write three finite numbers")
+
+
+def _check_effects(parameters: Mapping[str, Any]) -> None:
+    """Raise ConfigError for parameters that have no effect in a Simulation."""
+    text = "has no effect here; Simulation has arguments for what can be chosen"
+    if problems := [Problem(name, text) for name in parameters if name in _WITHOUT_EFFECT]:
+        raise ConfigError(problems)
 
 
 def _goal(positions: Mapping[str, float], seconds: float) -> TrajectoryGoal:

@@ -16,11 +16,14 @@ from pathlib import Path
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
-def die_with_this_thread() -> Callable[[], None] | None:
+def die_with_this_thread(sent: int = signal.SIGKILL) -> Callable[[], None] | None:
     """Return a ``preexec_fn`` for a child that is killed when the calling thread ends.
 
     It is None where the system has no such signal. Linux follows the *thread* that starts the
     child, so that has to be one that lives as long as the process: the main thread.
+
+    Args:
+        sent: the signal that the child gets.
     """
     if sys.platform != "linux":
         return None
@@ -28,7 +31,7 @@ def die_with_this_thread() -> Callable[[], None] | None:
     libc = ctypes.CDLL(None)  # before the fork, because the child may not allocate much
 
     def arrange() -> None:
-        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        libc.prctl(_PR_SET_PDEATHSIG, sent)
         if os.getppid() != parent:  # the parent died before the call above
             os._exit(1)
 

@@ -1,7 +1,8 @@
 """Shows the end of a failed test's simulation: a recording for Rerun, and a picture of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,23 +17,28 @@ from onebot_bringup.viewer.robot_messages import (
     published_description,
     published_transforms,
 )
+from onebot_bringup.viewer.robot_size import box_around, diagonal, fitting_eye, robot_bounds
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_bringup.viewer.view_config import ViewConfig
+from onebot_bringup.viewer.view_config import CameraSettings, ViewConfig
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.physics.scene import scene_frames
+from onebot_control.recording import Moment
 from onebot_control.simulation import Simulation
 from onebot_description.errors import OneBotError
+from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform
 
 if TYPE_CHECKING:
     import rerun as rr
 
+_SIDES = 4  # from which the robots may be seen
+
 
 def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
-    """Write the kept end of a simulation to files.
+    """Write the recorded end of a simulation to files.
 
     Args:
-        simulation: the simulation, whose ``keep`` was called.
+        simulation: the simulation, whose ``record`` was called.
         base: the path of the files without a suffix; existing files are replaced.
 
     Returns:
@@ -60,8 +66,10 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
         RobotToShow(f"/{name}" if name else "", f"{name}/" if name else "", plotted=not name)
         for name in simulation.robots
     ]
-    view = RobotView(stream, ViewConfig(fixed_frame=WORLD_FRAME), robots=names, from_start=True)
-    world, moments = simulation.world, simulation.kept
+    world, moments = simulation.world, simulation.moments
+    camera = _camera(simulation, robots, moments[-1]) if moments else CameraSettings()
+    config = ViewConfig(fixed_frame=WORLD_FRAME, camera=camera)
+    view = RobotView(stream, config, robots=names, from_start=True)
     messages: list[Published] = []
     if moments:
         start = moments[0].stamp
@@ -81,6 +89,27 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
         messages.clear()
         view.tick(moment.stamp)
     view.finish()
+
+
+def _camera(simulation: Simulation, robots: Sequence[RobotMessages], end: Moment) -> CameraSettings:
+    """Return a camera that shows all robots where they are at the end, from a side that is free."""
+    boxes = []
+    for robot, shown, pose, joints in zip(
+        simulation.robots.values(), robots, end.poses, end.joints, strict=True
+    ):
+        root = matrices.of_transform(pose)
+        links = shown.model.link_matrices(shown.model.positions(joints))
+        poses = {link: root @ matrix for link, matrix in links.items()}
+        boxes.append(robot_bounds(robot.description, poses))
+    bounds = [box for box in boxes if box is not None]
+    if not bounds:
+        return CameraSettings()
+    box = box_around(np.concatenate(bounds))
+    for eye, target in map(partial(fitting_eye, box), range(_SIDES)):
+        away = np.subtract(target, eye)
+        if simulation.ray(eye, away.tolist()) > np.linalg.norm(away) - diagonal(box) / 2.0:
+            return CameraSettings(eye, target)
+    return CameraSettings(*fitting_eye(box))
 
 
 def _in_world(stamp_ns: int, poses: Mapping[str, Transform]) -> Published:

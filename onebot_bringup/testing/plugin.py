@@ -35,7 +35,7 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulat
 
         def make(*args: Any, **arguments: Any) -> Simulation:
             simulation = stack.enter_context(Simulation(*args, **arguments))
-            simulation.keep(_KEPT, _KEPT_RATE)
+            simulation.record(_KEPT, _KEPT_RATE)
             simulations.append(simulation)
             return simulation
 

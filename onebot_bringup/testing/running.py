@@ -7,8 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryFile
 from unittest.mock import patch
 
 from onebot_bringup.launch.bringup import UP
@@ -42,19 +41,17 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         """
         if command not in BRINGUPS:
             raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
-        self._folder = TemporaryDirectory(prefix="onebot-test-")
-        self._log = Path(self._folder.name) / "output"
+        self._log = TemporaryFile("w+")  # without a name: it goes even if this process is killed
         has_viewer = any(word.startswith("viewer:=") for word in words)
         arguments = [*words] if has_viewer else ["viewer:=none", *words]
-        with self._log.open("w") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", BRINGUPS[command], *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=die_with_this_thread(),
-            )
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", BRINGUPS[command], *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=die_with_this_thread(signal.SIGTERM),  # it removes its own folder
+        )
         try:
             self._await_robots()
         except BaseException:
@@ -64,7 +61,9 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
     @property
     def output(self) -> str:
         """Everything it has printed so far."""
-        return self._log.read_text()
+        size = os.fstat(self._log.fileno()).st_size
+        # Without seeking: the bringup writes where this file is.
+        return os.pread(self._log.fileno(), size, 0).decode(errors="replace")
 
     def stop(self) -> int:
         """Stop the bringup as by Ctrl-C, and wait for its end; return the exit code."""
@@ -79,7 +78,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
     def __exit__(self, *_: object) -> None:
         self.stop()
         print(self.output)  # pytest shows it if the test has failed
-        self._folder.cleanup()
+        self._log.close()
 
     def _await_robots(self) -> None:
         """Wait until the bringup has said that it is up, and a joint state comes."""

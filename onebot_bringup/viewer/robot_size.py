@@ -88,11 +88,18 @@ def posed_bounds(description: Description, model: RobotModel, positions: Floats)
     return robot_bounds(description, model.link_matrices(positions))
 
 
-def fitting_eye(bounds: Floats) -> tuple[Triple, Triple]:
-    """Return eye and target, metres, that show the whole (2, 3) box from the front left, above."""
+def fitting_eye(bounds: Floats, quarters: int = 0) -> tuple[Triple, Triple]:
+    """Return eye and target, metres, that show the whole (2, 3) box from the front left, above.
+
+    Args:
+        bounds: the box.
+        quarters: quarter turns to the left, to look from another side.
+    """
     center = bounds.mean(axis=0)
     radius = max(diagonal(bounds) / 2, 0.01)
     direction = np.array([1.0, 0.75, 0.65])
+    for _ in range(quarters):
+        direction = np.array([-direction[1], direction[0], direction[2]])
     # The factor fits a field of view of about 55 degrees, with some space around the robot.
     eye = center + direction / np.linalg.norm(direction) * radius * 2.6
     return _vector(eye), _vector(center)

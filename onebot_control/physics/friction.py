@@ -50,7 +50,7 @@ _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 # The solver ignores contact points of bodies that are farther apart than this, m. PyBullet keeps
 # up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
-_TOUCHING = 1e-6
+TOUCHING = 1e-6
 # m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
 # indeterminate, and friction would decide which of them carry the robot.
 _SAG = 1e-4
@@ -228,7 +228,7 @@ def set_contact(
         robot,
         index,
         lateralFriction=settings.friction if body.friction is None else body.friction,
-        contactProcessingThreshold=_TOUCHING,
+        contactProcessingThreshold=TOUCHING,
         frictionAnchor=grasps,
     )
 

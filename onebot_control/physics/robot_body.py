@@ -15,6 +15,7 @@ from onebot_control.physics.spawning import (
     checked_spawn_pose,
     load_robot,
 )
+from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
@@ -85,6 +86,17 @@ class _World(Protocol):
     def check(self) -> None: ...
 
     def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
+
+    def set_joints(self, robot: "RobotBody", positions: Mapping[str, float]) -> None: ...
+
+    def push(
+        self,
+        robot: "RobotBody",
+        link: str,
+        point: Floats | None,
+        force: Floats,
+        duration: float,
+    ) -> None: ...
 
 
 class RobotBody:
@@ -276,6 +288,10 @@ class RobotBody:
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
         self._efforts = (0.0,) * len(self.joints)
+        self._update(self._read_joints())
+
+    def read_again(self) -> None:
+        """Read the state after joints were set."""
         self._update(self._read_joints())
 
     def continue_from(self, other: "RobotBody") -> None:

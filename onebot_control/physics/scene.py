@@ -27,7 +27,7 @@ from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import PlanarPose, Transform
-from onebot_description.model.rigid_bodies import Body, rigid_frames
+from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 from onebot_description.model.robot_model import JointArrays
 
 _DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
@@ -157,6 +157,13 @@ class SceneBodies:
                     text = f"starts {depth:.3g} m deep in {obstacle}, which would throw it out"
                     yield f"{where} {text}; {remedy}"
             obstacles[f'link "{link}"'] = [part.body]
+
+    def bodies(self) -> Iterator[tuple[int, Body, LoadedBody | None]]:
+        """Yield PyBullet's index and the shapes of each body, and the body if it is movable."""
+        for index, body in zip(self.fixed, self._fixed, strict=True):
+            yield index, body, None
+        for part, loaded in zip(self._free, self._parts, strict=False):
+            yield loaded.body, merged_bodies(part)[part.root_link], loaded
 
     def read(self) -> None:
         """Read the poses of the movable bodies."""

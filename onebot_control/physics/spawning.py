@@ -15,7 +15,7 @@ from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_description.arrays import total
 from onebot_description.elements.meshes import read_mesh
-from onebot_description.elements.urdf import Description, Mesh, Mimic
+from onebot_description.elements.urdf import Description, Link, Mesh, Mimic
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, Triple, compose, inverse
 from onebot_description.model.rigid_bodies import Body
@@ -41,6 +41,7 @@ class RobotSpawn(NamedTuple):
     gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
+    links: tuple[Link, ...] = ()  # as written, if some have other shapes in the simulation
 
     @property
     def converges_slowly(self) -> bool:
@@ -94,15 +95,17 @@ class LoadedBody(NamedTuple):
         # Two quaternions describe a rotation; return the one with w >= 0.
         return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
 
+    def link_pose(self, index: int) -> Transform:
+        """Return the pose in the world of the first link of a rigid body; -1: the root's."""
+        if index < 0:
+            return self.pose()
+        state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=True)
+        return state[4], state[5]
+
     def lift_weightless(self) -> None:
         """Cancel gravity for the parts that have none, during the next physics step."""
         for index, point, force in self.weightless:
-            pose = (
-                self.pose()
-                if index < 0
-                else self.bullet.getLinkState(self.body, index, computeForwardKinematics=1)[4:6]
-            )
-            at, _ = compose(pose, (point, (0.0, 0.0, 0.0, 1.0)))
+            at, _ = compose(self.link_pose(index), (point, (0.0, 0.0, 0.0, 1.0)))
             self.bullet.applyExternalForce(
                 self.body, index, (0.0, 0.0, force), at, engine.WORLD_FRAME
             )

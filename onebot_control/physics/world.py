@@ -3,21 +3,44 @@
 import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 
-from onebot_control.physics.engine import Bullet
+from onebot_control.physics.contacts import ContactRecorder
+from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.scene import SceneBodies
-from onebot_control.physics.spawning import RobotSpawn, SpawnPose, make_world
+from onebot_control.physics.spawning import LoadedBody, RobotSpawn, SpawnPose, make_world
+from onebot_description.arrays import Floats
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, listing
+from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform
+from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms, the solver stops once an iteration changes no velocity by more than the square root of
 # this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a fifth, and
 # joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s without arms.
 _RESIDUAL = 1e-12
+
+
+@dataclass
+class _Push:
+    parts: LoadedBody
+    index: int  # PyBullet's, of the link; -1: the root
+    point: Floats  # (3,), in that link's frame, m
+    force: Floats  # (3,), in the world's axes, N
+    steps: int  # physics steps to come
+
+    def apply(self) -> None:
+        """Apply the force in the next physics step."""
+        pose = matrices.of_transform(self.parts.link_pose(self.index))
+        [point] = matrices.transformed(self.point[None], pose).tolist()
+        self.parts.bullet.applyExternalForce(
+            self.parts.body, self.index, self.force.tolist(), point, engine.WORLD_FRAME
+        )
+        self.steps -= 1
 
 
 class World(AbstractContextManager["World"]):
@@ -66,12 +89,29 @@ class World(AbstractContextManager["World"]):
             self._find_rest_poses()
         self.bullet = Bullet()
         self._problem = ""  # why it can no longer be used
+        self._contacts: ContactRecorder | None = None
+        # The ground is an obstacle for arms only.
+        self._has_obstacles = bool(self.scene or self._arms) or len(self.robots) > 1
+        self._pushes: list[_Push] = []
         self._build()
         if at_start:
             self._start()
 
-    def step(self, duration: float) -> None:
+    @property
+    def contacts(self) -> ContactRecorder:
+        """What has touched the robots in steps that recorded it."""
+        self.check()
+        if self._contacts is None:
+            self._contacts = ContactRecorder(self.robots, self.scene)
+            self._contacts.load(self.bullet)
+        return self._contacts
+
+    def step(self, duration: float, *, recorded: bool | None = False) -> None:
         """Advance by ``duration`` seconds, rounded to whole physics steps.
+
+        Args:
+            duration: s.
+            recorded: record ``contacts``, too; None: if there may be a collision.
 
         Raises:
             OneBotError: the world is closed, or its state is no longer finite.
@@ -79,12 +119,23 @@ class World(AbstractContextManager["World"]):
         count = self.settings.steps(duration)
         self.check()
         bullet, robots, arms, weightless = self.bullet, self.robots, self._arms, self._weightless
+        if recorded is None:
+            recorded = self._has_obstacles and self.contacts.may_collide(duration)
+        contacts = self.contacts if recorded else self._contacts
+        if contacts is not None:
+            contacts.begin(count if recorded else 0)
         for number in range(count):
             for robot in arms:
                 robot.track(number)
             for parts in weightless:
                 parts.lift_weightless()
+            for push in self._pushes:
+                push.apply()
             bullet.stepSimulation()
+            if recorded and contacts is not None:
+                contacts.record(number)
+            if self._pushes:
+                self._pushes = [push for push in self._pushes if push.steps > 0]
             if number < count - 1:
                 for robot in robots:
                     robot.record_efforts()
@@ -144,8 +195,64 @@ class World(AbstractContextManager["World"]):
             self._check_overlaps(places)
         for robot, stance in stances.items():
             robot.put(*stance)
+            self._pushes = [push for push in self._pushes if push.parts is not robot.parts]
+            if self._contacts is not None:
+                self._contacts.forget(robot)
         if self.scene is not None:
             self.scene.read()
+
+    def set_joints(self, robot: RobotBody, positions: Mapping[str, float]) -> None:
+        """Set positions of joints of a robot, rad or m, at rest; all others go on.
+
+        Raises:
+            OneBotError: the robot would be in something there; then nothing has changed.
+        """
+        self.check()
+        with self._undone_if_refused():
+            for name, position in positions.items():
+                index = robot.parts.joints[name]
+                self.bullet.resetJointState(robot.parts.body, index, position, 0.0)
+            if self.scene is not None:
+                links = {
+                    *self.scene.fixed_at(robot.parts).values(),
+                    *self.scene.free_at(robot.parts),
+                }
+                if links:
+                    text = f"link {listing(sorted(links))} of {self.scene.description.source}"
+                    raise OneBotError(f"the robot would be in {text} there; nothing has moved")
+            self._check_overlaps([robot])
+        robot.read_again()
+
+    def push(
+        self, robot: RobotBody, link: str, point: Floats | None, force: Floats, duration: float
+    ) -> None:
+        """Push a link of a robot in the next steps.
+
+        Args:
+            robot: the robot.
+            link: its link.
+            point: (3,), where, in the link's frame, m; None: the centre of mass of the rigid body.
+            force: (3,), in the world's axes, N.
+            duration: s, rounded to whole physics steps.
+
+        Raises:
+            OneBotError: there is no such link, or it stands still.
+        """
+        self.check()
+        description = robot.spawn.description
+        if link not in description.link_names:
+            names = description.link_names
+            raise OneBotError(f'{description.source}: no link "{link}"{did_you_mean(link, names)}')
+        first, pose = rigid_frames(description)[link]
+        place = merged_bodies(description)[first].center
+        if point is not None:
+            place = matrices.transformed(point[None], pose)[0]
+        joints = {joint.child: joint.name for joint in description.moving_joints}
+        index = robot.parts.joints[joints[first]] if first in joints else -1
+        if robot.spawn.fixed_base and index < 0:
+            raise OneBotError(f'{description.source}: link "{link}" stands still')
+        steps = self.settings.steps(duration)
+        self._pushes.append(_Push(robot.parts, index, place, force, steps))
 
     @contextmanager
     def _undone_if_refused(self) -> Iterator[None]:
@@ -245,6 +352,9 @@ class World(AbstractContextManager["World"]):
         )
         self._weightless = [body for body in bodies if body.weightless]
         self._saved: int = bullet.saveState()
+        self._pushes = []
+        if self._contacts is not None:
+            self._contacts.load(bullet)
 
     def _start(self) -> None:
         """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""

@@ -1,5 +1,6 @@
 """Measures with cameras: rays, calibration, depths and clouds; ``painter`` has colours."""
 
+import math
 from collections.abc import Sequence, Set
 from functools import cached_property
 from typing import Any
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from onebot_control.sensing.clouds import cloud_of, point_layout
 from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_control.sensing.noise import add_noise
-from onebot_control.sensing.rays import Hits, Rays
+from onebot_control.sensing.rays import Hits, Rays, cast
 from onebot_description.arrays import Bytes, Floats, Singles
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.noise import Noise
@@ -18,6 +19,8 @@ from onebot_description.description.sensors.noise import Noise
 # Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _INFOS = frozenset({"camera_info", "depth_camera_info"})
+_FIELD_OF_VIEW, _FARTHEST = 1.0, 1e4  # rad, horizontally, and m, of pictures
+_LEVEL = 1e-6  # sine of the least angle between a picture's axis and the vertical
 _KEPT = 30_000_000  # bytes; glibc never reuses blocks above 32 MB
 
 
@@ -101,6 +104,27 @@ def cloud(
         red, green, blue = np.moveaxis(picture.astype(np.uint32), -1, 0)
         points["rgb"] = red << 16 | green << 8 | blue
     return points
+
+
+def picture_from(world: SensedWorld, eye: Floats, target: Floats, width: int, height: int) -> Bytes:
+    """Return a picture (H, W, 3) of a world, sRGB.
+
+    Args:
+        world: the world.
+        eye: (3,), where it is seen from, m.
+        target: (3,), another point, which is in the middle of the picture, m.
+        width: pixels.
+        height: pixels.
+    """
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    # Seen from straight above, y is up, as on a map.
+    left = np.cross([0.0, 0.0, 1.0] if math.hypot(*ahead[:2]) > _LEVEL else [0.0, 1.0, 0.0], ahead)
+    left /= np.linalg.norm(left)
+    rotation = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
+    camera = Camera(_FIELD_OF_VIEW, width, height, 0.0, _FARTHEST, 0.0, _FARTHEST)
+    rays, placed = camera_rays(camera), world.placed
+    hits = cast(rays, rotation, eye, placed.surroundings.still, placed.targets, _FARTHEST)
+    return world.painter.picture(camera, rays, eye, hits, placed.targets)
 
 
 class CameraInstrument(Instrument[Camera]):

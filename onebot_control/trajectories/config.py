@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_description.errors import unknown_names
 from onebot_description.ros.parameters.reader import (
     Problem,
     group,

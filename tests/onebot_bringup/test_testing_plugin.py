@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from tests.orphans import marked
 from tests.support import RunningProcess, run_to_end, wait_for
-from tests.support_rendering import require_renderer
+from tests.support_rendering import center, pixels, require_renderer
 
 PLUGIN = "onebot_bringup.testing.plugin"
 FIXTURES = """
@@ -55,8 +54,8 @@ def test_what_does_not_start(bringup):
 FAILS = """
 def test_fails(simulation, ros_domain):
     world = simulation(world="maze", y=0.8, seed=5)
-    world.robot.drive(0.3)
-    world.run(1.0)
+    world.robot.drive(0.5)
+    world.run(8.0)
     assert False
 """
 PASSES = """
@@ -92,19 +91,24 @@ def test_fixtures(tmp_path: Path) -> None:
 def test_a_failure_is_reported_and_shown(tmp_path: Path) -> None:
     """Its seed, time and domain, and what it did last as a recording and a picture.
 
-    Of a test that passes nothing is written.
+    The robot is in the picture, although it has driven 2.7 m to a wall, which would hide it from
+    the front. Of a test that passes nothing is written.
     """
     require_renderer()
     output = run(tmp_path, FAILS + PASSES)
     assert "1 failed, 1 passed" in output
-    assert "seed 5, <Simulation at 1 s: robot at x 0." in output
+    assert "seed 5, <Simulation at 8 s: robot at x 2." in output
     assert "ROS_DOMAIN_ID " in output
     files = {path.name: path for path in (tmp_path / "failed_tests").iterdir()}
     recorded, picture = "test_robot-test_fails.rrd", "test_robot-test_fails.png"
     assert files.keys() == {recorded, picture}, output
     assert {f"the end of it: {path}" for path in files.values()} <= {*output.splitlines()}
-    pixels = np.asarray(Image.open(files[picture]).convert("RGB")).reshape(-1, 3)
-    assert len(np.unique(pixels, axis=0)) > 100
+    image = pixels(files[picture])
+    assert len(np.unique(image.reshape(-1, 3), axis=0)) > 100
+    white = image.min(axis=2) > 200  # only OneBot's body, and small letters
+    assert white.mean() > 0.02
+    column, row = center(white)
+    assert 0.2 < column < 0.6 and 0.3 < row < 0.7
 
 
 @pytest.mark.slow
@@ -119,14 +123,18 @@ def test_bringups(tmp_path: Path) -> None:
 def test_nothing_is_left_of_a_run_that_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mark = f"killed-{time.monotonic_ns()}"
+    mark, temporary = f"killed-{time.monotonic_ns()}", tmp_path / "temporary"
+    temporary.mkdir()
     monkeypatch.setenv("ONEBOT_TEST_KILLED", mark)
+    monkeypatch.setenv("TMPDIR", str(temporary))
     (tmp_path / "test_robot.py").write_text(WAITS)
     with RunningProcess(words("-s"), tmp_path, check=False) as process:
         wait_for(lambda: "up\n" in process.output, "the bringup")
         assert marked(mark, "velocity_controller")
+        assert [*temporary.glob("onebot-launch-*")]
         os.kill(process.process.pid, signal.SIGKILL)
         wait_for(lambda: not marked(mark), "the end of all that it started")
+    assert not [*temporary.glob("onebot-test-*"), *temporary.glob("onebot-launch-*")]
 
 
 def test_importing_it_takes_nothing() -> None:

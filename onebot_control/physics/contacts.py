@@ -1,0 +1,313 @@
+"""Records what touches the robots of a world, in each physics step of a control cycle.
+
+PyBullet's own list is that of the last step, and has points that are apart, too, with forces of
+earlier steps. It knows only the rigid bodies that were loaded: of links that are fixed to each
+other, the one whose shape is nearest is named.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from onebot_control.physics.engine import Bullet, engine
+from onebot_control.physics.friction import TOUCHING
+from onebot_control.physics.robot_body import RobotBody
+from onebot_control.physics.scene import SceneBodies
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_description.arrays import Floats
+from onebot_description.elements.meshes import read_mesh
+from onebot_description.elements.urdf import Box, Cylinder, Link, Mesh, Shape, Sphere
+from onebot_description.geometry.poses import Transform, Triple, compose, inverse
+from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
+
+GROUND, WORLD = "ground", "world"  # names of what is no robot
+_BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
+
+_NEAR, _FAST = 0.02, 3.0  # m; and m/s that bodies are at most expected to move at, for a cycle
+_MOST_WALLS = 100  # with more, looking whether one is near would take longer than recording
+
+_Place = tuple[int, int]  # PyBullet's indices of a body and its link
+_Shapes = Sequence[tuple[Shape, Floats, Link]]  # as in ``Body.collisions``
+
+
+class Contact(NamedTuple):
+    """A place where something touches a robot, in the last control cycle.
+
+    Attributes:
+        link: the robot's link, as in its URDF.
+        other: the other body: "ground", "world", or the name of another robot.
+        other_link: that body's link, as in its URDF; "" for the ground.
+        point: where they touch, in the world, m.
+        normal: unit vector in the world, from the other body towards the robot.
+        force: normal force on the robot along ``normal``, N; its mean over the cycle.
+    """
+
+    link: str
+    other: str
+    other_link: str
+    point: Triple
+    normal: Triple
+    force: float
+
+
+class _Touch(NamedTuple):
+    step: int
+    own: _Place
+    other: _Place
+    points: tuple[Triple, Triple]  # on the robot, and on the other body
+    normal: Triple
+    force: float
+    poses: Mapping[_Place, Transform]  # frames of bodies of several links, before the step
+
+
+class ContactRecorder:
+    """Records the contacts of a world's robots.
+
+    Attributes:
+        collided: whether each robot has touched something other than what it stands on, since
+            it was placed.
+    """
+
+    def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
+        """Begin without contacts; ``load`` has to follow."""
+        self._robots, self._scene = robots, scene
+        self._shapes_of = {robot: _shapes(robot.spawn) for robot in robots}
+        self._arms_of = {robot: _arm_links(robot.spawn) for robot in robots}
+
+    def load(self, bullet: Bullet) -> None:
+        """Begin without contacts in a world in which all bodies have been loaded anew."""
+        self._bullet = bullet
+        self._rows = {robot.parts.body: row for row, robot in enumerate(self._robots)}
+        self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
+        self._shapes: dict[_Place, _Shapes] = {}
+        self._arms: set[_Place] = set()
+        for robot in self._robots:
+            joints = robot.spawn.description.moving_joints
+            indices = {joint.child: robot.parts.joints[joint.name] for joint in joints}
+            for link, shapes in self._shapes_of[robot].items():
+                place = robot.parts.body, indices.get(link, -1)
+                self._shapes[place] = shapes
+                if link in self._arms_of[robot]:
+                    self._arms.add(place)
+        self._sleepers: set[int] = set()  # boxes
+        self._loaded = {robot.parts.body: robot.parts for robot in self._robots}
+        for index, body, loaded in self._scene.bodies() if self._scene else ():
+            self._shapes[index, -1] = body.collisions
+            if loaded:
+                self._loaded[index] = loaded
+                self._sleepers.add(index)
+        self._merged = {
+            place
+            for place, shapes in self._shapes.items()
+            if len({link.name for _, _, link in shapes}) > 1 and place[0] in self._loaded
+        }
+        self._touches: list[list[_Touch]] = [[] for _ in self._robots]
+        self._poses: dict[_Place, Transform] = {}
+        self._steps = 1
+        self._pending: set[int] = set()  # robots whose last cycle was not recorded
+        self.collided = [False] * len(self._robots)
+        self._measure()
+
+    def _measure(self) -> None:
+        """Measure where fixed bodies are, and how far movable ones reach, seen from above."""
+        self._walls = []
+        self._radii: dict[int, float] = {}  # m, about the root link
+        for body, index in self._shapes:
+            (left, low, _), (right, high, _) = self._bullet.getAABB(body, index)
+            if body not in self._loaded:
+                self._walls.append((left, low, right, high))
+                continue
+            (x, y, _), _ = self._loaded[body].pose()
+            far = math.hypot(max(x - left, right - x), max(y - low, high - y))
+            self._radii[body] = max(far, self._radii.get(body, 0.0))
+
+    def may_collide(self, period: float) -> bool:
+        """Return whether a robot may touch something in the next ``period``, s.
+
+        Robots with arms and the like always may, others if they are near anything.
+        """
+        if any(robot.spawn.starts for robot in self._robots) or len(self._walls) > _MOST_WALLS:
+            return True
+        margin = _NEAR + _FAST * period
+        poses = [robot.pose for robot in self._robots]
+        poses += self._scene.poses if self._scene else ()
+        circles = [
+            (x, y, self._radii.get(body, 0.0) + margin)
+            for body, ((x, y, _), _) in zip(self._loaded, poses, strict=True)
+        ]
+        for row in range(len(self._robots)):
+            x, y, radius = circles[row]
+            for left, low, right, high in self._walls:
+                if left - radius < x < right + radius and low - radius < y < high + radius:
+                    return True
+            for x2, y2, radius2 in circles[row + 1 :]:
+                reach = radius + radius2
+                if abs(x - x2) < reach and abs(y - y2) < reach:
+                    return True
+        return False
+
+    def begin(self, steps: int) -> None:
+        """Begin a control cycle of ``steps`` physics steps; 0: it is not recorded."""
+        self._steps = steps
+        self._pending = set() if steps else {*range(len(self._robots))}
+        for touches in self._touches:
+            touches.clear()
+        if not steps:
+            self._poses.clear()
+
+    def forget(self, robot: RobotBody) -> None:
+        """Forget the contacts of a robot that was placed somewhere else."""
+        row = self._rows[robot.parts.body]
+        self._touches[row].clear()
+        self._pending.discard(row)
+        self.collided[row] = False
+        self._poses.clear()
+
+    def record(self, step: int) -> None:
+        """Record the contacts of the physics step that was just done, number ``step``."""
+        poses, self._poses = self._poses, {}
+        for (
+            _,
+            body,
+            other,
+            index,
+            other_index,
+            at,
+            on,
+            normal,
+            apart,
+            force,
+            *_,
+        ) in self._bullet.getContactPoints(*self._filter):
+            one, two = (body, index), (other, other_index)
+            for place in (one, two):
+                if place in self._merged and place not in self._poses:
+                    self._poses[place] = self._loaded[place[0]].link_pose(place[1])
+            # The solver skips points that are farther apart, and leaves an old force there.
+            if force > 0.0 and apart <= TOUCHING:
+                if body in self._rows:
+                    self._add(_Touch(step, one, two, (at, on), normal, force, poses))
+                if other in self._rows:
+                    x, y, z = normal
+                    back = (-x, -y, -z)
+                    self._add(_Touch(step, two, one, (on, at), back, force, poses))
+
+    def _add(self, touch: _Touch) -> None:
+        row, other = self._rows[touch.own[0]], touch.other[0]
+        self._touches[row].append(touch)
+        if other in self._sleepers and touch.own[1] < 0 and self._robots[row].spawn.fixed_base:
+            # PyBullet would keep the forces of the step in which a body fell asleep: without
+            # gravity. Beside what moves it does not sleep.
+            self._sleepers.remove(other)
+            state = engine.ACTIVATION_STATE_DISABLE_SLEEPING
+            self._bullet.changeDynamics(other, -1, activationState=state)
+        stands = other not in self._rows and touch.normal[2] > _BELOW
+        if not stands or touch.own in self._arms:
+            self.collided[row] = True
+
+    def contacts(self, row: int) -> list[Contact]:
+        """Return the contacts of a robot in the last cycle, where it was last touched.
+
+        If that was not recorded, they are those of its last physics step.
+        """
+        if row in self._pending:
+            pending, self._pending, self._steps = self._pending, set(), 1
+            self.record(0)
+            for other in {*range(len(self._robots))} - pending:
+                self._touches[other].clear()
+        pairs: dict[tuple[str, str, str], list[_Touch]] = {}
+        for touch in self._touches[row]:
+            link = self._link(touch.own, touch.points[0], touch.poses)
+            pairs.setdefault((link, *self._other(touch)), []).append(touch)
+        contacts = []
+        for names, touches in pairs.items():
+            last = [touch for touch in touches if touch.step == touches[-1].step]
+            mean = sum(touch.force for touch in touches) / self._steps
+            share = mean / sum(touch.force for touch in last)
+            contacts += [
+                Contact(*names, touch.points[0], touch.normal, share * touch.force)
+                for touch in last
+            ]
+        return contacts
+
+    def _other(self, touch: _Touch) -> tuple[str, str]:
+        """Return the other body and its link."""
+        place = touch.other
+        if place not in self._shapes:
+            return GROUND, ""
+        row = self._rows.get(place[0])
+        body = WORLD if row is None else self._robots[row].spawn.name
+        return body, self._link(place, touch.points[1], touch.poses)
+
+    def _link(self, place: _Place, point: Triple, poses: Mapping[_Place, Transform]) -> str:
+        """Return the link of a body whose shape is nearest to a point in the world."""
+        shapes = self._shapes[place]
+        if place not in self._merged:
+            return shapes[0][2].name
+        pose = poses.get(place) or self._loaded[place[0]].link_pose(place[1])
+        local, _ = compose(inverse(pose), (point, (0.0, 0.0, 0.0, 1.0)))
+        _, _, link = min(
+            shapes, key=lambda shape: abs(_height(shape[0], shape[1], np.array(local)))
+        )
+        return link.name
+
+
+def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:
+    """Return the collision shapes of each rigid body of a robot, by its first link.
+
+    A wheel that rolls on a thin cylinder has its shapes as written, if they are of other links.
+    """
+    shapes = {}
+    written = merged_bodies(replace(spawn.description, links=spawn.links)) if spawn.links else {}
+    for first, body in merged_bodies(spawn.description).items():
+        own = [link.name for _, _, link in body.collisions]
+        given = written[first].collisions if first in written else body.collisions
+        differs = given and {*own} != {link.name for _, _, link in given}
+        if own:
+            shapes[first] = given if differs else body.collisions
+    return shapes
+
+
+def _arm_links(spawn: RobotSpawn) -> set[str]:
+    """Return the first links of the bodies that commanded joints move: they stand on nothing."""
+    frames = rigid_frames(spawn.description)
+    joints = {joint.child: joint for joint in spawn.description.moving_joints}
+    arms = set()
+    for first in joints:
+        link = first
+        while link in joints and joints[link].name not in spawn.driven:
+            if joints[link].name in {*spawn.commanded, *spawn.gears}:
+                arms.add(first)
+            link, _ = frames[joints[link].parent]
+    return arms
+
+
+def _height(shape: Shape, pose: Floats, point: Floats) -> float:
+    """Return how far a point (3,) in the body's frame is above a surface, m; inside it is < 0."""
+    local = pose[:3, :3].T @ (point - pose[:3, 3])
+    if isinstance(shape, Mesh):
+        normals, offsets = _planes(shape)
+        return float((normals @ local - offsets).max())
+    if isinstance(shape, Sphere):
+        return float(np.linalg.norm(local)) - shape.radius
+    around, along = math.hypot(local[0], local[1]), abs(float(local[2]))
+    if isinstance(shape, Box):
+        beyond = np.abs(local) - np.array(shape.size) / 2.0
+    elif isinstance(shape, Cylinder):
+        beyond = np.array([around - shape.radius, along - shape.length / 2.0])
+    else:
+        return math.hypot(around, max(0.0, along - shape.length / 2.0)) - shape.radius
+    return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(0.0, beyond.max()))
+
+
+@lru_cache(maxsize=256)
+def _planes(mesh: Mesh) -> tuple[Floats, Floats]:
+    """Return the planes of a mesh's convex hull, as PyBullet has it: normals (F, 3), offsets."""
+    from trimesh.convex import convex_hull  # slow to import
+
+    hull = convex_hull(read_mesh(mesh)[0])
+    return hull.face_normals, (hull.face_normals * hull.triangles[:, 0]).sum(axis=1)

@@ -1,0 +1,137 @@
+"""Maps what stands in a scene at some height, by its collision shapes."""
+
+import math
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.physics.engine import Bullet, engine
+from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.scene import SceneBodies
+from onebot_control.physics.spawning import make_world
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Transform
+
+FREE, OCCUPIED = 0, 100  # as in nav_msgs/OccupancyGrid
+Bounds = tuple[float, float, float, float]
+_FLAT = 1e-4  # m, height of what the cells are probed with
+_INSIDE = 1e-6  # m; what only touches a cell's edge does not occupy it
+_EDGE = 1e-6  # the same, in cells
+_MARGIN = 0.001  # m by which PyBullet's bounding boxes are larger
+_MOST_CELLS = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """What is occupied of a part of the world, as in nav_msgs/OccupancyGrid.
+
+    Attributes:
+        data: (rows, columns), int8: 0 free, 100 occupied. Rows go along y, columns along x, and
+            ``data[0, 0]`` is the cell at the origin, so ``data.ravel()`` is that of the message.
+        resolution: edge of a cell, m.
+        origin: x and y of the lower left corner of ``data[0, 0]`` in the world, m.
+    """
+
+    data: NDArray[np.int8]
+    resolution: float
+    origin: tuple[float, float]
+
+
+def occupancy_grid(
+    scene: Description | None,
+    boxes: Sequence[Transform],
+    resolution: float,
+    height: float,
+    bounds: Bounds | None,
+) -> OccupancyGrid:
+    """Return which cells the fixed bodies and the boxes of a scene reach into.
+
+    Args:
+        scene: the scene; None for bare ground.
+        boxes: poses of its movable boxes.
+        resolution: edge of a cell, m.
+        height: height at which to look, m.
+        bounds: least x, least y, greatest x and greatest y, m; None: around what is there.
+
+    Raises:
+        OneBotError: there is nothing at that height, and there are no bounds; or there would be
+            too many cells.
+    """
+    with closing(Bullet()) as bullet:
+        bodies: list[int] = []
+        if scene is not None:
+            loaded = SceneBodies(scene)
+            loaded.enter(bullet, make_world(bullet, Settings()), Settings())
+            loaded.put(boxes)
+            bullet.performCollisionDetection()
+            bodies = [index for index, _, _ in loaded.bodies()]
+        corners = np.array([bullet.getAABB(body) for body in bodies]).reshape(-1, 2, 3)
+        reach = (corners[:, 0, 2] <= height) & (corners[:, 1, 2] >= height)
+        if bounds is None:
+            if not reach.any():
+                raise OneBotError(f"nothing stands at a height of {height:g} m; give bounds=...")
+            around = corners[reach, 0, :2].min(axis=0), corners[reach, 1, :2].max(axis=0)
+            around = around[0] + _MARGIN, around[1] - _MARGIN
+            # Corners of cells are at multiples of the resolution.
+            bounds = (*(np.floor(around[0] / resolution + _EDGE) * resolution), *around[1])
+        columns, rows = (
+            max(1, math.ceil((most - least) / resolution - _EDGE))
+            for least, most in zip(bounds[:2], bounds[2:], strict=True)
+        )
+        if columns * rows > _MOST_CELLS:
+            raise OneBotError(f"{columns} x {rows} cells are too many; take a larger resolution")
+        grid = _Grid(bullet, np.zeros((rows, columns), np.int8), resolution, height, bounds[:2])
+        for body in np.array(bodies)[reach].tolist():
+            grid.fill(body, 0, columns, 0, rows)
+    return OccupancyGrid(grid.data, resolution, (float(bounds[0]), float(bounds[1])))
+
+
+class _Grid:
+    def __init__(
+        self,
+        bullet: Bullet,
+        data: NDArray[np.int8],
+        resolution: float,
+        height: float,
+        origin: tuple[float, float],
+    ) -> None:
+        self._bullet, self.data, self._resolution = bullet, data, resolution
+        self._height, self._origin = height, origin
+        self._probe = lru_cache(maxsize=None)(self._made_probe)
+
+    def _made_probe(self, columns: int, rows: int) -> int:
+        size = columns * self._resolution, rows * self._resolution, _FLAT
+        halves = [edge / 2.0 for edge in size]
+        probe: int = self._bullet.createCollisionShape(engine.GEOM_BOX, halfExtents=halves)
+        return probe
+
+    def fill(self, body: int, left: int, right: int, low: int, high: int) -> None:
+        """Mark the cells of a block that a body reaches into, in halves of the block."""
+        x, y = (
+            start + self._resolution * (first + last) / 2.0
+            for start, first, last in zip(self._origin, (left, low), (right, high), strict=True)
+        )
+        points = self._bullet.getClosestPoints(
+            bodyA=body,
+            bodyB=-1,
+            distance=0.0,
+            collisionShapeB=self._probe(right - left, high - low),
+            collisionShapePositionB=(x, y, self._height),
+        )
+        if not any(point[8] < -_INSIDE for point in points):
+            return
+        if right - left == high - low == 1:
+            self.data[low, left] = OCCUPIED
+        elif right - left >= high - low:
+            middle = (left + right) // 2
+            self.fill(body, left, middle, low, high)
+            self.fill(body, middle, right, low, high)
+        else:
+            middle = (low + high) // 2
+            self.fill(body, left, right, low, middle)
+            self.fill(body, left, right, middle, high)
