@@ -2,7 +2,7 @@
 
 import onebot_description
 
-TYPE_CHECKING = bool()  # false, but jedi would leave out what `False` excludes; typing is slow
+TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
 if not TYPE_CHECKING:  # else any name would be one of the package
