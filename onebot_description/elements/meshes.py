@@ -9,7 +9,7 @@ they are slow to import.
 import io
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree
 
 from onebot_description.elements.packages import Resources
@@ -19,6 +19,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     import trimesh
     from numpy.typing import NDArray
@@ -79,6 +81,61 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in parts):
         raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
     return scene
+
+
+class ColoredTriangles(NamedTuple):
+    """Triangles of one colour."""
+
+    corners: "NDArray[np.float64]"  # (N, 3, 3), m
+    color: "NDArray[np.float64]"  # (3,), sRGB, 0 to 1
+
+
+def colored_triangles(path: Path) -> list[ColoredTriangles]:
+    """Return the surfaces of a Collada file that has nothing but coloured triangles in metres.
+
+    They are those of ``mesh_scene``, without trimesh, which takes 0.3 s to import. Of any other
+    file nothing is returned.
+    """
+    if path.suffix.lower() != ".dae":
+        return []
+    from collada import Collada
+
+    try:
+        _check_file(path)
+        document = Collada(str(path))
+        if document.assetInfo.unitmeter != 1.0:
+            return []
+        return [part for node in document.scene.nodes for part in _colored(node)]
+    except Exception:  # ``mesh_scene`` says what is wrong with it
+        return []
+
+
+def _colored(node: Any) -> "Iterator[ColoredTriangles]":
+    """Yield the triangles below a node of a Collada file.
+
+    Raises:
+        ValueError: it has something else, too.
+    """
+    import numpy as np
+    from collada.scene import GeometryNode
+    from collada.triangleset import TriangleSet
+
+    if not isinstance(node, GeometryNode):
+        if not np.array_equal(node.matrix, np.eye(4)):
+            raise ValueError("it is moved")
+        for child in node.children:
+            yield from _colored(child)
+        return
+    effects = {material.symbol: material.target.effect for material in node.materials}
+    for part in node.geometry.primitives:
+        effect = effects[part.material]
+        color = np.array(effect.diffuse[:3], float)
+        if type(part) is not TriangleSet or part.sources.get("COLOR") or effect.bumpmap:
+            raise ValueError("it has more than triangles of one colour")
+        corners = np.asarray(part.vertex[part.vertex_index], float)
+        if not np.isfinite(corners).all():
+            raise ValueError("not finite")
+        yield ColoredTriangles(corners, np.round(color * 255.0) / 255.0)
 
 
 def _check_file(path: Path) -> None:
