@@ -93,49 +93,85 @@ class ColoredTriangles(NamedTuple):
 def colored_triangles(path: Path) -> list[ColoredTriangles]:
     """Return the surfaces of a Collada file that has nothing but coloured triangles in metres.
 
-    They are those of ``mesh_scene``, without trimesh, which takes 0.3 s to import. Of any other
-    file nothing is returned.
+    They are those of ``mesh_scene``, without trimesh, which takes 0.3 s to import, and pycollada,
+    which takes 0.02 s. Of any other file nothing is returned.
     """
     if path.suffix.lower() != ".dae":
         return []
-    from collada import Collada
-
     try:
         _check_file(path)
-        document = Collada(str(path))
-        if document.assetInfo.unitmeter != 1.0:
-            return []
-        return [part for node in document.scene.nodes for part in _colored(node)]
-    except Exception:  # ``mesh_scene`` says what is wrong with it
+        return [*_PlainCollada(path).triangles()]
+    except Exception:  # the file is not plain, or broken, which ``mesh_scene`` explains
         return []
 
 
-def _colored(node: Any) -> "Iterator[ColoredTriangles]":
-    """Yield the triangles below a node of a Collada file.
+class _PlainCollada:
+    """A Collada file in which nothing is moved, scaled or textured; others raise an exception."""
 
-    Raises:
-        ValueError: it has something else, too.
-    """
-    import numpy as np
-    from collada.scene import GeometryNode
-    from collada.triangleset import TriangleSet
+    def __init__(self, path: Path) -> None:
+        self._root = ElementTree.parse(path).getroot()
+        (unit,) = self._all("asset/unit")
+        (self._scene,) = self._all("library_visual_scenes/visual_scene")
+        _require(float(unit.get("meter", "1")) == 1.0)
+        self._named = {f"#{element.get('id')}": element for element in self._root.iter()}
 
-    if not isinstance(node, GeometryNode):
-        if not np.array_equal(node.matrix, np.eye(4)):
-            raise ValueError("it is moved")
-        for child in node.children:
-            yield from _colored(child)
-        return
-    effects = {material.symbol: material.target.effect for material in node.materials}
-    for part in node.geometry.primitives:
-        effect = effects[part.material]
-        color = np.array(effect.diffuse[:3], float)
-        if type(part) is not TriangleSet or part.sources.get("COLOR") or effect.bumpmap:
-            raise ValueError("it has more than triangles of one colour")
-        corners = np.asarray(part.vertex[part.vertex_index], float)
-        if not np.isfinite(corners).all():
-            raise ValueError("not finite")
-        yield ColoredTriangles(corners, np.round(color * 255.0) / 255.0)
+    def _all(self, path: str, root: ElementTree.Element | None = None) -> list[ElementTree.Element]:
+        where = "/".join("{*}" + name for name in path.split("/"))
+        return (self._root if root is None else root).findall(where)
+
+    def triangles(self) -> "Iterator[ColoredTriangles]":
+        """Yield the triangles of each part, in the order of the scene."""
+        for node in self._all("node", self._scene):
+            (instance,) = node
+            _require(instance.tag.endswith("}instance_geometry"))
+            colors = {
+                bound.get("symbol"): self._color(bound.get("target", ""))
+                for bound in self._all("bind_material/technique_common/instance_material", instance)
+            }
+            (mesh,) = self._named[instance.get("url", "")]
+            for part in mesh:
+                kind = part.tag.rpartition("}")[2]
+                _require(kind in ("source", "vertices", "triangles"))
+                if kind == "triangles":
+                    yield ColoredTriangles(self._corners(part), colors[part.get("material")])
+
+    def _color(self, material: str) -> "NDArray[np.float64]":
+        import numpy as np
+
+        (effect,) = self._all("instance_effect", self._named[material])
+        (technique,) = self._all("profile_COMMON/technique", self._named[effect.get("url", "")])
+        (color,) = self._all("diffuse/color", technique[0])
+        return np.round(np.fromstring(color.text or "", sep=" ")[:3] * 255.0) / 255.0
+
+    def _corners(self, part: ElementTree.Element) -> "NDArray[np.float64]":
+        import numpy as np
+
+        inputs = {each.get("semantic"): each for each in self._all("input", part)}
+        offset = int(inputs["VERTEX"].get("offset", "0"))
+        stride = 1 + max(int(each.get("offset", "0")) for each in inputs.values())
+        (position,) = self._all("input", self._named[inputs["VERTEX"].get("source", "")])
+        numbers, common = self._named[position.get("source", "")]
+        (accessor,) = common
+        (indices,) = self._all("p", part)
+        # In 32 bits, as pycollada has them.
+        places = np.fromstring(numbers.text or "", np.float32, sep=" ")
+        rows = np.fromstring(indices.text or "", int, sep=" ")
+        _require(
+            "COLOR" not in inputs
+            and [each.get("name") for each in accessor] == ["X", "Y", "Z"]
+            and (accessor.get("stride"), accessor.get("offset", "0")) == ("3", "0")
+            and places.size == int(numbers.get("count", ""))
+            and rows.size == int(part.get("count", "")) * 3 * stride
+            and np.isfinite(places).all()
+            and rows.min() >= 0
+        )
+        corners = places.reshape(-1, 3)[rows.reshape(-1, 3, stride)[..., offset]]
+        return np.asarray(corners, float)
+
+
+def _require(condition: bool) -> None:
+    if not condition:
+        raise ValueError
 
 
 def _check_file(path: Path) -> None:
