@@ -69,6 +69,7 @@ ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
 _CLOSED = "this simulation has been closed; make a new one"
+_AHEAD = Rays(np.array([[1.0, 0.0, 0.0]]))  # along the x axis
 _REACH = 1e4  # m; rays that go farther hit nothing
 # Parameters of velocity_controller that do not make a Simulation another one.
 _WITHOUT_EFFECT = {
@@ -359,7 +360,8 @@ class Simulation(AbstractContextManager["Simulation"]):
         length = np.linalg.norm(way)
         if not length:
             raise ArgumentError([Problem("direction", "is zero; write three finite numbers")])
-        return self._distance(LinkPose(np.eye(3), start), way / length, ())
+        ray = Rays((way / length).reshape(1, 3))
+        return self._distance(LinkPose(np.eye(3), start), ray, ())
 
     def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in step with them.
@@ -441,12 +443,10 @@ class Simulation(AbstractContextManager["Simulation"]):
             self._frame = self._sensors.frame(fleet.stamp, snapshots, self._before, boxes)
         return self._frame
 
-    def _distance(
-        self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
-    ) -> float:
+    def _distance(self, pose: LinkPose, ray: Rays, skipped: Sequence[int]) -> float:
         placed = self._sensed_world().placed
         hits = cast(
-            Rays(direction.reshape(1, 3)),
+            ray,
             *pose,
             placed.surroundings.still,
             placed.targets,
@@ -661,7 +661,7 @@ class SimulatedRobot:
         assert pose is not None
         links = self.description.link_names
         own_links = [placed.surroundings.target(self._row, link) for link in links]
-        return self._simulation._distance(pose, np.array([1.0, 0.0, 0.0]), own_links)
+        return self._simulation._distance(pose, _AHEAD, own_links)
 
     def __repr__(self) -> str:
         pose = self.pose

@@ -162,8 +162,7 @@ class _PlainCollada:
             and (accessor.get("stride"), accessor.get("offset", "0")) == ("3", "0")
             and places.size == int(numbers.get("count", ""))
             and rows.size == int(part.get("count", "")) * 3 * stride
-            and np.isfinite(places).all()
-            and rows.min() >= 0
+            and bool(np.isfinite(places).all() and rows.min() >= 0)
         )
         corners = places.reshape(-1, 3)[rows.reshape(-1, 3, stride)[..., offset]]
         return np.asarray(corners, float)

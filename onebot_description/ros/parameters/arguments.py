@@ -60,8 +60,10 @@ def checked(function: F, before: Callable[[Any], object] | None = None) -> F:
         checks, problems = _checks(function), list[Problem]()
 
         def used(name: str, value: Any) -> Any:
-            with _collected(problems):
+            try:
                 return checks[name](name, value) if name in checks else value
+            except ConfigError as error:
+                problems.extend(error.problems)
 
         values = [*map(used, names, given), *given[len(names) :]]
         named = {name: used(name, value) for name, value in named.items()}
