@@ -19,7 +19,7 @@ To run the ROS node: ``python -m onebot_control.velocity_controller``.
 
 import onebot_description
 
-TYPE_CHECKING = False  # typing's constant; typing is slow to import
+TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
 __version__: str
 
 __all__ = [

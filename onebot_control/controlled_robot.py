@@ -39,7 +39,7 @@ from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.gripping import GripperFollower
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, listing, unknown_names
+from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
 from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
 from onebot_description.ros.parameters.reader import ConfigError, Problem
 

@@ -14,7 +14,7 @@ Example:
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import gymnasium
 import numpy as np
@@ -23,14 +23,20 @@ from numpy.typing import NDArray
 
 from onebot_control.sensing.readings import RobotPose
 from onebot_control.simulation import SimulatedRobot, Simulation
+from onebot_description.ros.parameters.arguments import ArgumentError, checked_methods
+from onebot_description.ros.parameters.reader import Problem
+from onebot_description.ros.parameters.values import Rule, ValueType
 
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
 _NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this
 _FRONT = 0.25  # m, greatest distance from the lidar to the robot's outline
 
+_TWO = Rule(write="an array of two numbers, -1 to 1: forward and to the left")
+_Action = Annotated[NDArray[np.float32], ValueType(float, _TWO, many=True, length=2)]
 Observation = dict[str, NDArray[np.float32]]
 
 
+@checked_methods()
 class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A Gymnasium environment: velocity commands in, scan and odometry out.
 
@@ -51,10 +57,10 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def __init__(
         self,
-        render_mode: str | None = None,
+        render_mode: Annotated[str, Rule(choices=("rgb_array",))] | None = None,
         *,
-        seconds: float = 0.1,
-        max_steps: int = 1000,
+        seconds: Annotated[float, Rule(above=0.0)] = 0.1,
+        max_steps: Annotated[int, Rule(at_least=1)] = 1000,
         **simulation: Any,
     ) -> None:
         """Build the simulation.
@@ -72,6 +78,9 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._seconds, self._max_steps, self._steps = seconds, max_steps, 0
         self.simulation = Simulation(**{"sensors": True, **simulation})
         scan = self.simulation.robot.scan()
+        if seconds < self.simulation.period / 2.0:
+            text = f"{seconds:g} is less than a control cycle of {self.simulation.period:g} s"
+            raise ArgumentError([Problem("seconds", f"{text}; write one or more of them")])
         self._farthest = np.float32(scan.range_max)
         self.action_space = spaces.Box(-1.0, 1.0, _FASTEST.shape)
         self.observation_space = spaces.Dict(  # type: ignore[assignment] # of a dict of arrays
@@ -82,7 +91,10 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         )
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: Annotated[int, Rule(at_least=0, at_most=2**128 - 1)] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
         """Go back to the start, and return the first observation.
 
@@ -98,9 +110,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._steps, self._driven = 0, 0.0
         return self._observation(), {}
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: _Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Apply an action for one step.
 
         Args:
@@ -110,7 +120,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             Observation, reward, terminated, truncated, and an empty dict.
         """
         robot = self.simulation.robot
-        robot.drive(*(_FASTEST * action).tolist())
+        robot.drive(*(_FASTEST * np.asarray(action)).tolist())
         start = robot.pose
         self.simulation.run(self._seconds)
         self._driven = _distance_forward(start, robot.pose)

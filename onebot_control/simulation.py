@@ -16,12 +16,12 @@ Example:
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from onebot_control.controller_names import DRIVE_CONTROLLER
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.fleet import Fleet, Member
+from onebot_control.joint_controllers import named
 from onebot_control.physics.contacts import Contact
 from onebot_control.physics.occupancy import OccupancyGrid, occupancy_grid
 from onebot_control.recording import Moment, Recording
@@ -53,11 +54,14 @@ from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, load_description
-from onebot_description.description.loading import load_sensors, load_world
+from onebot_description.description.loading import XacroValues, load_sensors, load_world
 from onebot_description.description.xacro import xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
+from onebot_description.ros.names import NAMESPACE, NAMESPACE_WANTED
+from onebot_description.ros.parameters.arguments import ArgumentError, checked_methods
 from onebot_description.ros.parameters.reader import ConfigError, Problem, leaves
+from onebot_description.ros.parameters.values import Rule, ValueType, plain
 
 if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep
@@ -68,6 +72,8 @@ ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The default model of a Simulation: OneBot's xacro file."""
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
+_CLOSED = "this simulation has been closed; make a new one"
+_AHEAD = Rays(np.array([[1.0, 0.0, 0.0]]))  # along the x axis
 _REACH = 1e4  # m; rays that go farther hit nothing
 _MOST_PIXELS = 4096  # of a picture's width and height
 # Parameters of velocity_controller that do not make a Simulation another one.
@@ -76,7 +82,24 @@ _WITHOUT_EFFECT = {
     *("real_time_factor", "paused", "step_topics", "step_timeout"),
 }
 
+_Model = Annotated[str | Path | Description, Rule(write="a URDF or xacro file, or a Description")]
+_World = Annotated[
+    str | Path | Description,
+    Rule(write='the name of a world, a URDF or xacro file, a Description, or "" for bare ground'),
+]
+_Sensors = Annotated[bool | str | Path, Rule(write="True or False, or a URDF or xacro file")]
+_Seed = Annotated[int, Rule(at_least=0, at_most=2**64 - 1, write="an integer from 0 to 2^64 - 1")]
+_Duration = Annotated[
+    float, Rule(at_least=0.0, at_most=1e12, write="a duration that is finite and not negative, s")
+]
+_Vector = Annotated[
+    Sequence[float], ValueType(float, Rule(write="three finite numbers: x, y, z"), True, 3)
+]
+_Parameters = Annotated[Mapping[str, Any], Rule(write="a dict of values by their ROS names")]
+_RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
 
+
+@checked_methods()
 @dataclass(frozen=True)
 class RobotSetup:
     """Model, start pose and parameters of one of several robots in a ``Simulation``.
@@ -92,10 +115,14 @@ class RobotSetup:
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
-    model: "str | Path | Description | None" = None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    model: _Model | None = None
+    parameters: _Parameters = field(default_factory=dict)
 
 
+_Robots = Annotated[Mapping[_RobotName, RobotSetup], Rule(write="a dict of RobotSetups by name")]
+
+
+@checked_methods(before=lambda simulation: simulation._require_open())
 class Simulation(AbstractContextManager["Simulation"]):
     """Simulates one or several robots in one world; time advances only in ``run``.
 
@@ -105,18 +132,18 @@ class Simulation(AbstractContextManager["Simulation"]):
 
     def __init__(
         self,
-        model: "str | Path | Description" = ONEBOT,
+        model: _Model = ONEBOT,
         *,
-        world: "str | Path | Description" = "",
+        world: _World = "",
         x: float = 0.0,
         y: float = 0.0,
         yaw: float = 0.0,
-        sensors: bool | str | Path = False,
+        sensors: _Sensors = False,
         noise: bool = True,
-        seed: int = 0,
-        arguments: Mapping[str, str] = MappingProxyType({}),
-        parameters: Mapping[str, Any] = MappingProxyType({}),
-        robots: Mapping[str, RobotSetup] = MappingProxyType({}),
+        seed: _Seed = 0,
+        arguments: XacroValues = MappingProxyType({}),
+        parameters: _Parameters = MappingProxyType({}),
+        robots: _Robots = MappingProxyType({}),
     ) -> None:
         """Build the world, with the robot at rest.
 
@@ -141,7 +168,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             OneBotError: a robot, the world or a parameter cannot be used; the text names the file
                 or the parameter, and what would be right.
         """
-        self._seed, self._noisy = seed, noise
+        self._seed, self._noisy, self._closed = seed, noise, False
         self._ros: Lockstep[Simulation] | None = None
         self._recording: Recording | None = None
         self._functions: dict[int, Callable[[], object]] = {}  # called after each cycle
@@ -160,7 +187,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             _member(
                 name,
                 description if setup.model is None else _described(setup.model, {}, optional),
-                ControlConfig.from_parameters(values),
+                _config(name, values),
             )
             for (name, setup), values in zip(setups.items(), self._values, strict=True)
         ]
@@ -168,9 +195,11 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._fleet = fleet = Fleet.from_members(members, scene=scene)
         self._sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
-            {name: SimulatedRobot(self, name, row) for row, name in enumerate(setups)}
+            _Named(
+                "no robot {}", ((n, SimulatedRobot(self, n, row)) for row, n in enumerate(setups))
+            )
         )
-        """The robots by name; the name of a single robot is ""."""
+        """The robots by name, that of a single robot is ""; an unknown name raises OneBotError."""
         for robot in self.robots.values():
             robot._equip(self._sensor_file, noise)
         if sensors and not any(robot._instruments for robot in self.robots.values()):
@@ -210,7 +239,10 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         A box is a link below a ``floating`` joint of the world; robots can push or lift it.
         """
-        return _Named("box", {link: _pose(transform) for link, transform in self._boxes().items()})
+        return _Named(
+            "no box {} can move",
+            {link: _pose(transform) for link, transform in self._boxes().items()},
+        )
 
     @property
     def seed(self) -> int:
@@ -219,10 +251,10 @@ class Simulation(AbstractContextManager["Simulation"]):
 
     def run(
         self,
-        seconds: float | None = None,
+        seconds: _Duration | None = None,
         *,
         until: Callable[[], object] | None = None,
-        timeout: float = 60.0,
+        timeout: _Duration = 60.0,
     ) -> None:
         """Simulate for some time, or until a condition holds, as fast as the computer can.
 
@@ -239,7 +271,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             OneBotError: the simulation has been closed, or has diverged.
         """
         if (seconds is None) == (until is None):
-            raise ValueError("run takes seconds, or until=...")
+            raise ArgumentError([Problem("", "run takes seconds, or until=...")])
         cycles = self._cycles(timeout if seconds is None else seconds)
         for number in range(cycles):
             if until is not None and until():
@@ -250,7 +282,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             text = f"until returned nothing true in {timeout:g} s of simulated time"
             raise TimeoutError(f"{text}; at {self.time:g} s: {states}")
 
-    def reset(self, seed: int | None = None) -> None:
+    def reset(self, seed: _Seed | None = None) -> None:
         """Go back to the start; everything that follows is bit-identical to a new Simulation.
 
         Args:
@@ -435,7 +467,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             raise OneBotError("pictures need the package embreex, which is not installed here")
         return picture_from(self._sensed_world(), start, end, width, height)
 
-    def ray(self, origin: Sequence[float], direction: Sequence[float]) -> float:
+    def ray(self, origin: _Vector, direction: _Vector) -> float:
         """Return the distance to the first thing on a ray, m; infinite if there is none.
 
         The ray hits the ground and the visual shapes of world, boxes and robots, as sensors do.
@@ -449,9 +481,10 @@ class Simulation(AbstractContextManager["Simulation"]):
         """
         start, way = np.array([origin, direction], float)
         length = np.linalg.norm(way)
-        if not (0.0 < length < math.inf and np.isfinite(start).all()):
-            raise ValueError("a ray has an origin and a direction, each of three finite numbers")
-        return self._distance(LinkPose(np.eye(3), start), way / length, ())
+        if not length:
+            raise ArgumentError([Problem("direction", "is zero; write three finite numbers")])
+        ray = Rays((way / length).reshape(1, 3))
+        return self._distance(LinkPose(np.eye(3), start), ray, ())
 
     def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in step with them.
@@ -474,10 +507,14 @@ class Simulation(AbstractContextManager["Simulation"]):
         return self._ros
 
     def close(self) -> None:
-        """Free the world; a ``with`` block does so at its end."""
+        """Free the world; a ``with`` block does so at its end.
+
+        Poses and other states that were last read remain; all methods raise OneBotError.
+        """
         if self._ros is not None:
             self._ros.close()
         self._fleet.close()
+        self._closed = True
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -495,9 +532,11 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._fleet.observe()
         self._current_frame()  # an IMU needs the orientation at the start
 
+    def _require_open(self) -> None:
+        if self._closed:
+            raise OneBotError(_CLOSED)
+
     def _cycles(self, seconds: float) -> int:
-        if not (math.isfinite(seconds) and seconds >= 0.0):
-            raise ValueError(f"{seconds} s: a duration is finite, and not negative")
         return round(seconds * self._fleet.rate)
 
     def _cycle(self, *, last: bool) -> None:
@@ -535,12 +574,10 @@ class Simulation(AbstractContextManager["Simulation"]):
             self._frame = self._sensors.frame(fleet.stamp, snapshots, self._before, boxes)
         return self._frame
 
-    def _distance(
-        self, pose: LinkPose, direction: NDArray[np.float64], skipped: Sequence[int]
-    ) -> float:
+    def _distance(self, pose: LinkPose, ray: Rays, skipped: Sequence[int]) -> float:
         placed = self._sensed_world().placed
         hits = cast(
-            Rays(direction.reshape(1, 3)),
+            ray,
             *pose,
             placed.surroundings.still,
             placed.targets,
@@ -551,6 +588,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         return distance if distance < _REACH else math.inf
 
 
+@checked_methods(before=lambda robot: robot._simulation._require_open())
 class SimulatedRobot:
     """One robot of a Simulation: takes commands, and returns its true state and measurements."""
 
@@ -576,11 +614,14 @@ class SimulatedRobot:
         """
         if not self.has_wheels:
             raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
-        if not (math.isfinite(linear) and math.isfinite(angular)):
-            raise ValueError(f"velocities must be finite, not {linear} m/s and {angular} rad/s")
-        self._command = float(linear), float(angular)
+        self._command = linear, angular
 
-    def move_to(self, positions: Mapping[str, float], *, seconds: float) -> None:
+    def move_to(
+        self,
+        positions: Annotated[Mapping[str, float], Rule(write="a dict of positions by joint")],
+        *,
+        seconds: Annotated[float, Rule(above=0.0)],
+    ) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
 
         They start in the next control cycle and follow a quintic polynomial that begins with their
@@ -784,7 +825,7 @@ class SimulatedRobot:
         """The states of the moving joints, by name; an unknown name raises OneBotError."""
         states = zip(*self._controlled.snapshot().joint_states, strict=True)
         readings = (JointState(*state) for state in states)
-        return _Named("joint", zip(self._controlled.joints, readings, strict=True))
+        return _Named("no joint {} can move", zip(self._controlled.joints, readings, strict=True))
 
     def scan(self, sensor: str = "") -> Scan:
         """Measure with a lidar now, whatever its rate.
@@ -847,7 +888,7 @@ class SimulatedRobot:
         assert pose is not None
         links = self.description.link_names
         own_links = [placed.surroundings.target(self._row, link) for link in links]
-        return self._simulation._distance(pose, np.array([1.0, 0.0, 0.0]), own_links)
+        return self._simulation._distance(pose, _AHEAD, own_links)
 
     def __repr__(self) -> str:
         pose = self.pose
@@ -894,12 +935,15 @@ class SimulatedRobot:
 class _Named(dict[str, V]):
     """Values by name; an unknown name raises OneBotError."""
 
-    def __init__(self, kind: str, values: Mapping[str, V] | Iterable[tuple[str, V]]) -> None:
+    def __init__(self, error: str, values: Mapping[str, V] | Iterable[tuple[str, V]]) -> None:
+        """Take the values, and the error about a name, which replaces the braces in it."""
         super().__init__(values)
-        self._kind = kind
+        self._error = error
 
     def __missing__(self, name: str) -> V:
-        raise OneBotError(f'no {self._kind} "{name}" can move{did_you_mean(name, self)}')
+        names = [known or "the only one, simulation.robot" for known in self]
+        text = self._error.format(f'"{name}"')
+        raise OneBotError(f"{text}{did_you_mean(str(name), names)}")
 
 
 def _pose(transform: Transform) -> RobotPose:
@@ -909,7 +953,7 @@ def _pose(transform: Transform) -> RobotPose:
 
 def _read(
     model: "str | Path | Description",
-    arguments: Mapping[str, str],
+    arguments: XacroValues,
     world: "str | Path | Description",
     optional: bool,
 ) -> tuple[Description, Description | None]:
@@ -921,7 +965,7 @@ def _read(
 
 
 def _described(
-    model: "str | Path | Description", arguments: Mapping[str, str], optional: bool
+    model: "str | Path | Description", arguments: XacroValues, optional: bool
 ) -> Description:
     """Return a model's description; ``optional``: with its optional sensors, if it has any."""
     if isinstance(model, Description):
@@ -932,6 +976,11 @@ def _described(
         names = [argument.name for argument in xacro_arguments(str(model)).arguments]
         arguments = {_SENSORS: "true", **arguments} if _SENSORS in names else arguments
     return load_description(model, arguments)
+
+
+def _config(robot: str, values: Mapping[str, Any]) -> ControlConfig:
+    with named(f"robots.{robot}") if robot else nullcontext():
+        return ControlConfig.from_parameters(values)
 
 
 def _member(name: str, description: Description, config: ControlConfig) -> Member:
@@ -953,8 +1002,8 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """
     _check_effects(parameters)
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
-    start = {"x": float(setup.x), "y": float(setup.y), "yaw": float(setup.yaw)}
-    return {**defaults.values, **parameters, **start}
+    given = {name: plain(value) for name, value in parameters.items()}
+    return {**defaults.values, **given, "x": setup.x, "y": setup.y, "yaw": setup.yaw}
 
 
 def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:

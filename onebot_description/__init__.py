@@ -25,7 +25,7 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: 
 
 from onebot_description.ros.missing_ros import LastFinder
 
-TYPE_CHECKING = False  # typing's constant; typing is slow to import
+TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
 __version__: str  # version of the installed distribution, which has all packages
 
 __all__ = [

@@ -11,7 +11,6 @@ are files, relative to this one::
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,12 @@ import numpy as np
 
 from onebot_bringup.launch.arguments import require_file
 from onebot_description.errors import OneBotError
+from onebot_description.ros.names import NAMESPACE, NAMESPACE_WANTED
 from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _ROOM = 1.8  # distance between robots in rows, in diameters of a robot
 
 
@@ -63,8 +62,8 @@ class RobotsFile:
         if not self.robots:
             yield Problem("robots", "is empty; write a robot, such as scout: {x: 0.0, y: 0.0}")
         for name in self.robots:
-            if not _NAME.fullmatch(name):
-                text = "is not possible as a namespace; write letters, digits and _"
+            if not NAMESPACE.fullmatch(name):
+                text = f"is not possible as a namespace; write {NAMESPACE_WANTED}"
                 yield Problem(f"robots.{name}", text)
 
 

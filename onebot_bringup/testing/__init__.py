@@ -1,1 +1,32 @@
-"""Tools for tests of robots: the pytest plugin, and separate ROS domains."""
+"""Tools for tests of robots: the pytest plugin, and separate ROS domains.
+
+The types of the plugin's fixtures are here for annotations::
+
+    from onebot_bringup.testing import SimulationFixture
+
+    def test_it_drives(simulation: SimulationFixture) -> None:
+        robot = simulation(world="maze").robot  # type checkers and editors know its methods
+"""
+
+import onebot_description
+
+TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+
+__all__ = ["BringupFixture", "RosSimulationFixture", "RunningBringup", "SimulationFixture"]
+
+if TYPE_CHECKING:
+    from onebot_bringup.testing.plugin import (
+        BringupFixture,
+        RosSimulationFixture,
+        SimulationFixture,
+    )
+    from onebot_bringup.testing.running import RunningBringup
+else:
+    __getattr__ = onebot_description.lazy(
+        {
+            "onebot_bringup.testing.plugin": (
+                *("BringupFixture", "RosSimulationFixture", "SimulationFixture"),
+            ),
+            "onebot_bringup.testing.running": ("RunningBringup",),
+        }
+    )

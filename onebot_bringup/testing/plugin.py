@@ -8,9 +8,9 @@ tests (``pytest -n 8``) never interfere. Everything is closed after the test.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import pytest
 
@@ -25,8 +25,26 @@ _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated 
 _FOLDER = "failed_tests"  # folder in pytest's root folder
 
 
+class SimulationFixture(Protocol):
+    """Type of the fixture ``simulation``: makes a Simulation by the arguments of that class."""
+
+    def __call__(self, *args: Any, **arguments: Any) -> Simulation: ...
+
+
+class RosSimulationFixture(Protocol):
+    """Type of the fixture ``ros_simulation``: as ``simulation``, with ROS nodes in step."""
+
+    def __call__(self, *args: Any, **arguments: Any) -> Lockstep[Simulation]: ...
+
+
+class BringupFixture(Protocol):
+    """Type of the fixture ``bringup``: starts a command by the words of its command line."""
+
+    def __call__(self, *words: str, command: str = ...) -> RunningBringup: ...
+
+
 @pytest.fixture
-def simulation(request: pytest.FixtureRequest) -> Iterator[Callable[..., Simulation]]:
+def simulation(request: pytest.FixtureRequest) -> Iterator[SimulationFixture]:
     """Return a function that makes simulations; its arguments are those of ``Simulation``."""
     from onebot_control.simulation import Simulation
 
@@ -54,8 +72,8 @@ def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
 
 @pytest.fixture
 def ros_simulation(
-    simulation: Callable[..., Simulation], ros_domain: int
-) -> Iterator[Callable[..., Lockstep[Simulation]]]:
+    simulation: SimulationFixture, ros_domain: int
+) -> Iterator[RosSimulationFixture]:
     """Return a function that makes simulations with ROS nodes in step.
 
     Its arguments are those of ``Simulation``; it returns the ``Lockstep`` that has the simulation.
@@ -78,7 +96,7 @@ def ros_simulation(
 
 
 @pytest.fixture
-def bringup(ros_domain: int) -> Iterator[Callable[..., RunningBringup]]:
+def bringup(ros_domain: int) -> Iterator[BringupFixture]:
     """Return a function that starts a bringup in real time, and returns when its robots are up.
 
     Its arguments are words of the command line, such as ``"world:=maze"`` for ``onebot_bringup``;

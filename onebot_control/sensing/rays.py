@@ -271,11 +271,14 @@ class Surface:
     """A solid, prepared for casting rays at it."""
 
     def __init__(self, solid: Solid) -> None:
-        """Build Embree's or PyBullet's scene of the solid."""
         self.solid = solid
-        self._caster: _Caster | None = None
-        if len(solid.faces):
-            self._caster = _embree(solid) if HAS_EMBREE else _BulletRays(solid)
+
+    @cached_property
+    def _caster(self) -> _Caster | None:
+        """Embree's or PyBullet's scene of the solid, built when the first ray may hit it."""
+        if not len(self.solid.faces):
+            return None
+        return _embree(self.solid) if HAS_EMBREE else _BulletRays(self.solid)
 
     @cached_property
     def normals(self) -> Singles:

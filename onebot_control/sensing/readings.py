@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.ros.parameters.arguments import checked
+
 
 @dataclass(frozen=True)
 class RobotPose:
@@ -100,6 +102,7 @@ class Scan:
         """The range of the ray nearest to straight ahead, m."""
         return self.at(0.0)
 
+    @checked
     def at(self, angle: float) -> float:
         """Return the range of the ray nearest to an angle, m.
 

@@ -5,6 +5,7 @@ a robot; a ray that only just grazes a sphere may be farther off.
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from onebot_control.physics.engine import logger
 from onebot_description.arrays import Floats, Singles
 from onebot_description.elements.meshes import (
+    colored_triangles,
     has_colors,
     look_warnings,
     mesh_scene,
@@ -42,6 +44,16 @@ _MOST_SECTIONS = {Cylinder: 4096, Capsule: 256}
 _HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
 _ICOSAHEDRON = 0.292  # m, that height for an icosahedron of radius 1; each subdivision quarters it
 _LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
+
+
+# Corners and triangles of a cube of length 1, as trimesh has them, which is slow to import.
+_CUBE = np.array([*itertools.product((-0.5, 0.5), repeat=3)])
+_CUBE_FACES = np.array(
+    [
+        *((1, 3, 0), (4, 1, 0), (0, 3, 2), (2, 4, 0), (1, 7, 3), (5, 1, 4)),
+        *((5, 7, 1), (3, 7, 2), (6, 4, 2), (2, 7, 6), (6, 5, 4), (7, 5, 6)),
+    ]
+)
 
 
 class Texture(NamedTuple):
@@ -137,11 +149,10 @@ def _parts(geometry: Geometry) -> list[_Part]:
 @functools.lru_cache(maxsize=256)
 def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
     """Return a box, or facets that are as far inside of a round shape as outside of it."""
+    if isinstance(shape, Box):
+        return _Part(_CUBE * shape.size, _CUBE_FACES)
     from trimesh import creation
 
-    if isinstance(shape, Box):
-        box = creation.box(shape.size)
-        return _Part(box.vertices, box.faces)
     if isinstance(shape, Sphere):
         wanted = math.ceil(math.log(max(_ICOSAHEDRON * shape.radius / _HIGH, 1.0), 4.0))
         ball = creation.icosphere(min(wanted, _LARGEST_BALL))
@@ -162,6 +173,16 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
 
     ``state`` is part of the cache's key, so that an edited file is read again.
     """
+    turn = -1 if np.prod(mesh.scale) < 0.0 else 1  # a mirrored triangle is wound the other way
+    if mesh.path and (plain := colored_triangles(mesh.path)):
+        return tuple(
+            _Part(
+                (corners * mesh.scale).reshape(-1, 3),
+                np.arange(3 * len(corners)).reshape(-1, 3)[:, ::turn],
+                color,
+            )
+            for corners, color in plain
+        )
     scene = mesh_scene(mesh)
     assert mesh.path is not None
     for text in look_warnings(scene):
@@ -170,8 +191,7 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     parts = []
     for surface in surfaces(scene):
         corners = np.asarray(surface.vertices, float) * mesh.scale
-        # A mirrored triangle is wound the other way about.
-        faces = np.asarray(surface.faces, np.intp)[:, :: -1 if np.prod(mesh.scale) < 0.0 else 1]
+        faces = np.asarray(surface.faces, np.intp)[:, ::turn]
         colors, texture = _look(surface.visual) if has_own_colors else (None, None)
         parts.append(_Part(corners, faces, colors, texture))
     return tuple(parts)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from onebot_description.description.checks import (
     check_materials,
@@ -38,15 +38,26 @@ from onebot_description.errors import (
     condensed,
     did_you_mean,
     printable,
+    shortened,
 )
+from onebot_description.ros.parameters.arguments import checked
+from onebot_description.ros.parameters.values import Rule
 
 # Environment variable: a folder with file and line of the elements of each URDF. A bringup reads
 # the files, while its nodes get only the text, but should name these places in messages.
 PLACES = "ONEBOT_PLACES"
 _WORLD = ".urdf.xacro"  # ending of the files of included worlds
 
+XacroValues = Annotated[
+    Mapping[str, str | float | bool], Rule(write="a dict of values by the names of <xacro:arg>s")
+]
+"""Values of xacro arguments by name; xacro gets them as text."""
 
-def load_description(source: str | Path, arguments: Mapping[str, str] | None = None) -> Description:
+_Source = Annotated[str | Path, Rule(write="the path of a URDF or xacro file")]
+
+
+@checked
+def load_description(source: _Source, arguments: XacroValues | None = None) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
     Faulty elements that can be left out or replaced are listed in the description's ``problems``,
@@ -68,7 +79,7 @@ def load_description(source: str | Path, arguments: Mapping[str, str] | None = N
 
 
 def _read(
-    path: Path, arguments: Mapping[str, str]
+    path: Path, arguments: XacroValues
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
     """Return the document in a file (expanded, if xacro), the files read, and warnings."""
     values = {name: str(value) for name, value in arguments.items()}
@@ -145,6 +156,7 @@ def shipped_worlds() -> dict[str, Path]:
     return {file.name.removesuffix(_WORLD): file for file in sorted(files)}
 
 
+@checked
 def parse_description(urdf: str, name: str = "<string>") -> Description:
     """Read and check URDF text, such as the parameter robot_description; xacro is not expanded.
 
@@ -200,6 +212,8 @@ def _folder(name: str) -> Path | None:
 def _locate(source: str | Path) -> Path:
     """Return the absolute path that ``source`` names."""
     text = os.fspath(source)
+    if text.lstrip().startswith("<"):
+        raise DescriptionError([f"{shortened(text)}: is a description, not the path of its file"])
     try:
         if text.startswith("package://"):
             return resolve(text, None)

@@ -10,7 +10,7 @@ because they are slow to import.
 import io
 import re
 from pathlib import Path, PureWindowsPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
@@ -21,6 +21,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     import trimesh
     from numpy.typing import NDArray
@@ -120,6 +122,96 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
     text = "is not there, which it names for its look"
     scene.metadata[_WARNINGS] = [f'{shown_path(path)}: "{name}" {text}' for name in files.missing]
     return scene
+
+
+class ColoredTriangles(NamedTuple):
+    """Triangles of one colour."""
+
+    corners: "NDArray[np.float64]"  # (N, 3, 3), m
+    color: "NDArray[np.float64]"  # (3,), sRGB, 0 to 1
+
+
+def colored_triangles(path: Path) -> list[ColoredTriangles]:
+    """Return the surfaces of a Collada file that has nothing but coloured triangles in metres.
+
+    They are those of ``mesh_scene``, without trimesh, which takes 0.3 s to import, and pycollada,
+    which takes 0.02 s. Of any other file nothing is returned.
+    """
+    if path.suffix.lower() != ".dae":
+        return []
+    try:
+        _check_file(path)
+        return [*_PlainCollada(path).triangles()]
+    except Exception:  # the file is not plain, or broken, which ``mesh_scene`` explains
+        return []
+
+
+class _PlainCollada:
+    """A Collada file in which nothing is moved, scaled or textured; others raise an exception."""
+
+    def __init__(self, path: Path) -> None:
+        self._root = ElementTree.parse(path).getroot()
+        (unit,) = self._all("asset/unit")
+        (self._scene,) = self._all("library_visual_scenes/visual_scene")
+        _require(float(unit.get("meter", "1")) == 1.0)
+        self._named = {f"#{element.get('id')}": element for element in self._root.iter()}
+
+    def _all(self, path: str, root: ElementTree.Element | None = None) -> list[ElementTree.Element]:
+        where = "/".join("{*}" + name for name in path.split("/"))
+        return (self._root if root is None else root).findall(where)
+
+    def triangles(self) -> "Iterator[ColoredTriangles]":
+        """Yield the triangles of each part, in the order of the scene."""
+        for node in self._all("node", self._scene):
+            (instance,) = node
+            _require(instance.tag.endswith("}instance_geometry"))
+            colors = {
+                bound.get("symbol"): self._color(bound.get("target", ""))
+                for bound in self._all("bind_material/technique_common/instance_material", instance)
+            }
+            (mesh,) = self._named[instance.get("url", "")]
+            for part in mesh:
+                kind = part.tag.rpartition("}")[2]
+                _require(kind in ("source", "vertices", "triangles"))
+                if kind == "triangles":
+                    yield ColoredTriangles(self._corners(part), colors[part.get("material")])
+
+    def _color(self, material: str) -> "NDArray[np.float64]":
+        import numpy as np
+
+        (effect,) = self._all("instance_effect", self._named[material])
+        (technique,) = self._all("profile_COMMON/technique", self._named[effect.get("url", "")])
+        (color,) = self._all("diffuse/color", technique[0])
+        return np.round(np.fromstring(color.text or "", sep=" ")[:3] * 255.0) / 255.0
+
+    def _corners(self, part: ElementTree.Element) -> "NDArray[np.float64]":
+        import numpy as np
+
+        inputs = {each.get("semantic"): each for each in self._all("input", part)}
+        offset = int(inputs["VERTEX"].get("offset", "0"))
+        stride = 1 + max(int(each.get("offset", "0")) for each in inputs.values())
+        (position,) = self._all("input", self._named[inputs["VERTEX"].get("source", "")])
+        numbers, common = self._named[position.get("source", "")]
+        (accessor,) = common
+        (indices,) = self._all("p", part)
+        # In 32 bits, as pycollada has them.
+        places = np.fromstring(numbers.text or "", np.float32, sep=" ")
+        rows = np.fromstring(indices.text or "", int, sep=" ")
+        _require(
+            "COLOR" not in inputs
+            and [each.get("name") for each in accessor] == ["X", "Y", "Z"]
+            and (accessor.get("stride"), accessor.get("offset", "0")) == ("3", "0")
+            and places.size == int(numbers.get("count", ""))
+            and rows.size == int(part.get("count", "")) * 3 * stride
+            and bool(np.isfinite(places).all() and rows.min() >= 0)
+        )
+        corners = places.reshape(-1, 3)[rows.reshape(-1, 3, stride)[..., offset]]
+        return np.asarray(corners, float)
+
+
+def _require(condition: bool) -> None:
+    if not condition:
+        raise ValueError
 
 
 def _check_file(path: Path) -> None:

@@ -14,6 +14,7 @@ import ctypes
 import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +26,14 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import zero_position
+from onebot_description.ros.parameters.arguments import checked_methods
+from onebot_description.ros.parameters.values import Rule
 
 _POSE = 7  # numbers in a transform: translation x y z, rotation x y z w
+_Positions = Annotated[
+    Mapping[str, Annotated[float, Rule(nan="one that is not known")]],
+    Rule(write="a dict of positions by joint, rad or m"),
+]
 _SLACK = 1e-9  # rad or m; a position this far beyond a limit is rounding
 
 
@@ -162,6 +169,7 @@ class LinkTree:
         return poses
 
 
+@checked_methods()
 class RobotModel:
     """Forward kinematics of a robot with M moving joints, independent of ROS.
 
@@ -227,7 +235,7 @@ class RobotModel:
         """
         return followers(self.joints, self._mimics, given)
 
-    def positions(self, given: Mapping[str, float]) -> Floats:
+    def positions(self, given: _Positions) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.
 
         Mimic joints follow; what nothing determines is at 0.
@@ -241,7 +249,7 @@ class RobotModel:
             result[self._rows[name]] = mimic.at(everything[mimic.joint])
         return result
 
-    def pose(self, given: Mapping[str, float]) -> Floats:
+    def pose(self, given: _Positions) -> Floats:
         """Positions of all moving joints, (M,), some given by name and the others at rest.
 
         That is at 0, or in the middle of the range if 0 is not in it; mimic joints follow. Raises
@@ -300,6 +308,9 @@ class RobotModel:
         Args:
             positions: (M,) in the order of ``joints``, radians or metres; or by name.
         """
+        positions = self._checked(positions)
+        if positions.ndim > 1:
+            raise OneBotError(f"positions of shape {positions.shape} are several; give one's")
         poses = matrices.of_poses(self.link_poses(positions))
         return dict(zip(self.links, poses, strict=True))
 
@@ -310,10 +321,12 @@ class RobotModel:
     def _checked(self, positions: ArrayLike | Mapping[str, float]) -> Floats:
         if isinstance(positions, Mapping):
             return self.positions(positions)
-        q = np.asarray(positions, float)
-        if q.shape[-1:] != (len(self.joints),):
-            raise OneBotError(
-                f'robot "{self.name}" has {len(self.joints)} moving joints, so positions must be '
-                f"of shape (..., {len(self.joints)}), not {q.shape}"
-            )
+        count = len(self.joints)
+        text = f'robot "{self.name}" has {count} moving joints, so positions must be of shape'
+        try:
+            q = np.asarray(positions, float)
+        except (TypeError, ValueError):
+            raise OneBotError(f"{text} (..., {count}), or a dict by joint") from None
+        if q.shape[-1:] != (count,):
+            raise OneBotError(f"{text} (..., {count}), not {q.shape}")
         return q

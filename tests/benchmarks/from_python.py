@@ -5,13 +5,23 @@ what that step takes here. Where a robot ends up is checked against its odometry
 of it is lost.
 """
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import Any, NamedTuple
 
 from onebot_control import SimulatedRobot, Simulation
-from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest, in_turn
+from onebot_control.environment import OneBotEnv
+from tests.benchmarks.measuring import (
+    BARE_STEP,
+    WrongAnswer,
+    bare_step,
+    fastest,
+    in_turn,
+    over,
+)
 from tests.benchmarks.report import Report, Result
 
 _LINEAR = 0.3  # m/s, forward and back
@@ -19,6 +29,16 @@ _PERIOD = 0.1  # s between measurements
 _SLEEP = 2.5  # s until crates that nothing pushes sleep
 _FARTHEST = 0.02  # m between odometry and truth
 _START, _RESET = 500.0, 20.0  # ms at most
+_FIRST_SCAN = 50.0  # ms at most, of a process that has not imported what reads meshes
+_ENVIRONMENT = 600.0  # steps a second at least
+_FIRST = """
+import time
+from onebot_control import Simulation
+with Simulation(world="maze", sensors=True) as simulation:
+    began = time.thread_time()
+    ranges = simulation.robot.scan().ranges
+    print(time.thread_time() - began, len(ranges))
+"""
 
 
 class Case(NamedTuple):
@@ -60,7 +80,14 @@ def run(quick: bool) -> Report:
     step = fastest(taken.pop("bare"))
     paces = {what: 1.0 / fastest(each) for what, each in taken.items()}
     scale = BARE_STEP / step
-    taken = in_turn({"start": _start, "reset": _reset}, 1 if quick else 9)
+    with closing(OneBotEnv(world="maze")) as environment:
+        variants = {
+            **{"start": _start, "reset": _reset, "first scan": _first_scan},
+            "environment": lambda: _environment_step(environment, 2 if quick else 50),
+            "bare": lambda: bare_step(environment.simulation),
+        }
+        taken = in_turn(variants, 1 if quick else 9)
+    of_a_step = over(taken["environment"], taken["bare"])
     return [
         Result("bare stepSimulation, bare ground: times real time", 1.0 / (bare_steps * step)),
         *(
@@ -73,6 +100,18 @@ def run(quick: bool) -> Report:
         ),
         Result("maze, lidar: start", 1e3 * fastest(taken["start"]), _START, unit="ms"),
         Result("maze, lidar: reset", 1e3 * fastest(taken["reset"]), _RESET, unit="ms"),
+        Result(
+            "maze, lidar: first scan of a process",
+            1e3 * fastest(taken["first scan"]),
+            _FIRST_SCAN,
+            unit="ms",
+        ),
+        Result(
+            "OneBotEnv, maze, 360 ranges: steps a second",
+            1.0 / fastest(taken["environment"]),
+            at_least=_ENVIRONMENT,
+        ),
+        Result("OneBotEnv, maze, 360 ranges: a step over a bare stepSimulation", of_a_step),
     ]
 
 
@@ -100,6 +139,29 @@ def _start() -> float:
     with Simulation(**_SENSED) as simulation:
         simulation.robot.scan()
         return time.thread_time() - began
+
+
+def _first_scan() -> float:
+    command = [sys.executable, "-c", _FIRST]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    seconds, ranges = run.stdout.split()
+    if ranges != "360":
+        raise WrongAnswer(f"a scan of {ranges} ranges")
+    return float(seconds)
+
+
+def _environment_step(environment: OneBotEnv, steps: int) -> float:
+    """Return what a step of an episode with random actions takes, s, as the mean of some."""
+    environment.reset(seed=1)
+    environment.action_space.seed(1)
+    actions = [environment.action_space.sample() for _ in range(steps)]
+    began = time.thread_time()
+    for action in actions:
+        observation, *_ = environment.step(action)
+    taken = time.thread_time() - began
+    if observation["scan"].shape != (360,) or not environment.simulation.robot.twist.linear:
+        raise WrongAnswer(f"{environment.simulation} after {steps} steps")
+    return taken / steps
 
 
 def _reset() -> float:

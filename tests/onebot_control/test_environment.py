@@ -1,8 +1,10 @@
 """OneBot as an environment of Gymnasium."""
 
 import doctest
+import math
 import warnings
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from onebot_control import environment  # noqa: E402
 from onebot_control.environment import OneBotEnv  # noqa: E402
+from onebot_description.errors import OneBotError  # noqa: E402
 
 
 def test_the_example_of_the_module() -> None:
@@ -53,3 +56,38 @@ def test_an_episode_repeats_by_its_seed_and_ends_near_a_wall() -> None:
     first = episode(4)
     assert first == episode(4) != episode(5)
     made.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"seconds": -1}, "seconds: -1 is not above 0"),
+        ({"seconds": "1"}, 'seconds: "1" is a string'),
+        ({"seconds": 0.001}, "seconds: 0.001 is less than a control cycle of 0.01 s"),
+        ({"max_steps": 0}, "max_steps: 0 is below 1"),
+        ({"max_steps": 1.5}, "max_steps: 1.5 is a number; write an integer"),
+        ({"render_mode": "human"}, 'render_mode: no "human" (known: rgb_array)'),
+        ({"seed": "x"}, 'seed: "x" is a string'),
+    ],
+)
+def test_wrong_arguments(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(OneBotError) as caught:
+        OneBotEnv(**arguments)
+    assert words in str(caught.value)
+
+
+def test_wrong_actions() -> None:
+    made = OneBotEnv()
+    made.reset(seed=np.int64(1))
+    wrong = ([0.1], np.zeros(3), np.zeros((2, 1)), np.zeros((1, 2)), None, 1, "ab", [math.nan, 0])
+    for action in wrong:
+        with pytest.raises(OneBotError, match="action: .*write an array of two numbers"):
+            made.step(action)
+    with pytest.raises(OneBotError, match="seed: -1 is below 0"):
+        made.reset(seed=-1)
+    assert made.simulation.time == 0.0
+    made.step([0.1, 0.2])
+    made.close()
+    for call in (made.reset, lambda: made.step([0.0, 0.0])):
+        with pytest.raises(OneBotError, match="simulation has been closed"):
+            call()

@@ -246,13 +246,14 @@ def test_a_mistake_of_a_running_simulation_changes_nothing():
 
 
 def test_what_is_slow_to_import_is_imported_only_when_needed():
-    """PyBullet not before there is a world; what reads meshes not before a ray is cast."""
+    """PyBullet not before there is a world; what reads any mesh not for OneBot in the maze."""
     code = (
         "import sys; from onebot_control import *; from onebot_description import *;"
-        "slow = {'rclpy', 'rerun', 'yourdfpy', 'trimesh', 'scipy'};"
+        "slow = {'rclpy', 'rerun', 'yourdfpy', 'trimesh', 'networkx', 'collada', 'scipy'};"
         "assert not (slow | {'pybullet'}) & set(sys.modules); RobotModel;"
-        "world = Simulation(world='maze');"
+        "world = Simulation(world='maze', sensors=True);"
         "world.robot.drive(0.1, 0.0); world.run(0.1); world.reset();"
-        "assert not slow & set(sys.modules); assert world.robot.distance_ahead() > 0.0"
+        "assert world.robot.distance_ahead() > 0.0; assert len(world.robot.scan().ranges) > 100;"
+        "world.robot.image(); assert not slow & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

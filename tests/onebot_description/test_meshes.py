@@ -2,13 +2,20 @@
 
 import json
 import os
+import re
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from onebot_description.elements.meshes import locate_mesh, mesh_scene
-from onebot_description.elements.packages import Resources
+from onebot_description.elements.meshes import (
+    colored_triangles,
+    locate_mesh,
+    mesh_scene,
+    surfaces,
+)
+from onebot_description.elements.packages import Resources, package_share
 from onebot_description.elements.urdf import Mesh
 from onebot_description.errors import OneBotError
 
@@ -79,3 +86,53 @@ def test_a_huge_file_is_not_read(tmp_path: Path, suffix: str) -> None:
     os.truncate(huge, 84 + 50 * triangles)
     with pytest.raises(OneBotError, match="is of 2000 MB, more than 100; simplify it"):
         mesh_scene(Mesh(huge.name, (1.0, 1.0, 1.0), huge))
+
+
+ONEBOT_MESHES = sorted((package_share("onebot_description") / "meshes").glob("*.dae"))
+
+
+@pytest.mark.parametrize("file", ONEBOT_MESHES, ids=lambda file: file.stem)
+def test_plain_triangles_are_those_of_the_scene(file: Path) -> None:
+    """Bit for bit, and so are their colours."""
+    parts = surfaces(mesh_scene(Mesh(str(file), (1.0, 1.0, 1.0), file)))
+    plain = colored_triangles(file)
+    assert len(plain) == len(parts) > 0
+    for (corners, color), part in zip(plain, parts, strict=True):
+        assert np.array_equal(corners, part.vertices[part.faces])
+        assert np.array_equal(color, part.visual.material.main_color[:3] / 255.0)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement"),
+    [
+        ('meter="1.0"', 'meter="0.01"'),
+        ("<instance_geometry", "<translate>0 0 1</translate><instance_geometry"),
+        (
+            "<instance_geometry",
+            '<matrix sid="transform">1 0 0 0 0 1 0 0 0 0 1 1 0 0 0 1</matrix>\\g<0>',
+        ),
+        ("<color>0.93 0.94 0.95 1.0</color>", '<texture texture="a" texcoord="b"/>'),
+        ('semantic="NORMAL"', 'semantic="COLOR"'),
+        ("<p>0 ", "<p>-1 "),
+        ("<p>0 ", "<p>x "),
+        ("<p>0 ", "<p>"),
+        ("</COLLADA>", ""),
+        ('stride="3"', 'stride="4"'),
+        ("triangles", "polylist"),
+    ],
+)
+def test_other_collada_files_are_left_to_the_scene(
+    tmp_path: Path, pattern: str, replacement: str
+) -> None:
+    text, count = re.subn(pattern, replacement, ONEBOT_MESHES[0].read_text())
+    assert count, pattern
+    file = tmp_path / "a.dae"
+    file.write_text(text)
+    assert colored_triangles(file) == []
+
+
+def test_files_of_other_kinds_are_left_to_the_scene(tmp_path: Path) -> None:
+    assert colored_triangles(tmp_path / "a.stl") == []
+    assert colored_triangles(tmp_path / "missing.dae") == []
+    (tmp_path / "a.dae").write_bytes(LFS)
+    assert colored_triangles(tmp_path / "a.dae") == []

@@ -2,7 +2,6 @@
 
 import math
 import re
-from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,8 +18,6 @@ LARGEST = 1e60
 
 INT64 = range(-(2**63), 2**63)
 """The integers that a parameter may have."""
-
-_LISTS = (list, tuple, array)
 
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
 _PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
@@ -84,14 +81,15 @@ class ValueType:
 
     def checked(self, value: Any) -> Any:
         """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
-        if self.optional and plain(value) in (None, []):
+        value = plain(value)
+        if self.optional and value in (None, []):
             return None
         if value is None:
             raise ValueError(f"has no value; write {self.wanted(value)}")
         return self._list(value) if self.many else self._one(value)
 
     def _list(self, value: Any) -> tuple[Any, ...]:
-        if not isinstance(value, _LISTS):
+        if not isinstance(value, list):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
         items = tuple(self._one(item) for item in value)
         if self.length is not None and len(items) != self.length:
@@ -105,10 +103,12 @@ class ValueType:
         return items
 
     def _one(self, value: Any) -> Any:
+        value = plain(value)
         fits = isinstance(value, int | float if self.base is float else self.base)
         if not fits or (isinstance(value, bool) and self.base is not bool):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
-        if isinstance(value, int) and value not in INT64:
+        greatest = max(INT64[-1], int(self.rule.at_most or 0))
+        if isinstance(value, int) and not INT64[0] <= value <= greatest:
             raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
         if isinstance(value, str):
             self._check_text(value)
@@ -124,7 +124,8 @@ class ValueType:
             beyond = f"beyond {LARGEST:g}" if math.isfinite(value) else "not finite"
             raise ValueError(f"{value:g} is {beyond}; write {self.wanted(value)}")
         if beyond := self.rule.beyond(value):
-            raise ValueError(f"{value:g} {beyond}; write a number {self.rule.range}{self._unset}")
+            wanted = self.rule.write or f"a number {self.rule.range}{self._unset}"
+            raise ValueError(f"{value:g} {beyond}; write {wanted}")
 
     def _check_text(self, value: str) -> None:
         rule = self.rule
@@ -172,8 +173,10 @@ def _join(separator: str, *words: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a parameter's value, arrays as lists: they come as array.array, tuple or list."""
-    return list(value) if isinstance(value, _LISTS) else value
+    """Return a value as Python has it: arrays and tuples as lists, numpy's scalars as numbers."""
+    if hasattr(value, "tolist"):  # of array.array and numpy, which is slow to import
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
 
 
 def yaml_text(value: Any) -> str:
@@ -191,6 +194,7 @@ def yaml_text(value: Any) -> str:
 
 def shown(value: object) -> str:
     """Name the value and its kind, for an error about its type."""
+    value = plain(value)
     if value is None:
         return "has no value"
     if isinstance(value, bool):
@@ -199,6 +203,10 @@ def shown(value: object) -> str:
         return f'"{shortened(value)}" is a string'
     if isinstance(value, int | float):
         return f"{value} is a number"
-    if isinstance(value, _LISTS):
-        return f"{shortened(str(plain(value)))} is a list"
-    return "is a map" if isinstance(value, Mapping) else f"{value!r} cannot be used here"
+    if isinstance(value, list):
+        return f"{shortened(str(value))} is a list"
+    return (
+        "is a map"
+        if isinstance(value, Mapping)
+        else f"{shortened(repr(value))} cannot be used here"
+    )

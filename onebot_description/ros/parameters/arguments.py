@@ -1,0 +1,186 @@
+"""Checks the arguments of functions by their annotations, with the rules that parameters have.
+
+An annotation says what an argument may be, and may add a ``Rule``, or a whole ``ValueType``::
+
+    @checked
+    def run(seconds: Annotated[float, Rule(at_least=0.0)], paused: bool = False) -> None: ...
+
+As for parameters, an integer is right for a float, and so are numpy's scalars; a string is not. The
+function gets plain Python values, but arrays and other sequences as they are.
+"""
+
+import functools
+import inspect
+import os
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, cast
+
+from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.ros.parameters.values import Rule, ValueType, plain, shown
+
+F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
+
+_Check = Callable[[str, Any], Any]  # takes an argument's name and value, returns the value to use
+# What to write in Python for a type.
+_WANTED: Mapping[Any, str] = {
+    **{bool: "True or False", str: "a string", float: "a number"},
+    **{Path: "a path", Callable: "a function", Mapping: "a dict", Iterable: "a list"},
+}
+_ACCEPTED: Mapping[Any, tuple[type, ...]] = {float: (float, int), Path: (os.PathLike,)}
+
+
+class ArgumentError(ConfigError, ValueError):
+    """Arguments that cannot be used; ``problems`` are all that were found."""
+
+
+def checked(function: F, before: Callable[[Any], object] | None = None) -> F:
+    """Return a function that checks its arguments before it runs.
+
+    What an annotation does not determine, such as ``Any``, is left to the function.
+
+    Args:
+        function: the function, or a method.
+        before: called with a method's object before anything else.
+
+    Raises:
+        ArgumentError: arguments are wrong; it names each of them, and what would be right.
+    """
+    names = [*inspect.signature(function).parameters]
+
+    @functools.wraps(function)
+    def checking(*given: Any, **named: Any) -> Any:
+        if before is not None:
+            before(given[0])
+        checks, problems = _checks(function), list[Problem]()
+
+        def used(name: str, value: Any) -> Any:
+            try:
+                return checks[name](name, value) if name in checks else value
+            except ConfigError as error:
+                problems.extend(error.problems)
+
+        values = [*map(used, names, given), *given[len(names) :]]
+        named = {name: used(name, value) for name, value in named.items()}
+        if problems:
+            raise ArgumentError(problems)
+        return function(*values, **named)
+
+    return cast(F, checking)
+
+
+def checked_methods(before: Callable[[Any], object] | None = None) -> Callable[[type[T]], type[T]]:
+    """Return a class decorator: ``__init__`` and all public methods check their arguments.
+
+    Args:
+        before: called with the object before each public method, except ``close``.
+    """
+
+    def decorate(kind: type[T]) -> type[T]:
+        for name, member in [*vars(kind).items()]:
+            if inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
+                first = None if name in ("__init__", "close") else before
+                setattr(kind, name, checked(member, first))
+        return kind
+
+    return decorate
+
+
+@contextmanager
+def _collected(problems: list[Problem]) -> Iterator[None]:
+    """Add the problems of an error raised inside to ``problems``."""
+    try:
+        yield
+    except ConfigError as error:
+        problems += error.problems
+
+
+@functools.cache
+def _checks(function: Callable[..., Any]) -> Mapping[str, _Check]:
+    """Return the check of each argument.
+
+    The type that is returned may be one that only type checkers import, so it is not resolved.
+    """
+    hints = {name: hint for name, hint in function.__annotations__.items() if name != "return"}
+    holder = types.SimpleNamespace(__annotations__=hints)
+    resolved = typing.get_type_hints(holder, function.__globals__, include_extras=True)
+    return {name: _check(hint) for name, hint in resolved.items()}
+
+
+def _check(hint: Any, rule: Rule | None = None) -> _Check:
+    """Return the check of what an annotation with a rule allows."""
+    rule, origin, args = rule or Rule(), typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        added = args[1]
+        return _value(added) if isinstance(added, ValueType) else _check(args[0], added)
+    if hint in (float, int, bool, str):
+        return _value(ValueType(hint, rule))
+    if origin is Sequence and args[0] in (float, int, str):
+        return _value(ValueType(args[0], rule, many=True))
+    if origin is Mapping:
+        return _map(_check(args[0]), _check(args[1]), rule)
+    if origin in (typing.Union, types.UnionType):
+        present = [kind for kind in args if kind is not types.NoneType]
+        check = _check(present[0], rule) if len(present) == 1 else _instance(present, rule)
+        return check if len(present) == len(args) else _optional(check)
+    return _instance([origin if origin in _WANTED else hint], rule)
+
+
+def _optional(check: _Check) -> _Check:
+    return lambda name, value: None if value is None else check(name, value)
+
+
+def _wrong(name: str, value: Any, rule: Rule, kinds: Sequence[Any]) -> ConfigError:
+    wanted = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
+    return ConfigError([Problem(name, f"{shown(value)}; write {wanted}")])
+
+
+def _value(kind: ValueType) -> _Check:
+    if kind.base is bool:
+        kind = replace(kind, rule=replace(kind.rule, write=kind.rule.write or _WANTED[bool]))
+
+    def check(name: str, value: Any) -> Any:
+        try:
+            result = kind.checked(value)
+        except ValueError as error:
+            raise ConfigError([Problem(name, str(error))]) from None
+        return value if kind.many else result
+
+    return check
+
+
+def _instance(kinds: Sequence[Any], rule: Rule) -> _Check:
+    """Return the check of what is one of some classes; of anything else, a check of nothing."""
+    if any(typing.get_origin(kind) or kind is Any or not isinstance(kind, type) for kind in kinds):
+        return lambda name, value: value
+    accepted = tuple(type_ for kind in kinds for type_ in _ACCEPTED.get(kind, (kind,)))
+
+    def check(name: str, value: Any) -> Any:
+        value = plain(value)
+        if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
+            raise _wrong(name, value, rule, kinds)
+        return value
+
+    return check
+
+
+def _map(key_check: _Check, item_check: _Check, rule: Rule) -> _Check:
+    def check(name: str, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise _wrong(name, value, rule, [Mapping])
+        result, problems = dict[str, Any](), list[Problem]()
+        for key, item in value.items():
+            with _collected(problems):
+                key_check(name, key)
+            with _collected(problems):
+                result[key] = item_check(f"{name}.{key}", item)
+        if problems:
+            raise ConfigError(problems)
+        return result
+
+    return check

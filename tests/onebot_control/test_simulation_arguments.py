@@ -1,0 +1,217 @@
+"""Wrong arguments of Simulation, its robots and RobotSetup: one sentence names each."""
+
+import inspect
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation
+from onebot_description import RobotModel, load_description, parse_description
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+DIFF_DRIVE, ARM = ROBOTS / "diff_drive.urdf", "package://mrm_description/urdf/mrm.xacro"
+JOINT = "base_link__link_01"
+TEXT = DIFF_DRIVE.read_text()
+
+WRONG = [
+    ({"model": None}, "model: has no value; write a URDF or xacro file, or a Description"),
+    ({"model": 1}, "model: 1 is a number"),
+    ({"model": TEXT}, "is a description, not the path of its file"),
+    ({"model": TEXT, "sensors": True}, "is a description, not the path of its file"),
+    ({"world": TEXT}, "is a description, not the path of its file"),
+    ({"world": None}, 'write the name of a world, a URDF or xacro file, a Description, or ""'),
+    ({"world": True}, "world: true is a bool"),
+    ({"x": "1"}, 'x: "1" is a string; write a number'),
+    ({"y": None}, "y: has no value"),
+    ({"yaw": math.inf}, "yaw: inf is not finite"),
+    ({"x": True}, "x: true is a bool"),
+    ({"sensors": None}, "sensors: has no value; write True or False, or a URDF or xacro file"),
+    ({"sensors": 1}, "sensors: 1 is a number"),
+    ({"noise": "no"}, 'noise: "no" is a string; write True or False'),
+    ({"noise": 0}, "noise: 0 is a number"),
+    ({"seed": -1}, "seed: -1 is below 0; write an integer from 0 to 2^64 - 1"),
+    ({"seed": 2**64}, "seed: needs more than 64 bits; write an integer from 0 to 2^64 - 1"),
+    ({"seed": 1.5}, "seed: 1.5 is a number; write an integer"),
+    ({"seed": "7"}, 'seed: "7" is a string'),
+    ({"seed": None}, "seed: has no value"),
+    ({"arguments": None}, "arguments: has no value; write a dict"),
+    ({"arguments": {"mesh_enabled": None}}, "arguments.mesh_enabled: has no value"),
+    ({"arguments": ["mesh_enabled:=true"]}, "is a list; write a dict"),
+    ({"parameters": None}, "parameters: has no value; write a dict"),
+    ({"parameters": {1: 2}}, "parameters: 1 is a number; write a string"),
+    ({"parameters": {"linear.x.max_velocity": "1"}}, 'max_velocity: "1" is a string'),
+    ({"robots": None}, "robots: has no value; write a dict of RobotSetups by name"),
+    ({"robots": [RobotSetup()]}, "is a list; write a dict of RobotSetups by name"),
+    ({"robots": {"a": {"x": 1}}}, "robots.a: is a map; write a RobotSetup"),
+    ({"robots": {"a": RobotSetup}}, "robots.a: <class"),
+    ({"robots": {"a b": RobotSetup()}}, 'robots: "a b" is not possible; write letters, digits'),
+    ({"robots": {"": RobotSetup()}}, 'robots: "" is not possible'),
+    ({"robots": {1: RobotSetup()}}, "robots: 1 is a number"),
+    ({"robots": {"1a": RobotSetup()}}, 'robots: "1a" is not possible'),
+    ({"robots": {"two": RobotSetup(parameters={"nope": 1})}}, "robots.two.nope: no such parameter"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG)
+def test_a_simulation_s(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(OneBotError) as caught:
+        Simulation(**arguments)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"x": "1"}, 'x: "1" is a string'),
+        ({"model": 3}, "model: 3 is a number"),
+        ({"parameters": None}, "parameters: has no value"),
+    ],
+)
+def test_a_robot_setup_s(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(OneBotError) as caught:
+        RobotSetup(**arguments)
+    assert words in str(caught.value)
+
+
+def test_numpy_s_numbers_are_right() -> None:
+    parameters = {"linear.x.max_velocity": np.float32(0.3), "update_rate": np.int64(50)}
+    seed, x = np.uint64(2**64 - 1), np.float32(0.25)
+    with Simulation(DIFF_DRIVE, x=x, seed=seed, parameters=parameters) as one:
+        assert one.robot.pose.x == pytest.approx(0.25, abs=1e-6)
+        assert one.seed == 2**64 - 1 and type(one.seed) is int
+        one.robot.drive(np.float64(1.0), np.int8(0))
+        one.run(np.float32(2.0))
+        assert one.robot.twist.linear == pytest.approx(0.3, abs=1e-3)
+        one.reset(seed=np.int32(5))
+        assert one.seed == 5
+
+
+@pytest.fixture(scope="module")
+def sensed() -> Iterator[Simulation]:
+    with Simulation(sensors=True) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def standing() -> Iterator[Simulation]:
+    with Simulation(ARM) as one:
+        yield one
+
+
+CALLS: list[tuple[Callable[[Simulation], object], str]] = [
+    (lambda s: s.run(), "run takes seconds, or until=..."),
+    (lambda s: s.run(True), "seconds: true is a bool"),
+    (lambda s: s.run("1"), 'seconds: "1" is a string; write a duration'),
+    (lambda s: s.run(-1), "seconds: -1 is below 0"),
+    (lambda s: s.run(until=True), "until: true is a bool; write a function"),
+    (lambda s: s.run(until=lambda: True, timeout=None), "timeout: has no value"),
+    (lambda s: s.reset("1"), 'seed: "1" is a string'),
+    (lambda s: s.reset(2**64), "seed: needs more than 64 bits"),
+    (lambda s: s.keep("1", 1), 'seconds: "1" is a string'),
+    (lambda s: s.keep(1e30, 1), "seconds: 1e+30 is above"),
+    (lambda s: s.keep(1, 0), "rate: 0 is not above 0"),
+    (lambda s: s.ray((0, 0), (1, 0, 0)), "origin: 2 numbers; write three finite numbers"),
+    (lambda s: s.ray((0, 0, 1), None), "direction: has no value; write three finite numbers"),
+    (lambda s: s.ray((0, 0, 1), (0, 0, 0)), "direction: is zero"),
+    (lambda s: s.robots["x"], 'no robot "x"'),
+    (lambda s: s.robots[1], 'no robot "1"'),
+    (lambda s: s.boxes["x"], 'no box "x" can move'),
+    (lambda s: s.robot.joints[3], 'no joint "3" can move'),
+    (lambda s: s.robot.drive("1"), 'linear: "1" is a string'),
+    (lambda s: s.robot.drive(0.1, None), "angular: has no value"),
+    (lambda s: s.robot.drive([0.1, 0.0]), "linear: [0.1, 0.0] is a list"),
+    (lambda s: s.robot.teleport("1", 0), 'x: "1" is a string'),
+    (lambda s: s.robot.teleport(0, 0, math.nan), "yaw: nan is not finite"),
+    (lambda s: s.robot.scan(5), "sensor: 5 is a number; write a string"),
+    (lambda s: s.robot.image(None), "sensor: has no value"),
+    (lambda s: s.robot.scan().at("0"), 'angle: "0" is a string'),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), CALLS)
+def test_a_method_s(sensed: Simulation, call: Callable[[Simulation], object], words: str) -> None:
+    before = sensed.time, str(sensed), sensed.seed
+    with pytest.raises(OneBotError) as caught:
+        call(sensed)
+    assert words in str(caught.value)
+    assert (sensed.time, str(sensed), sensed.seed) == before
+
+
+@pytest.mark.parametrize(
+    ("positions", "seconds", "words"),
+    [
+        ([0.1], 1, "positions: [0.1] is a list; write a dict of positions by joint"),
+        (None, 1, "positions: has no value"),
+        ({JOINT: "1"}, 1, f'positions.{JOINT}: "1" is a string'),
+        ({JOINT: math.nan}, 1, f"positions.{JOINT}: nan is not finite"),
+        ({1: 0.1}, 1, "positions: 1 is a number"),
+        ({"nope": 0.1}, 1, 'no joint "nope"'),
+        ({JOINT: 0.1}, 0, "seconds: 0 is not above 0"),
+        ({JOINT: 0.1}, "1", 'seconds: "1" is a string'),
+    ],
+)
+def test_goals_of_joints(standing: Simulation, positions: Any, seconds: Any, words: str) -> None:
+    with pytest.raises(OneBotError) as caught:
+        standing.robot.move_to(positions, seconds=seconds)
+    assert words in str(caught.value)
+    assert not standing.robot.moving
+
+
+ARGUMENTS: dict[str, Any] = {
+    **{"run": (1,), "keep": (1, 1), "ray": ((0, 0, 1), (1, 0, 0)), "drive": (0.1,)},
+    **{"teleport": (0, 0), "move_to": ({},)},
+}
+
+
+def test_after_close_each_method_says_so() -> None:
+    """What was last read remains, so that a test that failed can be reported."""
+    with Simulation(sensors=True) as closed:
+        robot = closed.robot
+        closed.run(0.1)
+        shown, pose = repr(closed), robot.pose
+    for one in (closed, robot):
+        methods = [name for name, _ in inspect.getmembers(type(one), inspect.isfunction)]
+        for name in methods:
+            if not name.startswith("_") and name != "close":
+                keywords = {"seconds": 1.0} if name == "move_to" else {}
+                with pytest.raises(OneBotError, match="simulation has been closed"):
+                    getattr(one, name)(*ARGUMENTS.get(name, ()), **keywords)
+    closed.close()
+    assert repr(closed) == shown and robot.pose == pose
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: load_description(None), "source: has no value; write the path of"),
+        (lambda: load_description(TEXT), "is a description, not the path"),
+        (lambda: load_description(DIFF_DRIVE, []), "arguments: [] is a list; write a dict"),
+        (lambda: parse_description(None), "urdf: has no value; write a string"),
+        (lambda: parse_description(TEXT.encode()), "write a string"),
+        (lambda: RobotModel.from_description("a.urdf"), 'description: "a.urdf" is a string'),
+        (lambda: RobotModel(None), "write a Description"),
+    ],
+)
+def test_descriptions(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(OneBotError) as caught:
+        call()
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("given", [None, "x", 1, [1], {"nope": 1}, {"left_wheel_joint": "1"}])
+@pytest.mark.parametrize("name", ["transforms", "link_poses", "link_matrices"])
+def test_positions_of_a_model(name: str, given: Any) -> None:
+    model = RobotModel.from_description(load_description(DIFF_DRIVE))
+    with pytest.raises(OneBotError, match="joint"):
+        getattr(model, name)(given)
+
+
+def test_a_single_robot_s_name_is_explained() -> None:
+    with Simulation(DIFF_DRIVE) as one:
+        assert isinstance(one.robots[""], SimulatedRobot)
+        with pytest.raises(OneBotError, match=r"simulation\.robot"):
+            one.robots["robot"]
