@@ -140,7 +140,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         on_close.callback(self._watch.close)
         self._executor = SteppedExecutor(self._context, self._watch)
         on_close.callback(self._executor.shutdown)
-        self._robot_nodes: list[Node] = []
+        self._nodes: list[Node] = []
+        self._arm_nodes: list[Node] = []
         on_close.callback(self._destroy_nodes)
         for name, robot in simulation.robots.items():
             node = Node(
@@ -151,14 +152,14 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 cli_args=["--ros-args", *(_NAV2_RULES if nav2 else ())],
                 parameter_overrides=[_USE_SIM_TIME],
             )
-            self._robot_nodes.append(node)
+            self._nodes.append(node)
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
-            for node, values in zip(self._robot_nodes, simulation._values, strict=True)
+            for node, values in zip(self._nodes, simulation._values, strict=True)
         ]
         interface = WorldInterface(
-            list(self._robot_nodes),
+            self._nodes,
             settings,
             simulation._scene,
             simulated=True,
@@ -170,7 +171,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             interface.check_frames(row, robot_interface.frames())
         interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
-        self._robot_nodes += interface.arm_nodes
+        self._arm_nodes = interface.arm_nodes
         for node in self._robot_nodes:
             self._follow_time(node)
             self._executor.add_node(node)
@@ -287,11 +288,15 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Return whether ROS runs; log once that it does not."""
         if self._context.ok():
             return True
-        if (first := self._robot_nodes[0]) not in self._warned:
+        if (first := self._nodes[0]) not in self._warned:
             self._warned.add(first)
             text = "rclpy was shut down: the simulation goes on without its nodes and topics"
             first.get_logger().warning(text)
         return False
+
+    @property
+    def _robot_nodes(self) -> list[Node]:
+        return [*self._nodes, *self._arm_nodes]
 
     @property
     def _added(self) -> list[Node]:
