@@ -486,24 +486,43 @@ class Simulation(AbstractContextManager["Simulation"]):
         ray = Rays((way / length).reshape(1, 3))
         return self._distance(LinkPose(np.eye(3), start), ray, ())
 
-    def ros(self, domain_id: int | None = None) -> "Lockstep[Simulation]":
-        """Publish the robots on ROS topics, and run nodes of this process in step with them.
+    def ros(
+        self,
+        domain_id: int | None = None,
+        *,
+        remap: Mapping[str, str] = MappingProxyType({}),
+        nav2_topics: bool = False,
+        callback_timeout: float = 30.0,
+    ) -> "Lockstep[Simulation]":
+        """Publish the robots on ROS topics, and run nodes of this process in lockstep with them.
 
         Args:
-            domain_id: the ROS domain; None for ROS_DOMAIN_ID, or the domain of rclpy's default
-                context if that is initialized.
+            domain_id: the ROS domain, 0 to 232; None for ROS_DOMAIN_ID, or the domain of rclpy's
+                default context if that is initialized.
+            remap: new names of topics and services by name, for nodes and robots, as ``-r`` on a
+                command line: ``{"cmd_vel": "velocity_controller/cmd_vel"}``.
+            nav2_topics: whether the robots' topics are those that Nav2 expects, cmd_vel and odom.
+            callback_timeout: wall time that a callback may take, s; infinite for any. It ends
+                callbacks of the main thread only, and none while a debugger is attached.
 
         Returns:
             The ``Lockstep``, to which nodes can be added.
 
         Raises:
-            OneBotError: the robots are on ROS topics already, or ROS 2 is missing.
+            OneBotError: an argument cannot be used, the robots of this or of another simulation are
+                on ROS topics already, or ROS 2 is missing.
         """
         from onebot_control.nodes.lockstep import Lockstep  # only this needs ROS
 
         if self._ros is not None:
             raise OneBotError("the robots are on ROS topics already")
-        self._ros = Lockstep(self, domain_id)
+        self._ros = Lockstep(
+            self,
+            domain_id,
+            remap=remap,
+            nav2_topics=nav2_topics,
+            callback_timeout=callback_timeout,
+        )
         return self._ros
 
     def close(self) -> None:
@@ -551,13 +570,15 @@ class Simulation(AbstractContextManager["Simulation"]):
             if robot._command is not None:
                 robot._controlled.accept(*robot._command)
         self._before = fleet.begin()
-        if self._ros is not None:
-            self._ros.publish(self._before, fleet.stamp)
-        fleet.finish(recorded=last or self._asked or None)
-        fleet.observe()
-        self._frame = None
-        if self._recording is not None and fleet.ticks % self._recording.every == 0:
-            self._recording.moments.append(self._moment())
+        try:
+            if self._ros is not None:
+                self._ros.publish(self._before, fleet.stamp)
+        finally:  # after an exception in a callback, the simulation can go on
+            fleet.finish(recorded=last or self._asked or None)
+            fleet.observe()
+            self._frame = None
+            if self._recording is not None and fleet.ticks % self._recording.every == 0:
+                self._recording.moments.append(self._moment())
         for function in [*self._functions.values()]:
             function()
 

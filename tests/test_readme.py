@@ -121,10 +121,16 @@ def test_commands_beside_a_running_robot(robot, ros_domain, tmp_path):
             assert done.returncode == 0 and done.stdout, command + done.stdout + done.stderr
 
 
-SAVED = re.findall(r"\*(test_\w+\.py)\*.*?```python\n(.*?)```", TEXTS["README.md"], re.DOTALL)
+SAVED = re.findall(r"\*(test_\w+\.py)\*.*?```python\n(.*?)```", ALL, re.DOTALL)
 
 
-@pytest.mark.parametrize(("name", "code"), SAVED, ids=[name for name, _ in SAVED])
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        pytest.param(name, code, marks=[pytest.mark.slow] if "bringup" in code else [], id=name)
+        for name, code in SAVED
+    ],
+)
 def test_an_example_in_python(name, code, tmp_path, ros_domain):
     """Saved as the README has it, it passes."""
     (tmp_path / name).write_text(code)

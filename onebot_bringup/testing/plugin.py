@@ -8,6 +8,7 @@ tests (``pytest -n 8``) never interfere. Everything is closed after the test.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Protocol
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _MADE = pytest.StashKey["list[Simulation]"]()
 _DOMAIN = pytest.StashKey[int]()
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
+_OF_ROS = {"remap", "nav2_topics", "callback_timeout"}  # arguments of Simulation.ros
 _FOLDER = "failed_tests"  # folder in pytest's root folder
 
 
@@ -74,12 +76,15 @@ def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
 def ros_simulation(
     simulation: SimulationFixture, ros_domain: int
 ) -> Iterator[RosSimulationFixture]:
-    """Return a function that makes simulations with ROS nodes in step.
+    """Return a function that makes simulations with ROS nodes in lockstep.
 
-    Its arguments are those of ``Simulation``; it returns the ``Lockstep`` that has the simulation.
-    It also initializes rclpy: nodes are created after it, and destroyed with it. Call it once per
-    test, since several robots are in one simulation.
+    Its arguments are those of ``Simulation``, and ``remap``, ``nav2_topics`` and
+    ``callback_timeout`` of ``Simulation.ros``; it returns the ``Lockstep`` that has the simulation.
+    It also initializes rclpy, unless a fixture has: nodes are created after it, and destroyed with
+    it. Call it once per test, since several robots are in one simulation.
     """
+    import rclpy
+
     from onebot_description.errors import OneBotError
 
     with ExitStack() as stack:
@@ -89,7 +94,11 @@ def ros_simulation(
             if simulations:
                 text = "a test has one simulation with nodes in step"
                 raise OneBotError(f"{text}; robots={{...}} puts several robots into it")
-            simulations.append(stack.enter_context(simulation(*args, **arguments).ros(ros_domain)))
+            of_ros = {name: arguments.pop(name) for name in _OF_ROS & arguments.keys()}
+            if rclpy.ok() and (domain := rclpy.get_default_context().get_domain_id()) != ros_domain:
+                text = f"rclpy was initialized before, in domain {domain}: other tests may be there"
+                warnings.warn(text, stacklevel=2)
+            simulations.append(stack.enter_context(simulation(*args, **arguments).ros(**of_ros)))
             return simulations[0]
 
         yield make

@@ -31,7 +31,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
     """
 
     def __init__(self, command: str, words: Sequence[str]) -> None:
-        """Start the bringup, and wait until its robots publish joint states.
+        """Start the bringup, and wait until its robots publish joint states, or are paused.
 
         Args:
             command: "onebot_bringup" or "mrm_bringup".
@@ -83,10 +83,17 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         self._log.close()
 
     def _await_robots(self) -> None:
-        """Wait until the bringup has said that it is up, and a joint state comes."""
+        """Wait until the bringup has said that it is up, and a joint state comes.
+
+        Of robots that are paused none comes; then the services that step them have to answer.
+        """
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from sensor_msgs.msg import JointState
+
+        from onebot_description.ros.wire.interfaces import load_interface
+
+        state = load_interface("simulation_interfaces/srv/GetSimulationState")
 
         context = rclpy.Context()
         with patch.dict(os.environ):
@@ -95,7 +102,14 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         node = rclpy.create_node("bringup_test", context=context)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
-        received: list[JointState] = []
+        received: list[object] = []  # joint states, and answers that the simulation is paused
+        asked = set[str]()
+
+        def on_state(future: rclpy.Future) -> None:
+            state = future.result().state
+            if state.state in (state.STATE_PAUSED, state.STATE_STOPPED):
+                received.append(state)
+
         try:
             deadline = time.monotonic() + _START
             while not (received and UP in self.output):
@@ -107,6 +121,16 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
                 for topic in topics.keys() - {sub.topic_name for sub in node.subscriptions}:
                     if topic.endswith("joint_states"):
                         node.create_subscription(JointState, topic, received.append, 10)
+                for name, kinds in node.get_service_names_and_types():
+                    if name not in asked and kinds == [
+                        "simulation_interfaces/srv/GetSimulationState"
+                    ]:
+                        client = node.create_client(state, name)
+                        if client.service_is_ready():
+                            asked.add(name)
+                            client.call_async(state.Request()).add_done_callback(on_state)
+                        else:
+                            node.destroy_client(client)
                 executor.spin_once(timeout_sec=_POLL)
         finally:
             executor.shutdown()

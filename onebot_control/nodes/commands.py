@@ -12,12 +12,18 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
 from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
+from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.throttled import Throttled, Warn
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
-from onebot_description.ros.topic_subscription import TopicSubscription, choose_type, offers
+from onebot_description.ros.topic_subscription import (
+    TopicSubscription,
+    TypeConflictError,
+    choose_type,
+    offers,
+)
 from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
 
@@ -143,6 +149,23 @@ class CommandSubscription:
         if ignored := sorted(published - {self._wanted}):
             text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
             self._warn("type", f"{text}: stop that publisher, or the {self._wanted} one")
+
+    def adopt(self, topic: str, kind: str) -> None:
+        """Change to the type that a node of this context is about to use, if it is of commands.
+
+        Raises:
+            OneBotError: another node of this context uses the present type.
+        """
+        if topic != self._topic or kind not in _TYPES:
+            return
+        try:
+            for _ in range(2):  # a change takes two calls; nothing holds the first subscription
+                self._subscription.update(kind, _QOS)
+            self._wanted = kind
+        except TypeConflictError:
+            self._subscription.update(self._wanted, _QOS)
+            text = f"{topic} is used as {self._wanted} already, so it cannot be used as {kind}"
+            raise OneBotError(f"{text}; in one process, a topic has one type") from None
 
     def _look_for_unreceived(self) -> None:
         node, name = self._node, self._usual

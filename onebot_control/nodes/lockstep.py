@@ -6,44 +6,58 @@ callbacks run until nothing is left to do, timers on simulated time included; th
 effect in the next cycle, and only then the physics moves on.
 """
 
+import functools
 import os
-import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
-from typing import Any, Generic, Protocol, TypeVar
+from contextlib import AbstractContextManager, ExitStack, suppress
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
 import rclpy
-from rclpy.context import Context
+from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor, TimeoutException
-from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.task import Future
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
+from rclpy.validate_topic_name import validate_topic_name
+from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
+from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.pacing import wake_exactly
 from onebot_control.nodes.sensing import Sensing
+from onebot_control.nodes.stepped_executor import SteppedExecutor, is_alive
 from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean, listing
+from onebot_description.errors import OneBotError, alike, listing
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.discovery import configure_discovery, use_local_discovery
+from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
+from onebot_description.ros.run_node import ros_errors
 from onebot_description.ros.topic_qos import is_transient_local
 from onebot_description.ros.wake_detector import WakeDetector
+from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
-_WAIT = 0.005  # s between checks whether topics are connected
-_SIMULATED = ["--ros-args", "-p", "use_sim_time:=true"]
-_PATIENCE = 10.0  # s to wait for topics to be connected
+_PATIENCE = 10.0  # s of wall time to wait for latched messages
+_USE_SIM_TIME = Parameter("use_sim_time", value=True)
+_NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
+_OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
+CALLBACK_TIMEOUT = 30.0  # s of wall time
 
 
 class _Simulation(Protocol):
@@ -66,66 +80,90 @@ S = TypeVar("S", bound=_Simulation)
 
 
 class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
-    """Runs nodes in step with a simulation; ``Simulation.ros`` creates it.
+    """Runs nodes in lockstep with a simulation; ``Simulation.ros`` creates it.
 
     Nodes that work by callbacks and by timers on simulated time behave identically in each run.
-    Nothing is guaranteed for timers on wall time, and for threads or executors of their own.
+    Timers on wall time and executors of their own are warned of; threads cannot be noticed.
+
+    All nodes are in one context. Within it, Fast DDS connects a publisher and a subscription, or a
+    client and a service, before the function that creates the second one returns, so nothing
+    depends on discovery; and it delivers a message before ``publish`` returns, so if no callback is
+    ready, nothing is on its way. /clock is delivered by a call.
 
     Attributes:
-        simulation: the simulation that the nodes are in step with.
+        simulation: the simulation that the nodes are in lockstep with.
     """
 
-    def __init__(self, simulation: S, domain_id: int | None = None) -> None:
-        """Create the nodes of the simulation's robots.
+    _current: "ClassVar[Lockstep[Any] | None]" = None
+
+    def __init__(
+        self,
+        simulation: S,
+        domain_id: int | None = None,
+        *,
+        remap: Mapping[str, str] = MappingProxyType({}),
+        nav2_topics: bool = False,
+        callback_timeout: float = CALLBACK_TIMEOUT,
+    ) -> None:
+        """Create the nodes of the simulation's robots; ``Simulation.ros`` has the arguments.
 
         rclpy's default context is initialized, with use_sim_time for all nodes, unless it is
         already.
-
-        Args:
-            simulation: simulation of the robots.
-            domain_id: the ROS domain; None for ROS_DOMAIN_ID.
         """
+        _check_arguments(domain_id, remap, nav2_topics, callback_timeout)
+        if Lockstep._current is not None:
+            text = "the robots of another simulation in this process are on ROS topics already"
+            raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
         self.simulation = simulation
-        wake_exactly()  # otherwise each wait for nothing takes 50 us
-        # The robots' nodes have a context of their own: in one context, a topic cannot have two
-        # types, as ~/cmd_vel may have.
-        self._context = Context()
-        self._owns_default = not rclpy.ok()
-        with patch.dict(os.environ):
-            use_local_discovery()
-            configure_discovery()
-            if self._owns_default:
-                rclpy.init(args=_SIMULATED, domain_id=domain_id)
-            domain = rclpy.get_default_context().get_domain_id()
-            rclpy.init(args=_SIMULATED, domain_id=domain, context=self._context)
-        self._robots = EventsExecutor(context=self._context)  # it is cheaper by far
-        self._executor = _Executor()
-        self._arms = _Executor(context=self._context)  # actions need one
-        self._added: list[Node] = []
-        self._arm_nodes: list[Node] = []
-        self._nodes = [
-            Node(
-                DRIVE_CONTROLLER if robot.has_wheels else MANAGER,
-                context=self._context,
-                namespace=f"/{name}",
-            )
-            for name, robot in simulation.robots.items()
-        ]
+        self._stamp = 0  # the last published one, ns
+        self._clock = Clock()
+        self._warned: set[Timer | Node] = set()
+        self._interface: WorldInterface | None = None
+        self._closing = ExitStack()
         try:
-            self._interface = self._start()
+            self._start(domain_id, remap, nav2_topics, float(callback_timeout))
         except BaseException:
             self.close()
             raise
 
-    def _start(self) -> WorldInterface:
-        simulation, fleet = self.simulation, self.simulation._fleet
+    def _start(
+        self, domain_id: int | None, remap: Mapping[str, str], nav2: bool, timeout: float
+    ) -> None:
+        on_close, simulation, fleet = self._closing, self.simulation, self.simulation._fleet
+        Lockstep._current = self
+        on_close.callback(self._forget)
+        is_own = self._initialize(domain_id, remap)
+        self._context = rclpy.get_default_context()
+        wake_exactly()  # otherwise each wait for nothing takes 50 us
+        on_close.callback(wake_exactly, False)
+        self._watch = CallbackWatch(timeout)
+        on_close.callback(self._watch.close)
+        self._executor = SteppedExecutor(self._context, self._watch)
+        on_close.callback(self._executor.shutdown)
+        self._nodes: list[Node] = []
+        self._arm_nodes: list[Node] = []
+        on_close.callback(self._destroy_nodes)
+        for name, robot in simulation.robots.items():
+            node = Node(
+                DRIVE_CONTROLLER if robot.has_wheels else MANAGER,
+                context=self._context,
+                namespace=f"/{name}",
+                use_global_arguments=is_own,
+                cli_args=["--ros-args", *(_NAV2_RULES if nav2 else ())],
+                parameter_overrides=[_USE_SIM_TIME],
+            )
+            self._nodes.append(node)
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
             for node, values in zip(self._nodes, simulation._values, strict=True)
         ]
         interface = WorldInterface(
-            self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
+            self._nodes,
+            settings,
+            simulation._scene,
+            simulated=True,
+            seed=simulation.seed,
         )
         for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
             robot_interface.description = robot.description
@@ -133,151 +171,329 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             interface.check_frames(row, robot_interface.frames())
         interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
-        for node in self._nodes:
-            self._robots.add_node(node)
         self._arm_nodes = interface.arm_nodes
-        for node in self._arm_nodes:
-            self._arms.add_node(node)
-        self._subscribed = set(self._topics_subscribed())
-        return interface
+        for node in self._robot_nodes:
+            self._follow_time(node)
+            self._executor.add_node(node)
+        self._interface = interface
+        on_close.enter_context(self._hooks())
+
+    def _initialize(self, domain_id: int | None, remap: Mapping[str, str]) -> bool:
+        """Initialize rclpy's default context; return false if it has been initialized already."""
+        if rclpy.ok():
+            domain, early = rclpy.get_default_context().get_domain_id(), "rclpy was initialized"
+            if domain_id not in (None, domain):
+                text = f"in domain {domain} before ros(), so domain_id cannot be {domain_id}"
+                raise OneBotError(f"{early} {text}")
+            if remap:
+                text = 'before ros(), so remap has no effect; write rclpy.init(args=["--ros-args", '
+                raise OneBotError(
+                    f'{early} {text}"-r", "cmd_vel:=...", "-p", "use_sim_time:=true"])'
+                )
+            return False
+        rules = [word for name, new in remap.items() for word in ("-r", f"{name}:={new}")]
+        with patch.dict(os.environ), ros_errors():
+            use_local_discovery()
+            configure_discovery()
+            os.environ.pop("RMW_FASTRTPS_PUBLICATION_MODE", None)  # it may deliver messages late
+            rclpy.init(
+                args=["--ros-args", "-p", "use_sim_time:=true", *rules],
+                domain_id=domain_id,
+                # Ctrl-C is a KeyboardInterrupt, and ``close`` shuts ROS down.
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        self._closing.callback(rclpy.try_shutdown)
+        return True
 
     def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
-        """Put nodes in step, and wait until they are connected with the robots' topics.
-
-        Afterwards they have also received the last messages of latched topics.
+        """Put nodes in lockstep; afterwards they have received the last latched messages.
 
         ``close`` destroys them.
 
         Args:
-            nodes: nodes of rclpy's default context; for timers, use_sim_time has to be true.
-            timeout: wall time to wait, s.
+            nodes: nodes of rclpy's default context. If use_sim_time of a node is false, it is set,
+                and its timers start now.
+            timeout: wall time to wait for latched messages, s.
 
         Raises:
-            OneBotError: a topic that both a node and a robot have was not connected in time,
-                because their types or QoS differ.
+            OneBotError: a node cannot be in lockstep, or the QoS of a topic that both a node and a
+                robot have differs.
         """
         for node in nodes:
-            self._executor.add_node(node)
-            self._added.append(node)
-        deadline = time.monotonic() + timeout
-        while apart := sorted({*self._unconnected()}):
-            if time.monotonic() > deadline:
-                text = f"not connected with the robot in {timeout:g} s: {listing(apart)}"
-                raise OneBotError(f"{text}; type or QoS differ, or DDS did not discover them")
-            self._interface.poll()
-            self.settle()
-            time.sleep(_WAIT)
-        # The last messages of latched topics are delivered by threads of DDS.
-        for node in (*self._robot_nodes, *self._added):
-            for publisher in node.publishers:
-                if publisher.get_subscription_count() and is_transient_local(publisher.qos_profile):
-                    left = max(0.0, deadline - time.monotonic())
-                    publisher.wait_for_all_acked(Duration(seconds=left))
-        self.settle()
+            self._check(node)
+        for node in nodes:
+            if node not in self._executor.nodes:
+                self._follow_time(node)
+                self._executor.add_node(node)
+        if apart := sorted({*self._unconnected(nodes)}):
+            raise OneBotError(f"not connected with the robot: {'; '.join(apart)}")
+        self.settle(timeout)
         self._warn_of_silent_topics(nodes)
+
+    def remove(self, *nodes: Node) -> None:
+        """Take nodes out of lockstep, without destroying them: their callbacks run no more.
+
+        Raises:
+            OneBotError: a node has not been added, or has been removed already.
+        """
+        for node in nodes:
+            if node not in self._added:
+                raise OneBotError(f"{_named(node)} is not in lockstep")
+            self._executor.remove_node(node)
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         """Publish a control cycle, and run the nodes' callbacks; ``Simulation.run`` calls it."""
+        if not self._is_running():
+            return
+        assert self._interface is not None
+        self._stamp = stamp
+        self._clock.clock.sec, self._clock.clock.nanosec = divmod(stamp, NS_PER_S)
+        for node in self._executor.nodes:
+            node._time_source.clock_callback(self._clock)
         self._interface.publish(snapshots, stamp)
         if self._poll_due.due():
             self._interface.poll()
+            self._executor.look_for_events = True
         self.settle()
 
-    def settle(self) -> None:
+    def settle(self, timeout: float = _PATIENCE) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here.
 
-        Within a process, Fast DDS delivers a message before ``publish`` returns: if no node has a
-        callback after the robots ran all of theirs, nothing is on its way.
+        What they have created is connected when this returns, and has received the last messages
+        of latched topics, for which it waits for ``timeout`` s of wall time.
         """
-        executors = [executor for executor in (self._arms, self._executor) if executor.get_nodes()]
-        for executor in executors:
-            executor.take_time()
         while True:
-            # Without a timeout it runs all that is ready.
-            self._robots.spin_until_future_complete(Future(), 0.0)
-            if not any([executor.run_ready() for executor in executors]):
+            self._executor.run_ready()
+            if not self._executor.changed or not self._context.ok():
                 return
+            self._executor.changed = False
+            self._warn_of_wall_timers()
+            self._await_latched(timeout)
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
-        self.simulation._ros = None
-        wake_exactly(False)
-        self._executor.shutdown()
-        self._arms.shutdown()
-        for node in (*self._added, *self._arm_nodes):
-            node.destroy_node()
-        for node in self._nodes:
-            self._robots.remove_node(node)
-            node.destroy_node()
-        self._robots.shutdown()
-        rclpy.shutdown(context=self._context)
-        if self._owns_default:
-            rclpy.try_shutdown()
+        self._closing.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _forget(self) -> None:
+        self.simulation._ros = Lockstep._current = None
+
+    def _destroy_nodes(self) -> None:
+        for node in dict.fromkeys([*self._executor.nodes, *self._robot_nodes]):
+            node.destroy_node()
+
+    def _is_running(self) -> bool:
+        """Return whether ROS runs; log once that it does not."""
+        if self._context.ok():
+            return True
+        if (first := self._nodes[0]) not in self._warned:
+            self._warned.add(first)
+            text = "rclpy was shut down: the simulation goes on without its nodes and topics"
+            first.get_logger().warning(text)
+        return False
 
     @property
     def _robot_nodes(self) -> list[Node]:
         return [*self._nodes, *self._arm_nodes]
 
-    def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
-        """Log subscriptions without publishers, with the robots' most similar topic."""
-        robots = [pub.topic_name for node in self._robot_nodes for pub in node.publishers]
-        for node in nodes:
-            for topic in sorted({sub.topic_name for sub in node.subscriptions}):
-                if not node.count_publishers(topic):
-                    hint = did_you_mean(topic, robots, "the robot's")
-                    node.get_logger().warning(f"nobody publishes {topic}{hint}")
+    @property
+    def _added(self) -> list[Node]:
+        return [node for node in self._executor.nodes if node not in self._robot_nodes]
 
-    def _topics_subscribed(self) -> Iterator[str]:
-        return (sub.topic_name for node in self._robot_nodes for sub in node.subscriptions)
+    def _check(self, node: Node) -> None:
+        """Check that a node can be in lockstep.
 
-    def _unconnected(self) -> Iterator[str]:
-        """Yield the topics on which a node and a robot are not yet connected in both directions."""
-        # While ~/cmd_vel changes its type, no robot subscribes to it.
-        changing = self._subscribed.difference(self._topics_subscribed())
-        names = (pub.topic_name for node in self._added for pub in node.publishers)
-        yield from changing.intersection(names)
-        pair = self._robot_nodes, self._added
-        for nodes, other_nodes in (pair, pair[::-1]):
-            publishers = {pub.topic_name: pub for node in nodes for pub in node.publishers}
-            subscriptions = [sub for node in other_nodes for sub in node.subscriptions]
-            subscribers = Counter(sub.topic_name for sub in subscriptions)
-            for subscription in subscriptions:
-                topic = subscription.topic_name
-                if (publisher := publishers.get(topic)) is None:
-                    continue
-                connected = publisher.get_subscription_count() >= subscribers[topic]
-                if not (connected and subscription.get_publisher_count()):
-                    yield topic
-
-
-class _Executor(SingleThreadedExecutor):
-    """Runs all callbacks that are ready."""
-
-    def take_time(self) -> None:
-        """Pass /clock on to the nodes' clocks, which takes ten times as long by a wait."""
-        for node in self.get_nodes():
-            if (clock := node._time_source._clock_sub) is not None:
-                while message := clock.handle.take_message(clock.msg_type, False):
-                    clock.callback(message[0])
-
-    def run_ready(self) -> bool:
-        """Run the callbacks that are ready now; return whether there were any.
-
-        A coroutine that is suspended is resumed, but counts only when it ends: it may await what
-        takes simulated time.
+        Raises:
+            OneBotError: it says why not.
         """
-        suspended, ran = [task for task, _, _ in self._tasks], False
-        with suppress(TimeoutException):  # raised after the last one
-            while True:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=0.0)
-                handler()
-                if (error := handler.exception()) is not None:
-                    raise error
-                ran |= handler.done() or handler not in suspended
-        return ran
+        if not isinstance(node, Node):
+            raise OneBotError(f"add takes nodes, such as rclpy.node.Node('name'), not {node!r}")
+        if not self._context.ok() or node.context is not self._context:
+            text = "is not of rclpy's default context of this simulation, so cannot be in lockstep"
+            raise OneBotError(f"a node {text}; create it after ros(), without context=")
+        if not is_alive(node.handle):
+            raise OneBotError("a node that has been destroyed cannot be in lockstep")
+        executor = node.executor
+        if executor not in (None, self._executor) and node in executor.get_nodes():
+            text = f"runs in a {type(executor).__name__} of its own, so cannot be in lockstep"
+            raise OneBotError(f"{_named(node)} {text}; simulation.run runs its callbacks")
+
+    def _follow_time(self, node: Node) -> None:
+        """Set a node's time; it uses simulated time from now on."""
+        if not node.get_parameter(_USE_SIM_TIME.name).value:
+            [result] = node.set_parameters([_USE_SIM_TIME])
+            if not result.successful:
+                raise OneBotError(f"{_named(node)}: use_sim_time cannot be set: {result.reason}")
+            # At the next change of time, a timer would count what it has waited for of wall time.
+            node._time_source.clock_callback(Clock(clock=Time(nanosec=1)))
+            node._time_source.clock_callback(self._clock)
+            for timer in node.timers:
+                timer.reset()
+            if node not in self._robot_nodes:
+                text = "use_sim_time was false, as rclpy was initialized before ros(); it is true"
+                node.get_logger().warning(f"{text} from now on, and timers start now")
+        elif self._stamp:
+            node._time_source.clock_callback(self._clock)
+
+    def _unconnected(self, nodes: Sequence[Node]) -> Iterator[str]:
+        """Yield the topics of robots and nodes whose QoS differ, with the reason."""
+        pair = self._robot_nodes, nodes
+        for publishing, subscribed in (pair, pair[::-1]):
+            publishers = {pub.topic_name: pub for node in publishing for pub in node.publishers}
+            for subscription in (sub for node in subscribed for sub in node.subscriptions):
+                if publisher := publishers.get(subscription.topic_name):
+                    offered, wanted = publisher.qos_profile, subscription.qos_profile
+                    compatibility, reason = qos_check_compatible(offered, wanted)
+                    if compatibility == QoSCompatibility.ERROR:
+                        yield f"{subscription.topic_name}, as QoS differ: {reason.strip('; ')}"
+
+    def _await_latched(self, timeout: float) -> None:
+        """Wait until subscriptions have the last messages, which threads of DDS deliver."""
+        for node in self._executor.nodes:
+            for publisher in node.publishers:
+                if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
+                    publisher.wait_for_all_acked(Duration(seconds=timeout))
+
+    def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
+        """Log topics without a publisher or a subscription, with the robots' most similar topic."""
+        robots = self._robot_nodes
+        for node in nodes:
+            for ends, others, count, text in (
+                (node.subscriptions, _publishers(robots), node.count_publishers, "publishes"),
+                (node.publishers, _subscriptions(robots), node.count_subscribers, "subscribes to"),
+            ):
+                for topic in sorted({end.topic_name for end in ends} - _OWN_TOPICS):
+                    if not count(topic):
+                        known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
+                        guess = (
+                            f'did you mean "{found[0]}"? ' if (found := alike(topic, known)) else ""
+                        )
+                        hint = f" ({guess}the robot's: {listing(known)})"
+                        node.get_logger().warning(f"nobody {text} {topic}{hint}")
+
+    def _warn_of_wall_timers(self) -> None:
+        for node in self._added:
+            for timer in node.timers:
+                if timer in self._warned or getattr(timer.clock, "ros_time_is_active", False):
+                    continue
+                self._warned.add(timer)
+                text = (
+                    f"a timer of {timer.timer_period_ns / NS_PER_S:g} s, {_place(timer.callback)},"
+                )
+                text += " is on wall time, which differs from run to run, and not in lockstep"
+                node.get_logger().warning(f"{text}; timers of the node's own clock are")
+
+    # What rclpy does meanwhile -----------------------------------------------------------------
+
+    def _hooks(self) -> ExitStack:
+        """Return a context in which rclpy's nodes ask the robots, where that is necessary."""
+        executor = Node.executor
+
+        def set_executor(node: Node, new: Executor | None) -> None:
+            self._check_executor(node, new)
+            executor.fset(node, new)
+
+        stack = ExitStack()
+        hooked = property(executor.fget, set_executor, doc=executor.__doc__)
+        stack.enter_context(patch.object(Node, "executor", hooked))
+        for name in ("create_publisher", "create_subscription"):
+            stack.enter_context(patch.object(Node, name, self._agreeing(getattr(Node, name))))
+        return stack
+
+    def _check_executor(self, node: Node, executor: Executor | None) -> None:
+        """Keep a node that is in lockstep from another executor; log one of another node."""
+        if executor in (None, self._executor) or node.context is not self._context:
+            return
+        name = f"{_named(node)} runs in a {type(executor).__name__} of its own"
+        if node in self._executor.nodes:
+            executor.remove_node(node)  # it has just added the node
+            text = f"{_named(node)} is in lockstep, where simulation.run runs its callbacks:"
+            text += f" neither rclpy.spin... nor a {type(executor).__name__} can"
+            raise self._watch.fail(OneBotError(f"{text}; ros.remove(node) takes it out"))
+        self._watch.foreign.add(executor)
+        if node not in self._warned:
+            self._warned.add(node)
+            node.get_logger().warning(f"{name}, so it is not in lockstep; ros.add(node) puts it in")
+
+    def _agreeing(self, create: Callable[..., T]) -> Callable[..., T]:
+        """Return a method that creates an end of a topic with the type that robots have there."""
+
+        @functools.wraps(create)
+        def agreeing(node: Node, msg_type: Any, topic: str, *args: Any, **arguments: Any) -> T:
+            name = kind = ""
+            with suppress(Exception):  # ``create`` raises what is wrong
+                name, kind = node.resolve_topic_name(topic), type_name(msg_type)
+            self._agree(node, name, kind)
+            return create(node, msg_type, topic, *args, **arguments)
+
+        return agreeing
+
+    def _agree(self, node: Node, topic: str, kind: str) -> None:
+        """Have robots take commands of the type that a node is about to publish.
+
+        Raises:
+            OneBotError: a robot has the topic as another type; in a context, it has only one.
+        """
+        if (
+            self._interface is None
+            or node.context is not self._context
+            or node in self._robot_nodes
+        ):
+            return
+        for robot in self._interface.robots:
+            if (commands := robot.commands.subscription) is not None:
+                commands.adopt(topic, kind)
+        ends = (*_publishers(self._robot_nodes), *_subscriptions(self._robot_nodes))
+        for other in {type_name(end.msg_type) for end in ends if end.topic_name == topic} - {kind}:
+            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {other}"
+            raise OneBotError(f"{text}; in one process, a topic has one type")
+
+
+def _check_arguments(
+    domain_id: int | None, remap: Mapping[str, str], nav2: bool, timeout: float
+) -> None:
+    """Check the arguments of ``Lockstep``.
+
+    Raises:
+        OneBotError: one of them cannot be used.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0" if domain_id is None else domain_id
+    is_number = type(domain) is int or (isinstance(domain, str) and domain.isdecimal())
+    if isinstance(domain_id, str) or not is_number or not 0 <= int(domain) <= MAX_DOMAIN:
+        name = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
+        raise OneBotError(f"{name} is a number from 0 to {MAX_DOMAIN}, not {domain!r}")
+    if not isinstance(remap, Mapping):
+        raise OneBotError(f'remap is a dict such as {{"cmd_vel": "/cmd_vel"}}, not {remap!r}')
+    for name in (*remap, *remap.values()):
+        try:
+            validate_topic_name(name)
+        except (InvalidTopicNameException, TypeError) as error:
+            raise OneBotError(f"remap: {name!r} is no name of a topic: {error}") from None
+    if not isinstance(nav2, bool):
+        raise OneBotError(f"nav2_topics is True or False, not {nav2!r}")
+    if type(timeout) not in (int, float) or not timeout > 0.0:
+        raise OneBotError(f"callback_timeout is a number of seconds above 0, not {timeout!r}")
+
+
+def _publishers(nodes: Sequence[Node]) -> Iterator[Publisher]:
+    return (publisher for node in nodes for publisher in node.publishers)
+
+
+def _subscriptions(nodes: Sequence[Node]) -> Iterator[Subscription]:
+    return (subscription for node in nodes for subscription in node.subscriptions)
+
+
+def _named(node: Node) -> str:
+    return f'node "{node.get_name()}"'
+
+
+def _place(function: Any) -> str:
+    """Return a function's name, and where it is defined if that is known."""
+    name = getattr(function, "__qualname__", None) or repr(function)
+    code = getattr(function, "__code__", None)
+    return f"{name} ({code.co_filename}:{code.co_firstlineno})" if code else name
 
 
 class SteppedLoop(ControlLoop):

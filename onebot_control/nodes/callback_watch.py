@@ -1,0 +1,122 @@
+"""Ends callbacks of nodes in lockstep that block: simulated time stands still until they return."""
+
+import signal
+import sys
+import threading
+import time
+import traceback
+from types import FrameType
+from weakref import WeakSet
+
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from onebot_description.errors import OneBotError
+
+_SIGNAL = signal.SIGURG  # it interrupts system calls, nobody sends it, and by default it is ignored
+_LONGEST_WAIT = 1.0  # s between two checks
+_CALLER = "onebot_control.nodes.stepped_executor"  # the module that calls callbacks
+
+
+class CallbackWatch:
+    """Raises an error in a callback that has not returned in time.
+
+    A signal interrupts the callback, so only callbacks that run in the main thread can be ended. It
+    is a context manager around each callback; see ``running``.
+
+    Attributes:
+        foreign: other executors that a callback may be waiting in.
+    """
+
+    def __init__(self, timeout: float) -> None:
+        """Watch callbacks until ``close``, each for ``timeout`` s of wall time; inf: for ever."""
+        self.foreign: WeakSet[Executor] = WeakSet()
+        self._timeout, self._since = timeout, float("inf")
+        self._failure: OneBotError | None = None
+        self._node: Node | None = None
+        self._closed = threading.Event()
+        self._thread: threading.Thread | None = None
+        if timeout < threading.TIMEOUT_MAX and _in_main_thread():
+            self._previous = signal.signal(_SIGNAL, self._end)
+            self._thread = threading.Thread(target=self._watch, name="callbacks", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._closed.set()
+        if self._thread is not None:
+            self._thread.join()
+            if _in_main_thread():
+                signal.signal(_SIGNAL, self._previous)
+
+    def running(self, node: Node | None) -> "CallbackWatch":
+        """Return a context in which a callback of ``node`` runs; None if the node is not known."""
+        self._node = node
+        return self
+
+    def __enter__(self) -> None:
+        self._since = time.monotonic()
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._since = float("inf")
+        failure, self._failure = self._failure, None
+        if failure is not None and kind is None:
+            raise failure
+
+    def fail(self, error: OneBotError) -> OneBotError:
+        """Return an error to raise in a callback, and raise it afterwards if that catches it."""
+        if self._since < float("inf"):
+            self._failure = error
+        return error
+
+    def _watch(self) -> None:
+        main = threading.main_thread().ident
+        assert main is not None
+        while not self._closed.wait(min(self._timeout / 8.0, _LONGEST_WAIT)):
+            if time.monotonic() - self._since >= self._timeout:
+                for executor in list(self.foreign):  # no signal ends a wait for its nodes
+                    executor.wake()
+                signal.pthread_kill(main, _SIGNAL)
+
+    def _end(self, _: int, frame: FrameType | None) -> None:
+        """Raise an error in the main thread if its callback has taken too long."""
+        now = time.monotonic()
+        if now - self._since < self._timeout or _is_debugged():
+            return
+        self._since = now  # if the callback catches the error, it gets another one
+        raise self.fail(OneBotError(self._text(frame)))
+
+    def _text(self, frame: FrameType | None) -> str:
+        frames = list[FrameType]()
+        for caller, _ in traceback.walk_stack(frame):
+            if caller.f_globals.get("__name__") == _CALLER:
+                break
+            frames.append(caller)
+        # An action's callback runs in a task, whose node is only known to the action server.
+        owners = (caller.f_locals.get("self") for caller in frames)
+        nodes = (self._node, *(getattr(owner, "_node", owner) for owner in owners))
+        node = next((f'"{each.get_name()}"' for each in nodes if isinstance(each, Node)), "")
+        called = [each for each in frames if not each.f_globals["__name__"].startswith("rclpy.")]
+        callback = (called or frames)[-1].f_code
+        line = next(
+            each.f_lineno for each in frames if each.f_code.co_filename == callback.co_filename
+        )
+        name = getattr(callback, "co_qualname", callback.co_name)  # from Python 3.11 on
+        return (
+            f"node {node}: {name} has not returned in {self._timeout:g} s of wall time"
+            f" ({callback.co_filename}:{line}). Simulated time stands still during a callback, so"
+            " it cannot wait for messages, answers or time; ros(callback_timeout=...) allows more"
+        )
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+def _is_debugged() -> bool:
+    """Return whether a debugger traces the current thread; a measurement of coverage is none."""
+    monitoring = getattr(sys, "monitoring", None)  # from Python 3.12 on
+    if monitoring is not None and monitoring.get_tool(monitoring.DEBUGGER_ID):
+        return True
+    trace = sys.gettrace()
+    return trace is not None and not type(trace).__module__.startswith("coverage")

@@ -1,0 +1,226 @@
+"""An rclpy executor that runs whatever is ready, in the same order each time, and never waits."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from inspect import iscoroutinefunction
+from typing import Any, NamedTuple
+
+from rclpy.context import Context
+from rclpy.event_handler import EventHandler
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.task import Task
+from rclpy.waitable import NumberOfEntities
+
+from onebot_control.nodes.callback_watch import CallbackWatch
+
+_WAITABLE, _TIMER, _SUBSCRIPTION = "waitable", "timer", "subscription"
+_KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # as a wait set has them
+RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
+
+
+class _Row(NamedTuple):
+    """An entity of a node: something that a wait set waits for."""
+
+    kind: str
+    entity: Any
+    node: Node
+    add: Callable[[Any], object]  # adds ``argument`` to the wait set
+    argument: Any
+    pointer: int  # by which the wait set names it when it is ready; 0 for a waitable
+
+
+class SteppedExecutor(Executor):
+    """Runs all callbacks that are ready: node by node as they were added, oldest entity first.
+
+    rclpy's executors iterate over a set of nodes, whose order differs from process to process, and
+    build a wait set for each wait, which takes longer than all callbacks of most nodes. This one
+    builds it when a node's entities have changed. It does not wait for the nodes' own subscriptions
+    to /clock: whoever runs it sets their time.
+
+    Half of all entities are events, such as the log of a QoS that does not match. They have
+    callbacks only when entities have changed, or when ``look_for_events`` was set to true.
+
+    Attributes:
+        nodes: the nodes, in the order in which they were added.
+        changed: whether entities have changed since somebody set this to false.
+        look_for_events: whether events count as ready in the next run.
+    """
+
+    def __init__(self, context: Context, watch: CallbackWatch) -> None:
+        """Begin without nodes; ``watch`` ends callbacks that block."""
+        self.nodes: list[Node] = []
+        self.changed = self._is_stale = self.look_for_events = True
+        super().__init__(context=context)
+        self._watch = watch
+        self._tasks: list[tuple[Task, Any, Node | None]] = []  # as rclpy's executors have it
+        self._suspended: set[Task] = set()
+        self._rows: list[_Row] = []
+        self._rows_without_events: list[_Row] = []
+        self._wait_set: Any = None
+
+    def add_node(self, node: Node) -> bool:
+        """Run a node's callbacks from now on; return false if it has been added already."""
+        if node in self.nodes:
+            return False
+        self.nodes.append(node)
+        node.executor = self
+        self.wake()
+        return True
+
+    def remove_node(self, node: Node) -> None:
+        """Stop running a node's callbacks."""
+        if node in self.nodes:
+            self.nodes.remove(node)
+            self.wake()
+
+    def get_nodes(self) -> list[Node]:
+        """Return the nodes, in the order in which they were added."""
+        return list(self.nodes)
+
+    def wake(self) -> None:
+        """Take notice that entities have changed; nodes call it when they create or destroy one."""
+        self.changed = self._is_stale = self.look_for_events = True
+
+    def run_ready(self) -> None:
+        """Run callbacks until none is ready; an exception in a callback is raised here.
+
+        A coroutine that is suspended is resumed, but is no reason to go on if it is suspended once
+        more: it may await what takes simulated time.
+        """
+        while self._context.ok():
+            ran = self._run_tasks()
+            for row in self._ready():
+                ran = True
+                with self._watch.running(row.node):
+                    self._run(row.kind, row.entity, row.node)
+                if not self._context.ok():
+                    return  # a callback has shut it down
+            if not ran:
+                self.look_for_events = False
+                return
+
+    def _run_tasks(self) -> bool:
+        """Start or resume each coroutine; return whether one has started or ended."""
+        ran = False
+        for task, _, node in reversed(self._tasks[:]):
+            if _is_pending(task) and (node is None or node in self.nodes):
+                with self._watch.running(node):
+                    _run_task(task)
+                ran |= not _is_pending(task) or task not in self._suspended
+        self._tasks = [row for row in self._tasks if _is_pending(row[0])]
+        self._suspended = {task for task, _, _ in self._tasks}
+        return ran
+
+    def _run(self, kind: str, entity: Any, node: Node) -> None:
+        """Run the callback of an entity that is ready, unless that has been destroyed meanwhile."""
+        is_plain = kind in (_TIMER, _SUBSCRIPTION) and not iscoroutinefunction(entity.callback)
+        if not is_plain:
+            _run_task(self._make_handler(entity, node, getattr(self, f"_take_{kind}")))
+            return
+        # Without a task, which takes longer than most callbacks.
+        handle, arguments = entity.handle, ()
+        try:
+            with handle:
+                if kind == _TIMER:
+                    if not handle.is_timer_ready():
+                        return  # a callback has just cancelled or reset it
+                    handle.call_timer()
+                elif taken := handle.take_message(entity.msg_type, entity.raw):
+                    is_short = entity._callback_type is Subscription.CallbackType.MessageOnly
+                    arguments = taken[:1] if is_short else taken
+                else:
+                    return
+        except InvalidHandle:
+            return
+        entity.callback(*arguments)
+
+    def _ready(self) -> list[_Row]:
+        """Return the entities that are ready now."""
+        with suppress(InvalidHandle, RCLError):
+            return self._wait()
+        # An entity was destroyed without its node.
+        self._is_stale = True
+        return self._wait()
+
+    def _wait(self) -> list[_Row]:
+        if self._is_stale:
+            self._collect()
+        rows = self._rows if self.look_for_events else self._rows_without_events
+        if self._tasks:  # a coroutine may hold its callback group
+            rows = [row for row in rows if self.can_execute(row.entity)]
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for row in rows:
+            row.add(row.argument)
+        wait_set.wait(0)
+        ready = {pointer for kind in _KINDS for pointer in wait_set.get_ready_entities(kind)}
+        return [
+            row
+            for row in rows
+            if row.pointer in ready or (not row.pointer and row.entity.is_ready(wait_set))
+        ]
+
+    def _collect(self) -> None:
+        """Make a wait set for the entities that the nodes have now."""
+        self._is_stale = False
+        self.nodes = [node for node in self.nodes if is_alive(node.handle)]
+        entities = [row for node in self.nodes for row in _entities(node)]
+        counts, waitables = Counter(kind for kind, _, _ in entities), NumberOfEntities()
+        for kind, entity, _ in entities:
+            if kind == _WAITABLE:
+                waitables += entity.get_num_entities()
+        numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
+        self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
+        self._rows = [
+            _Row(*row, row[1].add_to_wait_set, wait_set, 0)
+            if row[0] == _WAITABLE
+            else _Row(
+                *row, getattr(wait_set, f"add_{row[0]}"), row[1].handle, row[1].handle.pointer
+            )
+            for row in entities
+        ]
+        self._rows_without_events = [
+            row for row in self._rows if not isinstance(row.entity, EventHandler)
+        ]
+
+
+def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:
+    """Yield a node's entities with their kinds in the order in which they run."""
+    kinds = {
+        _WAITABLE: node.waitables,
+        _TIMER: node.timers,
+        _SUBSCRIPTION: node.subscriptions,
+        "guard_condition": node.guards,
+        "client": node.clients,
+        "service": node.services,
+    }
+    for kind, entities in kinds.items():
+        for entity in entities:
+            is_clock = entity is node._time_source._clock_sub
+            if not is_clock and is_alive(entity if kind == _WAITABLE else entity.handle):
+                yield kind, entity, node
+
+
+def is_alive(handle: Any) -> bool:
+    """Return whether what a handle is for has not been destroyed."""
+    try:
+        with handle:
+            return True
+    except InvalidHandle:
+        return False
+
+
+def _is_pending(task: Task) -> bool:
+    return not (task.done() or task.cancelled())
+
+
+def _run_task(task: Task) -> None:
+    """Run a task, and raise what it raises."""
+    task()
+    if task.done() and (error := task.exception()) is not None:
+        raise error
