@@ -551,7 +551,7 @@ class ControlledRobot:
             present = dict(zip(arm.names, arm.reference(0.0), strict=True))
             if not present.keys().isdisjoint(positions):
                 held = {name: positions.get(name, at) for name, at in present.items()}
-                self._finish(name, [arm.reset([*held.values()])])
+                self.finish(name, [arm.reset([*held.values()])])
         self._read_state()
         if not positions.keys().isdisjoint(self.body.driven):
             self.diff_drive.odometry.forget_wheels()

@@ -162,7 +162,7 @@ class SceneBodies:
         """Yield PyBullet's index and the shapes of each body, and the body if it is movable."""
         for index, body in zip(self.fixed, self._fixed, strict=True):
             yield index, body, None
-        for part, loaded in zip(self._free, self._parts, strict=False):
+        for part, loaded in zip(self._free, self.parts, strict=False):
             yield loaded.body, merged_bodies(part)[part.root_link], loaded
 
     def read(self) -> None:
