@@ -3,8 +3,8 @@
 import ctypes
 import functools
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 TOPIC = "/velocity_controller/cmd_vel"
 MOST = 200  # commands after the release, at 20 Hz: more than the page grants a hand that is still
 Words = tuple[object, ...]  # commands of xdotool
+Grab = Callable[[], AbstractContextManager[None]]
 
 
 def do(*words: object) -> None:
@@ -75,8 +76,8 @@ class Window:
 
     @property
     def back_menu(self) -> Words:
-        """Opens the history, by a long press on Back."""
-        return "mousemove", self.x + 20, self.y + 63, "mousedown", 1, "sleep", 1, "mouseup", 1
+        """Opens the history, as a long press on Back does, which may be taken for a click."""
+        return "mousemove", self.x + 20, self.y + 63, "click", 3
 
 
 @contextmanager
@@ -154,41 +155,45 @@ def test_what_another_key_does_is_no_sign_of_a_hand(peer: Peer, tmp_path: Path) 
     with steering(max_linear=0.5) as node, opened(node, tmp_path) as window:
         page, heard = window.page, peer.hear(Twist, TOPIC, 1000)
         page.driver.execute_script(EVENTS)
-        release = "sleep", 0.2, "keyup", "w"
         field = *window.place("#angular-limit"), "click", 1, "type", "0.1234567"
 
         def events() -> list[str]:
             return list(page.driver.execute_script("return window.events"))
 
-        for name, grab, words in (
-            ("app menu", nullcontext, ((*window.app_menu, *release, "key", "Escape"), ())),
-            ("tab menu", nullcontext, ((*window.tab_menu, *release, "key", "Escape"), ())),
-            ("back menu", nullcontext, ((*window.back_menu, *release, "key", "Escape"), ())),
-            ("field", nullcontext, ((*window.app_menu, *release, "key", "Escape"), field)),
-            ("grab", grabbed_keyboard, (release, ("key", "shift"))),
-        ):
+        def stops(take: Words, grab: Grab, then: Words, pause: float) -> bool:
+            """Whether the release of W was not seen; then the robot stops soon."""
             page.driver.execute_script("window.events = []")
             page.drive_until(
                 lambda: do("keydown", "w"),
                 lambda: do("keyup", "w"),
                 lambda: events().count("repeat") > 3 and heard[-1].linear.x,
-                f"the key to repeat, before the {name}",
+                "the key to repeat",
             )
             page.driver.execute_script("window.events = []")
             with grab():
-                do_quickly(*words[0])
-            if words[1]:
-                do_quickly(*words[1])
-            count = page.said().count("drive")
-            wait_for(
-                lambda count=count: (
-                    page.body("hand") == "" or page.said().count("drive") > count + SOON
-                ),
-                f"the stop after the {name}",
-            )
-            assert page.said().count("drive") <= count + SOON, f"it drives on after the {name}"
-            assert "keyup KeyW" not in events(), f"the release is seen in the {name}"
+                do_quickly(*take, "sleep", pause, "keyup", "w")
+            do_quickly(*then)
+            most = page.said().count("drive") + SOON
+
+            def commands() -> int:
+                return page.said().count("drive")
+
+            wait_for(lambda: page.body("hand") == "" or commands() > most, "the stop")
+            assert commands() <= most, f"it drives on after {take}, {then}"
+            unseen = "keyup KeyW" not in events()
             do("key", "Escape", *window.place("#view"), "click", 1, "key", "w")
+            return unseen
+
+        escape = "key", "Escape"
+        for take, grab, then in (
+            (window.app_menu, nullcontext, escape),
+            (window.tab_menu, nullcontext, escape),
+            (window.back_menu, nullcontext, escape),
+            (window.app_menu, nullcontext, (*escape, *field)),
+            ((), grabbed_keyboard, ("key", "shift")),
+        ):
+            # A busy browser opens its menu late.
+            assert any(stops(take, grab, then, pause) for pause in (0.2, 2.0, 20.0)), take
 
 
 def test_a_tap_is_a_command(tmp_path: Path) -> None:
