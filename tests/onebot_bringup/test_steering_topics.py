@@ -322,7 +322,7 @@ def test_of_streams_only_the_newest_is_kept(peer: Peer, qos: QoSProfile) -> None
 
     def readers() -> list[Any]:
         peer.run(topics.update, {"/stream": "std_msgs/msg/String"})
-        return follower.get_subscriptions_info_by_topic("/stream")
+        return list(follower.get_subscriptions_info_by_topic("/stream"))
 
     reliable = qos is LATCHED
     expected = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
