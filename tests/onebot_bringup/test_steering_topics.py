@@ -16,6 +16,7 @@ from std_msgs.msg import String
 
 from onebot_bringup.steering.command_topic import named_robots
 from onebot_bringup.steering.controllers import Controllers
+from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_bringup.steering.odometry_topic import choose_odometry
 from tests.onebot_bringup.steering_support import (
     BAD,
@@ -310,3 +311,19 @@ def test_the_view_comes_and_goes_with_the_viewer(shared):
         elsewhere.publish(String(data=VIEW.replace("127.0.0.1", "192.0.2.7")))
         wait_for(lambda: "has no address of a page on this computer" in node.output, "a warning")
         _waited(page, "view", None)
+
+
+@pytest.mark.parametrize("qos", [LATCHED, QoSProfile(depth=10), LATEST])
+def test_of_streams_only_the_newest_is_kept(peer: Peer, qos: QoSProfile) -> None:
+    """A reliable reader of pictures grew for as long as the page was open; latched ones stay."""
+    peer.node.create_publisher(String, "/stream", qos)
+    follower = peer.node
+    topics = FollowedTopics(follower, 1)
+
+    def readers() -> list[Any]:
+        peer.run(topics.update, {"/stream": "std_msgs/msg/String"})
+        return list(follower.get_subscriptions_info_by_topic("/stream"))
+
+    reliable = qos is LATCHED
+    expected = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    wait_for(lambda: [each.qos_profile.reliability for each in readers()] == [expected], "its QoS")
