@@ -28,20 +28,21 @@ def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str
 
     Returns:
         Side lengths of each shape along its axes, m, except of unreadable meshes; a message for
-        each unreadable mesh; and a warning for each file that a mesh lacks for its look.
+        each unreadable mesh; and a warning for each file that a visual's mesh lacks for its look.
     """
     sizes: dict[Shape, Triple] = {}
     faults: dict[str, str] = {}  # key: what is wrong
     warnings: dict[str, None] = {}
     for link in description.links:
-        for part in (*link.visuals, *link.collisions):
+        for number, part in enumerate((*link.visuals, *link.collisions)):
             shape = part.shape
             is_missing = isinstance(shape, Mesh) and shape.path is None  # already a problem
             if shape not in sizes and not is_missing:
                 try:
                     if isinstance(shape, Mesh):
                         scene = mesh_scene(shape)
-                        warnings.update(dict.fromkeys(look_warnings(scene)))
+                        if number < len(link.visuals):
+                            warnings.update(dict.fromkeys(look_warnings(scene)))
                         x, y, z = abs(scene.extents * shape.scale).tolist()
                         sizes[shape] = x, y, z
                     else:

@@ -187,7 +187,10 @@ def _textured(folder, written):
 
 @pytest.mark.parametrize("lost", ["texture", "materials", "collada"])
 def test_a_file_that_a_mesh_lacks_for_its_look_is_named(tmp_path, lost, capsys, caplog):
-    """By the view, by cameras and by ``onebot check``, once each; its surfaces are there."""
+    """By the view, by cameras and by ``onebot check``, once each; its surfaces are there.
+
+    Nobody sees the look of a collision shape.
+    """
     name = "wood 1.png" if lost != "materials" else "flag.mtl"
     path = _textured(tmp_path, f"-s 1 1 1 textures\\{name}")
     if lost == "materials":
@@ -215,6 +218,10 @@ def test_a_file_that_a_mesh_lacks_for_its_look_is_named(tmp_path, lost, capsys, 
     )
     assert check.run([str(tmp_path / "r.urdf")]) == 0
     assert capsys.readouterr().err.splitlines() == [f"warning: {warning}"]
+    text = (tmp_path / "r.urdf").read_text().replace("visual>", "collision>")
+    (tmp_path / "r.urdf").write_text(text)
+    assert check.run([str(tmp_path / "r.urdf")]) == 0
+    assert capsys.readouterr().err == ""
     [part] = {_mesh(str(path))}
     assert len(solid_of([(Geometry(part, Origin()), np.eye(4))]).faces)
     assert caplog.messages == [f"{warning}, nor seen by cameras"]

@@ -88,7 +88,10 @@ PUBLIC = {
     "franka_panda/panda.urdf": Arm(
         8,
         1,
-        warnings={"unknown inside <collision>, so it is ignored": 10},
+        warnings={
+            "unknown inside <collision>, so it is ignored": 10,
+            "is not there, which it names for its look": 2,
+        },
         starts=HAND_DOWN,
     ),
     "xarm/xarm6_robot.urdf": XARM,
