@@ -51,6 +51,9 @@ _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 # up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 TOUCHING = 1e-6
+# Torsional friction of what grasps, m: moment per force. How rigid pads share their pressure among
+# their points is indeterminate; where it is all at one, nothing else would resist turning.
+_TORSION = 0.005
 # m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
 # indeterminate, and friction would decide which of them carry the robot.
 _SAG = 1e-4
@@ -222,7 +225,8 @@ def set_contact(
         body: the rigid body that was loaded as this link.
         settings: settings of the physics.
         grasps: use friction anchors, so that a grasped object stays where it was touched as long
-            as friction suffices. Without them it creeps, a box in a gripper by 0.4 mm in 10 s.
+            as friction suffices; without them it creeps, a box in a gripper by 0.4 mm in 10 s. And
+            resist turning on the spot, as soft fingers do.
     """
     bullet.changeDynamics(
         robot,
@@ -231,6 +235,8 @@ def set_contact(
         contactProcessingThreshold=TOUCHING,
         frictionAnchor=grasps,
     )
+    if grasps:
+        bullet.changeDynamics(robot, index, spinningFriction=_TORSION)
 
 
 def soften(

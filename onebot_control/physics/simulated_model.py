@@ -49,6 +49,9 @@ _LEAST_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is du
 # Least inertia behind each motor, as if of its rotor: a finger of 1 g would drop a box of 50 g,
 # because the solver's iterations do not reach the force of its motor.
 _LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
+# Least moment of inertia per effort of the motor behind geared joints: as rotors, it grows with the
+# gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
+_LEAST_GEARED = 1e-4  # kg m^2 / (N m)
 _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
 _ROUNDING = 1e-4  # rad or m by which a rounded start may be beyond a limit
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
@@ -116,7 +119,7 @@ def simulated_model(
     if wheels:
         contacts = Contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
         links = [_massive(wheels, contacts.changed(link)) for link in links]
-    links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts)
+    links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
@@ -393,7 +396,9 @@ def _filled(mesh: Mesh) -> float:
     return float(solid.volume / solid.convex_hull.volume) if solid.is_volume else 1.0
 
 
-def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
+def _with_rotors(
+    rigid: Description, moved: Collection[str], gears: Mapping[str, Mimic]
+) -> Sequence[Link]:
     """Return the links, with at least the minimum inertia behind each of the ``moved`` joints.
 
     Links without any mass get just this minimum, and are reported.
@@ -410,21 +415,34 @@ def _with_rotors(rigid: Description, moved: Collection[str]) -> Sequence[Link]:
             listing(weightless),
             _LEAST_MASS,
         )
+    efforts = {joint.name: joint.effort or _UNLIMITED for joint in joints.values()}
+    leaders = {name: mimic.joint for name, mimic in gears.items()}
+    leaders |= {name: name for name in leaders.values()}
+
+    def least(joint: str) -> float:
+        effort = efforts[leaders[joint]] if joint in leaders else 0.0
+        return max(_LEAST_MOMENT, _LEAST_GEARED * effort if effort < _UNLIMITED else 0.0)
+
     return [
-        _with_rotor(link, joints[link.name], bodies[link.name]) if link.name in joints else link
+        _with_rotor(link, joint, bodies[link.name], least(joint.name))
+        if (joint := joints.get(link.name))
+        else link
         for link in rigid.links
     ]
 
 
-def _with_rotor(link: Link, joint: Joint, body: Body) -> Link:
-    """Return a link with what its ``body`` lacks of the minimum mass and inertia added."""
+def _with_rotor(link: Link, joint: Joint, body: Body, least: float) -> Link:
+    """Return a link with what its ``body`` lacks of the minimum mass and inertia added.
+
+    ``least`` is the minimum moment of inertia about the axis of a rotating joint, kg m^2.
+    """
     axis = np.array(joint.axis)
     arm = body.center - (body.center @ axis) * axis
     moment = float(axis @ body.inertia @ axis + body.mass * (arm @ arm))
     mass = 0.0
     if joint.kind == "prismatic" or body.mass <= 0.0:
         mass = max(0.0, _LEAST_MASS - body.mass)
-    missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else _LEAST_MOMENT - moment
+    missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else least - moment
     if mass == 0.0 and missing <= 0.0:
         return link
     total = Body(link.name)

@@ -175,6 +175,19 @@ def linkage(effort: float) -> Description:
     return arm(*parts)
 
 
+def robotiq(effort: float) -> Description:
+    """Robotiq's 2F-85 by its maker's figures, on a vertical rail, with so many Nm."""
+    file = Path(__file__).parents[1] / "robots" / "arms" / "gen3_2f85.urdf"
+    text = file.read_text()
+    start, end = text.index('<link name="robotiq_85_base_link">'), text.index("<ros2_control")
+    rail = (
+        '<joint name="lift" type="prismatic"><parent link="world"/>'
+        '<child link="robotiq_85_base_link"/><origin xyz="0 0 0.165" rpy="3.14159265358979 0 0"/>'
+        '<axis xyz="0 0 -1"/><limit lower="0" upper="1" effort="1000" velocity="1"/></joint>'
+    )
+    return arm(rail, text[start:end].replace('effort="50"', f'effort="{effort}"'))
+
+
 @cache
 def public_arm(file: str, *, bare: bool = True) -> Description:
     """An arm of pybullet_data, or MRM; ``bare``: without shapes, which take seconds to read."""

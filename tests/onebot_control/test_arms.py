@@ -46,6 +46,7 @@ from tests.onebot_control.arm_models import (
     panda,
     public_arm,
     quintic,
+    robotiq,
     rod,
     simulate,
     two_fingers,
@@ -312,6 +313,22 @@ def test_linkage_is_within_1e_3_rad_while_it_closes_on_a_box_and_lifts_it() -> N
         assert box_place(simulation) - start == pytest.approx([0.0, 0.0, 300.0], abs=1.0)
 
 
+@pytest.mark.parametrize("effort", [10.0, 50.0])
+def test_a_strong_linkage_is_within_1e_3_rad_while_it_presses(effort: float) -> None:
+    """Robotiq's 2F-85 has 50 Nm in its maker's file; its links have 14 to 86 g."""
+    description = robotiq(effort)
+    led = {joint.name: joint.mimic for joint in description.moving_joints if joint.mimic}
+    with simulate(description, world=box_world(0.04, "0 0 0.02"), rate=100.0) as simulation:
+        for name, goal in (("robotiq_85_left_knuckle_joint", 0.8), ("lift", 0.3)):
+            simulation.robot.move_to({name: goal}, seconds=1.0)
+            for joints in steps(simulation, 2.0):
+                for follower, law in led.items():
+                    expected = law.at(joints[law.joint].position)
+                    assert joints[follower].position == pytest.approx(expected, abs=1e-3)
+        assert joints["robotiq_85_left_knuckle_joint"].effort == pytest.approx(effort, rel=1e-3)
+        assert box_place(simulation)[2] == pytest.approx(320.0, abs=1.0)
+
+
 # Grasps -----------------------------------------------------------------------------------------
 
 # The Panda's hand points down, its fingers 25 and 325 mm above the ground at x = 0.5 m; rad.
@@ -363,6 +380,25 @@ def test_fingers_of_1_g_hold_a_box_of_50_g() -> None:
         # The motors of palm, two fingers with 20 g each, and the box.
         weight = (0.5 + 2 * 0.02 + 0.05) * GRAVITY
         assert simulation.robot.joints["lift"].effort == pytest.approx(weight, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("mass", "beside", "holds"),
+    [(1.1, 0.01, True), (1.75, 0.01, False), (0.55, 0.02, True), (0.9, 0.02, False)],
+)
+def test_a_box_gripped_beside_its_centre_turns_where_soft_fingers_would_let_it(
+    mass: float, beside: float, holds: bool
+) -> None:
+    """Where m g sqrt(1 + (d / r)^2) = 2 mu F, with F = 10 N and r = 8 mm: 1.27 kg, 0.76 kg."""
+    block = link("box", mass, moment=mass * 0.05**2 / 6, shape=box("0.12 0.05 0.05"))
+    world = arm(block, joint("free", "world", "box", "floating", xyz=f"{beside} 0 0.025"))
+    with simulate(two_fingers(0.02), {"left": 0.045}, world, rate=100.0) as simulation:
+        simulation.robot.move_to({"left": 0.0}, seconds=0.5)
+        simulation.run(0.7)
+        simulation.robot.move_to({"lift": 0.15}, seconds=1.5)
+        simulation.run(2.5)
+        pitch = abs(math.degrees(simulation.boxes["box"].pitch))
+        assert pitch < 0.5 if holds else pitch > 10.0
 
 
 def test_fingers_go_on_to_press_while_another_joint_moves() -> None:
