@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -289,6 +290,32 @@ def test_the_ground_is_an_obstacle_for_an_arm():
         simulation.run(1.0)
         assert robot.collided
         assert set(forces(robot.contacts, "link", "other")) == {("left_tip", "ground")}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"model": DIFF_DRIVE},
+        {"model": DIFF_DRIVE, "world": "maze"},
+        {"robots": {name: RobotSetup(y=row, model=DIFF_DRIVE) for row, name in enumerate("abc")}},
+    ],
+)
+def test_contacts_cost_nothing_if_nobody_asks_and_nothing_is_near(arguments: dict[str, Any]):
+    """Only the last cycle of a run has its contacts recorded, in each of its two steps."""
+    with Simulation(**arguments) as simulation:
+        for robot in simulation.robots.values():
+            robot.drive(0.2)
+        bullet, calls = simulation._fleet.world.bullet, list[int]()
+        listed = bullet.getContactPoints
+        bullet.getContactPoints = lambda *of: calls.append(1) or listed(*of)
+        simulation.run(2.0)
+        assert len(calls) == 2
+        simulation.run(until=lambda: simulation.time > 2.5)
+        assert len(calls) == 2
+        assert all(forces(robot.contacts, "other") for robot in simulation.robots.values())
+        assert len(calls) == 3  # that of the last step
+        simulation.run(1.0)
+        assert len(calls) == 203
 
 
 def test_recorded_contacts_change_nothing():
