@@ -30,7 +30,7 @@ class Moment(NamedTuple):
     boxes: Mapping[str, Transform]
 
 
-class Recording:
+class MomentLog:
     """The last moments of a simulation.
 
     Attributes:

@@ -35,7 +35,7 @@ from onebot_control.fleet import Fleet, Member
 from onebot_control.joint_controllers import named
 from onebot_control.physics.contacts import Contact
 from onebot_control.physics.occupancy import OccupancyGrid, occupancy_grid
-from onebot_control.recording import Moment, Recording
+from onebot_control.recording import Moment, MomentLog
 from onebot_control.sensing.camera import picture_from
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.lidar import LidarInstrument, angles
@@ -170,7 +170,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         """
         self._seed, self._noisy, self._closed = seed, noise, False
         self._ros: Lockstep[Simulation] | None = None
-        self._recording: Recording | None = None
+        self._recording: MomentLog | None = None
         self._functions: dict[int, Callable[[], object]] = {}  # called after each cycle
         self._numbers = count()  # of these functions
         if robots and (x or y or yaw):
@@ -368,7 +368,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             raise ValueError(f"{rate} Hz is not above 0")
         every = 1 if rate is None else max(1, round(self._fleet.rate / rate))
         most = None if cycles is None else max(1, round(cycles / every))
-        self._recording = Recording(every, most)
+        self._recording = MomentLog(every, most)
         self._recording.moments.append(self._moment())
 
     @property

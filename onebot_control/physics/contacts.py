@@ -6,10 +6,11 @@ other, the one whose shape is nearest is named.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,17 +22,22 @@ from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Box, Cylinder, Link, Mesh, Shape, Sphere
-from onebot_description.geometry.poses import Transform, Triple, compose, inverse
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import Transform, Triple, compose, inverse, rows_of
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 GROUND, WORLD = "ground", "world"  # names of what is no robot
 _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
 
 _NEAR, _FAST = 0.02, 3.0  # m; and m/s that bodies are at most expected to move at, for a cycle
+_AGAIN = 10  # cycles after which to look again whether something is near
 _MOST_WALLS = 100  # with more, looking whether one is near would take longer than recording
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # as in ``Body.collisions``
+_Rectangle = tuple[float, float, float, float]  # left, low, right, high, m
+# PyBullet's list after a step, and poses before it of bodies of several links.
+_Listed = tuple[Sequence[Sequence[Any]], Mapping[_Place, Transform]]
 
 
 class Contact(NamedTuple):
@@ -61,7 +67,7 @@ class _Touch(NamedTuple):
     points: tuple[Triple, Triple]  # on the robot, and on the other body
     normal: Triple
     force: float
-    poses: Mapping[_Place, Transform]  # frames of bodies of several links, before the step
+    poses: Mapping[_Place, Transform]  # as in ``_Listed``
 
 
 class ContactRecorder:
@@ -82,6 +88,7 @@ class ContactRecorder:
         """Begin without contacts in a world in which all bodies have been loaded anew."""
         self._bullet = bullet
         self._rows = {robot.parts.body: row for row, robot in enumerate(self._robots)}
+        self._ground = self._robots[0].parts.ground
         self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
         self._shapes: dict[_Place, _Shapes] = {}
         self._arms: set[_Place] = set()
@@ -99,106 +106,122 @@ class ContactRecorder:
             self._shapes[index, -1] = body.collisions
             if loaded:
                 self._loaded[index] = loaded
-                self._sleepers.add(index)
+                if any(robot.spawn.fixed_base for robot in self._robots):
+                    self._sleepers.add(index)
         self._merged = {
             place
             for place, shapes in self._shapes.items()
             if len({link.name for _, _, link in shapes}) > 1 and place[0] in self._loaded
         }
-        self._touches: list[list[_Touch]] = [[] for _ in self._robots]
+        # PyBullet's points in each step of the last cycle; None if they were not recorded.
+        self._listed: list[_Listed] | None = []
+        self._moved: set[int] = set()  # robots that were placed since then
         self._poses: dict[_Place, Transform] = {}
-        self._steps = 1
-        self._pending: set[int] = set()  # robots whose last cycle was not recorded
         self.collided = [False] * len(self._robots)
         self._measure()
 
     def _measure(self) -> None:
-        """Measure where fixed bodies are, and how far movable ones reach, seen from above."""
-        self._walls = []
-        self._radii: dict[int, float] = {}  # m, about the root link
+        """Measure where fixed bodies are, and how far movable ones reach about their root link."""
+        self._walls: list[_Rectangle] = []
+        self._extents: dict[int, tuple[float, float]] = {}  # along x and y of the root link, m
+        self._known: Sequence[Transform] = ()  # poses at which nothing was within _slack, m
+        self._slack, self._near = 0.0, 0  # m, and cycles for which something counts as near
         for body, index in self._shapes:
-            (left, low, _), (right, high, _) = self._bullet.getAABB(body, index)
+            box = np.array(self._bullet.getAABB(body, index))
             if body not in self._loaded:
+                (left, low, _), (right, high, _) = box.tolist()
                 self._walls.append((left, low, right, high))
                 continue
-            (x, y, _), _ = self._loaded[body].pose()
-            far = math.hypot(max(x - left, right - x), max(y - low, high - y))
-            self._radii[body] = max(far, self._radii.get(body, 0.0))
+            corners = np.array([*product(*box.T)])
+            root = matrices.of_transform(inverse(self._loaded[body].pose()))
+            x, y, z = np.abs(matrices.transformed(corners, root)).max(axis=0).tolist()
+            if body not in self._rows:  # a box may roll
+                x = y = math.hypot(x, y, z)
+            wide, long = self._extents.get(body, (0.0, 0.0))
+            self._extents[body] = max(x, wide), max(y, long)
+
+        has_joints = any(robot.spawn.starts for robot in self._robots)
+        self._always = has_joints or len(self._walls) > _MOST_WALLS
 
     def may_collide(self, period: float) -> bool:
         """Return whether a robot may touch something in the next ``period``, s.
 
-        Robots with arms and the like always may, others if they are near anything.
+        Robots with arms and the like always may, others if they are near anything; of those that
+        have collided nothing else is to be found out.
         """
-        if any(robot.spawn.starts for robot in self._robots) or len(self._walls) > _MOST_WALLS:
+        if all(self.collided) and not self._sleepers:
+            return False
+        if self._always:
             return True
-        margin = _NEAR + _FAST * period
+        self._near -= 1
+        if self._near > 0:
+            return True
         poses = [robot.pose for robot in self._robots]
         poses += self._scene.poses if self._scene else ()
-        circles = [
-            (x, y, self._radii.get(body, 0.0) + margin)
-            for body, ((x, y, _), _) in zip(self._loaded, poses, strict=True)
+        extents = self._extents.values()
+        if self._known and all(
+            pose == known or _way(pose, known, wide + long) < self._slack / 2.0
+            for pose, known, (wide, long) in zip(poses, self._known, extents, strict=True)
+        ):
+            return False
+        rectangles = [*map(_rectangle, poses, extents)]
+        gaps = [
+            _gap(rectangle, other)
+            for row, rectangle in enumerate(rectangles[: len(self._robots)])
+            for other in (*self._walls, *rectangles[row + 1 :])
         ]
-        for row in range(len(self._robots)):
-            x, y, radius = circles[row]
-            for left, low, right, high in self._walls:
-                if left - radius < x < right + radius and low - radius < y < high + radius:
-                    return True
-            for x2, y2, radius2 in circles[row + 1 :]:
-                reach = radius + radius2
-                if abs(x - x2) < reach and abs(y - y2) < reach:
-                    return True
-        return False
+        self._slack = min(gaps, default=math.inf) - _NEAR - _FAST * period
+        self._known = poses if self._slack > 0.0 else ()
+        self._near = _AGAIN if self._slack <= 0.0 else 0
+        return self._slack <= 0.0
 
-    def begin(self, steps: int) -> None:
-        """Begin a control cycle of ``steps`` physics steps; 0: it is not recorded."""
-        self._steps = steps
-        self._pending = set() if steps else {*range(len(self._robots))}
-        for touches in self._touches:
-            touches.clear()
-        if not steps:
+    def begin(self, *, recorded: bool) -> None:
+        """Begin a control cycle."""
+        self._listed = [] if recorded else None
+        self._moved.clear()
+        if not recorded:
             self._poses.clear()
 
     def forget(self, robot: RobotBody) -> None:
         """Forget the contacts of a robot that was placed somewhere else."""
         row = self._rows[robot.parts.body]
-        self._touches[row].clear()
-        self._pending.discard(row)
+        self._moved.add(row)
+        self._known = ()
         self.collided[row] = False
         self._poses.clear()
 
-    def record(self, step: int) -> None:
-        """Record the contacts of the physics step that was just done, number ``step``."""
+    def record(self) -> None:
+        """Record the contacts of the physics step that was just done."""
+        self._listed = self._listed or []
         poses, self._poses = self._poses, {}
-        for (
-            _,
-            body,
-            other,
-            index,
-            other_index,
-            at,
-            on,
-            normal,
-            apart,
-            force,
-            *_,
-        ) in self._bullet.getContactPoints(*self._filter):
-            one, two = (body, index), (other, other_index)
-            for place in (one, two):
-                if place in self._merged and place not in self._poses:
+        points = self._bullet.getContactPoints(*self._filter)
+        self._listed.append((points, poses))
+        merged, ground, always = self._merged, self._ground, bool(self._arms)
+        for point in points:
+            body, other = point[1], point[2]
+            for place in ((body, point[3]), (other, point[4])):
+                if place in merged and place not in self._poses:
                     self._poses[place] = self._loaded[place[0]].link_pose(place[1])
-            # The solver skips points that are farther apart, and leaves an old force there.
-            if force > 0.0 and apart <= TOUCHING:
-                if body in self._rows:
-                    self._add(_Touch(step, one, two, (at, on), normal, force, poses))
-                if other in self._rows:
-                    x, y, z = normal
-                    back = (-x, -y, -z)
-                    self._add(_Touch(step, two, one, (on, at), back, force, poses))
+            if always or (other != ground and body != ground):
+                for touch in self._touches(point, poses, 0):
+                    self._judge(touch)
 
-    def _add(self, touch: _Touch) -> None:
+    def _touches(
+        self, point: Sequence[Any], poses: Mapping[_Place, Transform], step: int
+    ) -> Iterator[_Touch]:
+        """Yield a point of PyBullet's list as each robot that is part of it has it."""
+        _, body, other, index, other_index, at, on, normal, apart, force, *_ = point
+        # The solver skips points that are farther apart, and leaves an old force there.
+        if force > 0.0 and apart <= TOUCHING:
+            one, two, (x, y, z) = (body, index), (other, other_index), normal
+            if body in self._rows:
+                yield _Touch(step, one, two, (at, on), normal, force, poses)
+            if other in self._rows:
+                yield _Touch(step, two, one, (on, at), (-x, -y, -z), force, poses)
+
+    def _judge(self, touch: _Touch) -> None:
+        """Decide whether a contact is a collision."""
         row, other = self._rows[touch.own[0]], touch.other[0]
-        self._touches[row].append(touch)
         if other in self._sleepers and touch.own[1] < 0 and self._robots[row].spawn.fixed_base:
             # PyBullet would keep the forces of the step in which a body fell asleep: without
             # gravity. Beside what moves it does not sleep.
@@ -214,19 +237,21 @@ class ContactRecorder:
 
         If that was not recorded, they are those of its last physics step.
         """
-        if row in self._pending:
-            pending, self._pending, self._steps = self._pending, set(), 1
-            self.record(0)
-            for other in {*range(len(self._robots))} - pending:
-                self._touches[other].clear()
+        if row in self._moved:
+            return []
+        if self._listed is None:
+            self.record()
+        listed = self._listed or []
         pairs: dict[tuple[str, str, str], list[_Touch]] = {}
-        for touch in self._touches[row]:
-            link = self._link(touch.own, touch.points[0], touch.poses)
-            pairs.setdefault((link, *self._other(touch)), []).append(touch)
+        for step, (points, poses) in enumerate(listed):
+            for touch in (each for point in points for each in self._touches(point, poses, step)):
+                if self._rows[touch.own[0]] == row:
+                    link = self._link(touch.own, touch.points[0], poses)
+                    pairs.setdefault((link, *self._other(touch)), []).append(touch)
         contacts = []
         for names, touches in pairs.items():
             last = [touch for touch in touches if touch.step == touches[-1].step]
-            mean = sum(touch.force for touch in touches) / self._steps
+            mean = sum(touch.force for touch in touches) / len(listed)
             share = mean / sum(touch.force for touch in last)
             contacts += [
                 Contact(*names, touch.points[0], touch.normal, share * touch.force)
@@ -254,6 +279,36 @@ class ContactRecorder:
             shapes, key=lambda shape: abs(_height(shape[0], shape[1], np.array(local)))
         )
         return link.name
+
+
+def _rectangle(pose: Transform, extents: tuple[float, float]) -> _Rectangle:
+    """Return what a body with these extents about its root link covers, seen from above."""
+    (x, y, _), rotation = pose
+    first, second, _ = rows_of(rotation)
+    wide, long = (
+        sum(abs(one) * extent for one, extent in zip(row, (*extents, max(extents)), strict=True))
+        for row in (first, second)
+    )
+    return x - wide, y - long, x + wide, y + long
+
+
+def _gap(one: _Rectangle, other: _Rectangle) -> float:
+    """Return how far two rectangles are apart, along x or along y, m."""
+    return max(other[0] - one[2], one[0] - other[2], other[1] - one[3], one[1] - other[3])
+
+
+def _way(pose: Transform, other: Transform, reach: float) -> float:
+    """Return at most how far a point moves from one pose to the other, m, seen from above.
+
+    Args:
+        pose: the first pose.
+        other: the second one, at most a quarter turn away.
+        reach: greatest distance of the point from the moving frame's origin, m.
+    """
+    (x, y, _), rotation = pose
+    (x2, y2, _), rotation2 = other
+    turn = sum(abs(one - two) for one, two in zip(rotation, rotation2, strict=True))
+    return abs(x - x2) + abs(y - y2) + 2.5 * reach * turn
 
 
 def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:

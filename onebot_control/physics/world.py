@@ -123,7 +123,7 @@ class World(AbstractContextManager["World"]):
             recorded = self._has_obstacles and self.contacts.may_collide(duration)
         contacts = self.contacts if recorded else self._contacts
         if contacts is not None:
-            contacts.begin(count if recorded else 0)
+            contacts.begin(recorded=recorded)
         for number in range(count):
             for robot in arms:
                 robot.track(number)
@@ -133,7 +133,7 @@ class World(AbstractContextManager["World"]):
                 push.apply()
             bullet.stepSimulation()
             if recorded and contacts is not None:
-                contacts.record(number)
+                contacts.record()
             if self._pushes:
                 self._pushes = [push for push in self._pushes if push.steps > 0]
             if number < count - 1:

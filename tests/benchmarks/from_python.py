@@ -60,6 +60,7 @@ _SENSED = {**_MAZE, "sensors": True}
 CASES = (
     Case("bare ground", 50.0, {}),
     Case("maze", 30.0, _MAZE),
+    Case("maze, contacts at 10 Hz", 25.0, _MAZE, lambda robot: robot.contacts),
     Case("maze, 360 ranges at 10 Hz", 20.0, _SENSED, lambda robot: robot.scan()),
     Case("maze, picture and depth at 10 Hz", 10.0, _SENSED, _look),
 )
