@@ -19,7 +19,7 @@ _FRICTION_USED = (
     'and its wheels ignore it: write <contact><lateral_friction value="..."/> in the link'
 )
 # The frame of each link is kept here, as both ask for.
-_FULFILLED = ("preserveFixedJoint", "disableFixedJointLumping", "sensor", "plugin")
+_FULFILLED = ("preserveFixedJoint", "disableFixedJointLumping")
 _REASONS = {
     "contacts are rigid here": "kp kd minDepth maxVel maxContacts",
     "links of one robot do not collide here": "selfCollide self_collide",
@@ -54,7 +54,7 @@ def read_physics(
     rolls = any(joint.kind == "continuous" for joint in joints.values())
     for block in findings.document.root.iterfind("gazebo"):
         name = block.get("reference")
-        elements = [element for element in block if element.tag not in _FULFILLED]
+        elements = [element for element in block if not _is_of_others(element)]
         if elements and name is not None and name not in names:
             hint = findings.hint(name, names, "links and joints")
             findings.warning(block, f'there is no link or joint "{name}", so it is ignored{hint}')
@@ -78,6 +78,13 @@ def read_physics(
                 unused.add(text, attribute, limit, joint.get("name"))
     unused.report()
     return physics
+
+
+def _is_of_others(element: Element) -> bool:
+    """Return whether an element is, or holds, what the readers of sensors warn of."""
+    return element.tag in _FULFILLED or any(
+        part.tag in ("sensor", "plugin") for part in element.iter()
+    )
 
 
 class _Unused:
