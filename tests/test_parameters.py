@@ -108,8 +108,6 @@ def test_velocity_controller(
     assert 'wheel_raduis: no such parameter (did you mean "wheel_radius"?' in refused(
         node, "wheel_raduis"
     )
-    remedy = "use_stamped_vel: no longer a parameter; leave it out"
-    assert remedy in refused(node, "use_stamped_vel")
     assert refused(node, "linear.x") == "linear.x: no such parameter"
     # A control loop that does not answer is a warning, and no error in the node's callback.
     node.interface.stop()

@@ -88,7 +88,7 @@ class Launch:
 
     def _name(self, row: NodeRow) -> str:
         """Return the name of a row's node, which a control file may give."""
-        return self.controller if row.node in (DRIVE_CONTROLLER, MANAGER) else row.node
+        return self.controller if row.node == DRIVE_CONTROLLER else row.node
 
     def parameters(self, row: NodeRow) -> Parameters:
         """Return the parameters of a node, from the arguments and from its row."""

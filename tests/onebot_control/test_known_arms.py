@@ -46,6 +46,10 @@ XARM = Arm(
     starts={"joint2": -0.6, "joint3": -0.3},
 )
 XARM_WITH_GRIPPER = XARM._replace(commanded=7, mimics=5, linkage=True)
+HELD = (
+    "joint gripper: held still, because no controller moves it; name it in a controller's "
+    "parameter joints, or give it a position command interface in <ros2_control>"
+)
 HOLLOW = (
     "link left_inner_knuckle, right_inner_knuckle: a collision mesh fills less than half of its "
     "convex hull, which is what touches things; to grip well, fingers need boxes or several convex "
@@ -80,7 +84,9 @@ KNOWN = {
         },
     ),
     "ur5e": Arm(6),
-    "wx250s": Arm(7, 1, warnings={"holds a space or slash, which TF dislikes": 14}),
+    "wx250s": Arm(
+        7, 1, warnings={"holds a space or slash, which TF dislikes": 14}, repaired=[HELD]
+    ),
     "xarm6_gripper": XARM_WITH_GRIPPER._replace(warnings={}),
 }
 PUBLIC = {

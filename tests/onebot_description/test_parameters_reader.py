@@ -5,7 +5,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 import rclpy
@@ -74,8 +74,6 @@ class Settings:
     poses: Mapping[str, Mapping[str, float]] = parameter({}, "rad")
     lines: Mapping[str, Line] = parameter({}, "lines by name")
 
-    REMEDIES: ClassVar[Mapping[str, str]] = {"speed": "write rate"}
-
 
 def refused(values: Mapping[str, Any], kind: type = Settings) -> str:
     """The message with which ``values`` are refused."""
@@ -129,7 +127,6 @@ def test_values_are_converted() -> None:
         ({"lines.a.topc": "odom"}, 'lines.a.topc: no such parameter (did you mean "topic"?'),
         ({"rat": 1}, 'rat: no such parameter (did you mean "rate"?'),
         ({"main.camera.eyes": []}, 'main.camera.eyes: no such parameter (did you mean "eye"?'),
-        ({"speed": 1}, "speed: no longer a parameter; write rate"),
     ],
 )
 def test_mistakes_are_named_with_what_would_be_right(values: dict[str, Any], words: str) -> None:

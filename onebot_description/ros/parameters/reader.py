@@ -14,8 +14,7 @@ the user chooses (``motions.elbow.position`` if X is a dataclass, or ``zeros.elb
     settings = read(PlotParameters, declare(node, PlotParameters))
 
 ``read`` checks values from any file or node; ``declare`` gives a node's parameters the same
-descriptions, ranges and read-only flags. A class may have ``REMEDIES``: former parameters, and what
-to write instead.
+descriptions, ranges and read-only flags.
 """
 
 import contextlib
@@ -275,8 +274,6 @@ def _no_such(shape: _Shape, name: str, number: int = 0) -> str:
     """Return what is wrong with a ``name`` that ``shape`` does not have; problem ``number``."""
     if not isinstance(shape, _Group):
         return "is one value, not a map"
-    if remedy := getattr(shape.kind, "REMEDIES", {}).get(name):
-        return f"no longer a parameter; {remedy}"
     # To find similar names takes time, and the problems after the first are not listed.
     names = [field.name for field in shape.fields]
     return f"no such parameter{did_you_mean(name, names) if number < _MOST_LISTED else ''}"
