@@ -1,4 +1,4 @@
-"""Runs others' nodes, unmodified, in lockstep: ``python -m tests.third_party_nodes FOLDER [SECONDS]``.
+"""Runs others' nodes in lockstep: ``python -m tests.third_party_nodes FOLDER [SECONDS]``.
 
 FOLDER has checkouts of the repositories in ``NODES``, by their names. Each node runs twice in the
 maze; its row says where the robot was at the end, and whether both runs were bit-identical.

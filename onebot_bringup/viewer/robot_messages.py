@@ -81,7 +81,8 @@ class RobotMessages:
         state.u32(len(self.model.joints))
         for name in self.model.joints:
             state.string(name)
-        for values in (positions.tolist(), [], []):  # no velocities, no efforts
+        nothing: list[float] = []  # no velocities, no efforts
+        for values in (positions.tolist(), nothing, nothing):
             state.u32(len(values))
             state.doubles(values)
         return [
