@@ -17,6 +17,9 @@ from onebot_description.ros.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
 MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is too late
+# s that a press drives, at least: its release may arrive with it, and of two commands within a cycle
+# a controller takes the later one.
+STEP = 0.05
 ZEROS = 3  # zero commands published after the last command, in case one gets lost
 
 
@@ -78,6 +81,7 @@ class Arbiter:
         self._granted = limits.range  # the range at the driver's press, unless limits are lowered
         self._stamp = 0.0  # stamp of the driver's command
         self._deadline = 0.0  # until when that command applies
+        self._step_end = 0.0  # until when it applies although its page has released
         self._zeros = 0  # zero commands left to publish
         self._stops = 0  # presses of the stop button so far
 
@@ -103,6 +107,8 @@ class Arbiter:
             if isinstance(message, Drive):
                 self._drive(page, message)
             elif isinstance(message, Release):
+                if self._driver == page and self._clock() < self._step_end:
+                    self._driver, self._deadline = None, self._step_end
                 self._drop(page)
                 self._pages[page] = _Page()
             elif isinstance(message, Stop):
@@ -132,10 +138,11 @@ class Arbiter:
         with self._update():
             # ``woke`` has to be called while nobody drives, too: it notices a stop by its gaps.
             is_late = self._stamp < self._woke() or self._clock() > self._deadline
-            if self._moving and self._driver is not None and is_late:
+            if self._moving and is_late:
                 self._end_command()
-                self._pages[self._driver].late = True
-                self.timeouts += 1
+                if self._driver is not None:
+                    self._pages[self._driver].late = True
+                    self.timeouts += 1
 
     def tick(self) -> None:
         """Publish the current command, if any; call this at the fixed rate."""
@@ -164,6 +171,7 @@ class Arbiter:
             sender.holding = True
             self._set_driver(page)
             self._granted = self._limits.range
+            self._step_end = now + STEP
         if self._driver != page:
             return
         if moving := message.command.parts & ~sender.moved:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, ZEROS, Arbiter
+from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, STEP, ZEROS, Arbiter
 from onebot_bringup.steering.command_limits import Bound, Limits
 from onebot_bringup.steering.protocol import (
     Command,
@@ -59,6 +59,8 @@ class Steered:
         self.arbiter.handle(page, Drive(linear, angular, self.now - age, arm))
 
     def release(self, page: str) -> None:
+        """Have a page let go, later than a tap."""
+        self.now += STEP
         self.arbiter.handle(page, Release())
 
     def stop(self, page: str) -> None:
@@ -108,6 +110,30 @@ def test_to_take_hold_is_published_at_once_and_then_at_the_fixed_rate(steered: S
     for _ in range(ZEROS + 2):
         steered.arbiter.tick()
     assert steered.sent() == [ZERO] * (ZEROS + 2) and steered.driver == "a"
+
+
+def test_a_tap_is_a_step(steered: Steered) -> None:
+    """Also where the release arrives with the press: a controller would only see the release."""
+    steered.drive("a")
+    steered.arbiter.handle("a", Release())
+    assert steered.driver is None and steered.command == FORWARD
+    steered.wait(0.9 * STEP)
+    assert steered.command == FORWARD and ZERO not in steered.sent()
+    steered.wait(0.2 * STEP)
+    assert steered.sent() == [ZERO] and steered.command == ZERO
+    for _ in range(ZEROS + 2):
+        steered.arbiter.tick()
+    assert steered.sent() == [ZERO] * (ZEROS - 1) and steered.arbiter.timeouts == 0
+
+
+def test_nothing_but_a_release_waits_for_the_step(steered: Steered) -> None:
+    steered.drive("a")
+    steered.arbiter.handle("a", Release())
+    steered.stop("b")
+    assert steered.command == ZERO and steered.sent()[-1] == ZERO
+    steered.drive("b")
+    steered.arbiter.leave("b")
+    assert steered.command == ZERO and steered.sent()[-1] == ZERO
 
 
 @pytest.mark.parametrize(
@@ -291,10 +317,13 @@ def test_the_robot_moves_only_while_its_driver_says_so(events) -> None:
             if 2.0 * wait <= MAX_AGE:  # a late one changes nothing of what holds
                 spoke[page] = steered.now, steered.now - 2.0 * wait
         elif page in pages:
-            steered.release(page) if kind == "release" else getattr(arbiter, kind)(page)
+            arbiter.handle(page, Release()) if kind == "release" else getattr(arbiter, kind)(page)
             pages -= {page} if kind == "leave" else set()
             assert steered.driver != page
         if arbiter.state.command != Command():
+            if steered.driver is None:  # a tap
+                assert any(steered.now - came <= STEP + 1e-9 for came, _ in spoke.values())
+                continue
             assert steered.driver in pages
             came, stamp = spoke[steered.driver]
             rounding = 1e-9  # of sums of times
@@ -375,7 +404,7 @@ def test_the_first_drive_counts_however_long_nobody_drove(idle: float) -> None:
     arbiter = Arbiter(
         limits(3.0, 4.0),
         lambda command: published.append(command.velocity),
-        lambda _: None,
+        lambda *_: None,
         lambda: now[0],
         WakeDetector(lambda: now[0]).check,
     )
