@@ -228,7 +228,7 @@ class _ControlFiles:
             if value is not None and section_matches(section, f"{self._space}/{name}"):
                 self.types.setdefault(name, (str(value), parameters.places["type"]))
         self._files = {
-            name.removesuffix(_FILE): [value] if isinstance(value, str) else value
+            name.removesuffix(_FILE): value if isinstance(value, list) else [str(value)]
             for name, value in manager.values.items()
             if name.endswith(_FILE)
         }

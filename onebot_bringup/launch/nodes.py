@@ -123,6 +123,8 @@ class Launch:
 
     def _of_robot(self, robot: PlacedRobot) -> Launch:
         """Return a Launch for one robot of the fleet."""
+        from onebot_control.control_files import drive_name
+
         folder = self.folder / robot.name
         folder.mkdir(exist_ok=True)
         namespace = f"{absolute(self.values['namespace'])}/{robot.name}"[1:]
@@ -139,7 +141,7 @@ class Launch:
             values=values,
             description=robot.description,
             robot=robot,
-            controller=_drive_name([*given_files(values), *filter(None, [robot.params_file])]),
+            controller=drive_name([*given_files(values), *filter(None, [robot.params_file])]),
         )
 
 
@@ -181,12 +183,6 @@ def _controller_parameters(launch: Launch) -> Parameters:
 def given_files(values: Mapping[str, str], argument: str = "params_file") -> list[Path]:
     """Return the parameter file that a launch argument names, if it does."""
     return [Path(values[argument]).absolute()] if values[argument] else []
-
-
-def _drive_name(files: Sequence[Path]) -> str:
-    from onebot_control.control_files import drive_name
-
-    return drive_name(files)
 
 
 def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:

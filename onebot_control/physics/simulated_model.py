@@ -343,13 +343,15 @@ def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bo
 def _report_held(
     description: Description, held: Collection[str], commanded: Collection[str]
 ) -> None:
-    """Warn of joints that stand still beside others that are commanded."""
+    """Warn of joints that stand still, beside commanded ones or with other interfaces."""
+    listed = description.interfaces
+    driven = {name for name in listed if listed[name].commands}
     leaders = [
         joint.name
         for joint in description.moving_joints
-        if joint.name in held and joint.mimic is None
+        if joint.name in held and joint.mimic is None and (commanded or joint.name in driven)
     ]
-    if leaders and commanded:
+    if leaders:
         logger.warning(
             "%s: joint %s: held still, because no controller moves it; name it in a controller's "
             "parameter joints, or give it a position command interface in <ros2_control>",

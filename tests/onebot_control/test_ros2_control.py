@@ -12,8 +12,8 @@ from onebot_control.joint_controllers import ForwardController, TrajectoryContro
 from onebot_control.simulation import Simulation
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError
-from tests.onebot_control.arm_models import arm, joint, link, mimic
-from tests.onebot_control.control_support import urdf, wheel
+from tests.onebot_control.arm_models import arm, interfaces, joint, link, mimic
+from tests.onebot_control.control_support import CASTER, urdf, wheel
 
 LIMITS = 'effort="20" velocity="1" lower="-0.5" upper="0.5"'
 POSITION = '<command_interface name="position"/>'
@@ -168,6 +168,16 @@ def test_joints_that_are_held_are_named(caplog: pytest.LogCaptureFixture) -> Non
     with Simulation(robot(listed("right", POSITION))):
         pass
     assert "joint left: held still, because no controller moves it; name it in a" in caplog.text
+
+
+def test_an_arm_of_efforts_on_a_robot_that_drives_is_named(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    wheels = [wheel(side, y) for side, y in (("left", 0.15), ("right", -0.15))]
+    boom = link("boom", 0.2) + joint("lift", "base_link", "boom", limits=LIMITS)
+    description = parse_description(urdf(*wheels, CASTER, boom, interfaces("lift", "effort")))
+    with Simulation(description):
+        assert "joint lift: held still, because no controller moves it" in caplog.text
 
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
