@@ -401,6 +401,27 @@ def test_gains_can_be_set(arm: SteppedArm) -> None:
     assert arm.position == pytest.approx(0.2, abs=1e-3)
 
 
+def test_a_goal_of_velocities_is_followed_where_that_is_allowed(arm: SteppedArm) -> None:
+    """0.4 rad/s after 0.5 s, and none after 1 s: 0.2 rad."""
+    rates = goal(point(0.5, velocities=[0.4]), point(1.0, velocities=[0.0]))
+    arm.refuse(rates)
+    name = "allow_integration_in_goal_trajectories"
+    assert arm.set_parameter(CONTROLLER, name, True).successful
+    assert arm.ending(arm.send(rates)) == SUCCESS
+    assert arm.position == pytest.approx(0.2, abs=1e-9)
+    assert arm.set_parameter(CONTROLLER, name, False).successful
+
+
+def test_many_names_do_not_block(arm: SteppedArm) -> None:
+    """They are refused between two cycles, and tolerances of unknown joints are the defaults."""
+    names = [f"joint{row}" for row in range(50_000)]
+    for joints in (names, [JOINT] * len(names)):
+        arm.refuse(goal(point(1.0, *[0.3] * len(joints)), joints=joints))
+    tolerances = [JointTolerance(name=name, position=0.1) for name in names]
+    tolerant = goal(point(1.0, 0.3), path_tolerance=tolerances)
+    assert arm.ending(arm.send(tolerant)) == SUCCESS
+
+
 def test_a_wrong_parameter_is_refused(arm: SteppedArm) -> None:
     """With the reason; its value stays."""
     own = f"constraints.{JOINT}.goal"
