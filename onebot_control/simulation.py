@@ -16,7 +16,7 @@ Example:
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -75,7 +75,6 @@ _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
 _CLOSED = "this simulation has been closed; make a new one"
 _AHEAD = Rays(np.array([[1.0, 0.0, 0.0]]))  # along the x axis
 _REACH = 1e4  # m; rays that go farther hit nothing
-_MOST_PIXELS = 4096  # of a picture's width and height
 # Parameters of velocity_controller that do not make a Simulation another one.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
@@ -95,6 +94,16 @@ _Duration = Annotated[
 _Vector = Annotated[
     Sequence[float], ValueType(float, Rule(write="three finite numbers: x, y, z"), True, 3)
 ]
+_Positive = Annotated[float, Rule(above=0.0)]
+_Cycles = Annotated[
+    int, Rule(at_least=0, write="a number of control cycles, which is not negative")
+]
+_Pixels = Annotated[int, Rule(at_least=1, at_most=4096, write="pixels, from 1 to 4096")]
+_Bounds = Annotated[
+    Sequence[float],
+    ValueType(float, Rule(write="bounds: least x, least y, greatest x, greatest y"), True, 4),
+]
+_Positions = Annotated[Mapping[str, float], Rule(write="a dict of positions by joint")]
 _Parameters = Annotated[Mapping[str, Any], Rule(write="a dict of values by their ROS names")]
 _RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
 
@@ -315,21 +324,20 @@ class Simulation(AbstractContextManager["Simulation"]):
         text = "is read at the start; give it to Simulation(parameters=...)"
         if problems := [Problem(name, text) for name in parameters if name in fixed]:
             raise ConfigError(problems)
-        self._configure(row, {**self._values[row], **parameters})
+        given = {name: plain(value) for name, value in parameters.items()}
+        self._configure(row, {**self._values[row], **given})
 
     def _configure(self, row: int, values: dict[str, Any]) -> None:
         self._fleet.robots[row].configure(ControlConfig.from_parameters(values))
         self._values[row] = values
 
-    def step(self, cycles: int = 1) -> None:
+    def step(self, cycles: _Cycles = 1) -> None:
         """Simulate a number of control cycles, of ``period`` seconds each.
 
         Raises:
             ValueError: the number is not whole, or negative.
             OneBotError: the simulation has been closed, or has diverged.
         """
-        if not isinstance(cycles, int | np.integer) or cycles < 0:
-            raise ValueError(f"{cycles!r}: a number of control cycles is whole, and not negative")
         for number in range(cycles):
             self._cycle(last=number == cycles - 1)
 
@@ -341,8 +349,6 @@ class Simulation(AbstractContextManager["Simulation"]):
         Returns:
             A function that ends these calls.
         """
-        if not callable(function):
-            raise ValueError(f"{function!r} cannot be called")
         number = next(self._numbers)
         self._functions[number] = function
 
@@ -351,7 +357,7 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         return end
 
-    def record(self, seconds: float | None = None, rate: float | None = None) -> None:
+    def record(self, seconds: _Duration | None = None, rate: _Positive | None = None) -> None:
         """Record poses and joints from now on, for ``log`` and ``moments``.
 
         A reset begins the recording anew.
@@ -364,8 +370,6 @@ class Simulation(AbstractContextManager["Simulation"]):
             ValueError: the duration is negative or not finite, or the rate is not above 0.
         """
         cycles = None if seconds is None else self._cycles(seconds)
-        if rate is not None and not rate > 0.0:
-            raise ValueError(f"{rate} Hz is not above 0")
         every = 1 if rate is None else max(1, round(self._fleet.rate / rate))
         most = None if cycles is None else max(1, round(cycles / every))
         self._recording = MomentLog(every, most)
@@ -406,10 +410,10 @@ class Simulation(AbstractContextManager["Simulation"]):
 
     def occupancy_grid(
         self,
-        resolution: float = 0.05,
+        resolution: _Positive = 0.05,
         *,
-        height: float = 0.1,
-        bounds: tuple[float, float, float, float] | None = None,
+        height: _Positive = 0.1,
+        bounds: _Bounds | None = None,
     ) -> OccupancyGrid:
         """Return the true map of the world: what stands at some height, without the robots.
 
@@ -426,22 +430,22 @@ class Simulation(AbstractContextManager["Simulation"]):
             ValueError: a length is not above 0, or bounds are not least before greatest.
             OneBotError: nothing is there, and there are no bounds; or there are too many cells.
         """
-        if not (0.0 < resolution < math.inf and 0.0 < height < math.inf):
-            raise ValueError(f"{resolution} m, {height} m: resolution and height are above 0")
+        area = None
         if bounds is not None:
-            left, low, right, high = bounds
-            if not (-math.inf < left < right < math.inf and -math.inf < low < high < math.inf):
-                raise ValueError(f"{bounds}: bounds are least x, least y, greatest x, greatest y")
+            left, low, right, high = area = tuple(map(float, bounds))
+            if not (left < right and low < high):
+                text = "write bounds: least x, least y, greatest x, greatest y"
+                raise ArgumentError([Problem("bounds", text)])
         boxes = [*self._boxes().values()]
-        return occupancy_grid(self._scene, boxes, resolution, height, bounds)
+        return occupancy_grid(self._scene, boxes, resolution, height, area)
 
     def picture(
         self,
-        eye: Sequence[float],
-        target: Sequence[float],
+        eye: _Vector,
+        target: _Vector,
         *,
-        width: int = 640,
-        height: int = 480,
+        width: _Pixels = 640,
+        height: _Pixels = 480,
     ) -> NDArray[np.uint8]:
         """Return a picture of the world and its robots, (height, width, 3), RGB.
 
@@ -458,11 +462,9 @@ class Simulation(AbstractContextManager["Simulation"]):
             ValueError: a number is not finite, eye and target are equal, or a size is out of range.
             OneBotError: Embree, which casts the rays, is not installed.
         """
-        start, end = _vector("eye", eye), _vector("target", target)
+        start, end = np.array([eye, target], float)
         if np.array_equal(start, end):
-            raise ValueError("eye and target are the same point")
-        if not 0 < min(width, height) <= max(width, height) <= _MOST_PIXELS:
-            raise ValueError(f"{width} x {height}: sizes are from 1 to {_MOST_PIXELS} pixels")
+            raise ArgumentError([Problem("target", "is the same point as the eye")])
         if not HAS_EMBREE:
             raise OneBotError("pictures need the package embreex, which is not installed here")
         return picture_from(self._sensed_world(), start, end, width, height)
@@ -639,9 +641,9 @@ class SimulatedRobot:
 
     def move_to(
         self,
-        positions: Annotated[Mapping[str, float], Rule(write="a dict of positions by joint")],
+        positions: _Positions,
         *,
-        seconds: Annotated[float, Rule(above=0.0)],
+        seconds: _Positive,
     ) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
 
@@ -738,11 +740,11 @@ class SimulatedRobot:
 
     def push(
         self,
-        force: Sequence[float],
-        seconds: float,
+        force: _Vector,
+        seconds: _Duration,
         *,
         link: str = "",
-        point: Sequence[float] | None = None,
+        point: _Vector | None = None,
     ) -> None:
         """Push the robot for some time, from the next cycle on; several pushes add up.
 
@@ -758,15 +760,12 @@ class SimulatedRobot:
             ValueError: a number is not finite, or the duration is negative.
             OneBotError: there is no such link, or it stands still.
         """
-        pushed = _vector("force", force)
-        at = None if point is None else _vector("point", point)
-        if not (math.isfinite(seconds) and seconds >= 0.0):
-            raise ValueError(f"{seconds} s: a duration is finite, and not negative")
+        at = None if point is None else np.array(point, float)
         link = link or self.description.root_link
         body = self._controlled.body
-        body.world.push(body, link, at, pushed, seconds)
+        body.world.push(body, link, at, np.array(force, float), seconds)
 
-    def set_joints(self, positions: Mapping[str, float]) -> None:
+    def set_joints(self, positions: _Positions) -> None:
         """Set joints to ``positions`` at once, at rest; their controllers hold them there.
 
         Joints that mimic them follow; other joints and the base go on. Use ``move_to`` to move
@@ -779,11 +778,11 @@ class SimulatedRobot:
             OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
                 limits, or the robot would be in something there; then nothing has changed.
         """
-        self._controlled.set_joints({name: float(at) for name, at in positions.items()})
+        self._controlled.set_joints(positions)
         self._controlled.observe()
         self._simulation._frame = None
 
-    def set_parameters(self, parameters: Mapping[str, Any]) -> None:
+    def set_parameters(self, parameters: _Parameters) -> None:
         """Change parameters of the controller from the next cycle on; a reset undoes it.
 
         Args:
@@ -1025,19 +1024,6 @@ def _values(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
     given = {name: plain(value) for name, value in parameters.items()}
     return {**defaults.values, **given, "x": setup.x, "y": setup.y, "yaw": setup.yaw}
-
-
-def _vector(name: str, values: Sequence[float]) -> NDArray[np.float64]:
-    """Return three finite numbers as an array (3,).
-
-    Raises:
-        ValueError: they are not.
-    """
-    with suppress(TypeError, ValueError):
-        vector = np.array(values, float)
-        if vector.shape == (3,) and np.isfinite(vector).all():
-            return vector
-    raise ValueError(f"{name} {values!r}: write three finite numbers")
 
 
 def _check_effects(parameters: Mapping[str, Any]) -> None:

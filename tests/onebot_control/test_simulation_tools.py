@@ -34,7 +34,7 @@ def test_steps_and_functions_that_are_called_after_each():
         for wrong in (-1, 1.5, "1", None):
             with pytest.raises(ValueError, match="control cycles"):
                 simulation.step(wrong)  # type: ignore[arg-type]
-        with pytest.raises(ValueError, match="called"):
+        with pytest.raises(ValueError, match="function"):
             simulation.on_step(3)  # type: ignore[arg-type]
 
         def fail() -> None:
