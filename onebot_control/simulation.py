@@ -683,8 +683,8 @@ class SimulatedRobot:
         if not (math.isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"{seconds} s: a duration is finite, and not negative")
         link = link or self.description.root_link
-        body = self._controlled.body
-        body.world.push(body, link, at, pushed, seconds)
+        world = self._simulation._fleet.world
+        world.push(self._controlled.body, link, at, pushed, seconds)
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
         """Set joints to ``positions`` at once, at rest; their controllers hold them there.
