@@ -432,7 +432,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         """
         area = None
         if bounds is not None:
-            left, low, right, high = area = tuple(map(float, bounds))
+            left, low, right, high = area = bounds[0], bounds[1], bounds[2], bounds[3]
             if not (left < right and low < high):
                 text = "write bounds: least x, least y, greatest x, greatest y"
                 raise ArgumentError([Problem("bounds", text)])
@@ -762,8 +762,8 @@ class SimulatedRobot:
         """
         at = None if point is None else np.array(point, float)
         link = link or self.description.root_link
-        body = self._controlled.body
-        body.world.push(body, link, at, np.array(force, float), seconds)
+        world = self._simulation._fleet.world
+        world.push(self._controlled.body, link, at, np.array(force, float), seconds)
 
     def set_joints(self, positions: _Positions) -> None:
         """Set joints to ``positions`` at once, at rest; their controllers hold them there.

@@ -17,8 +17,8 @@ from onebot_description.ros.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
 MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is too late
-# s that a press drives, at least: its release may arrive with it, and a controller takes the later of
-# two commands within a cycle.
+# s that a press drives, at least: its release may arrive with it, and of two commands within one
+# cycle a controller takes the later one.
 STEP = 0.05
 ZEROS = 3  # zero commands published after the last command, in case one gets lost
 

@@ -29,8 +29,8 @@ from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 GROUND, WORLD = "ground", "world"  # names of what is no robot
 _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
 
-_NEAR, _FAST = 0.02, 3.0  # m; and m/s that bodies are at most expected to move at, for a cycle
-_AGAIN = 10  # cycles after which to look again whether something is near
+_NEAR, _FAST = 0.02, 2.0  # m; and m/s at which bodies are at most expected to move
+_AGAIN, _LATEST = 10, 100  # cycles after which to look again what is near; at most, if nothing is
 _MOST_WALLS = 100  # with more, looking whether one is near would take longer than recording
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
@@ -76,6 +76,7 @@ class ContactRecorder:
     Attributes:
         collided: whether each robot has touched something other than what it stands on, since
             it was placed.
+        always: whether anything may touch in any cycle, as there are arms or pushes.
     """
 
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
@@ -124,8 +125,7 @@ class ContactRecorder:
         """Measure where fixed bodies are, and how far movable ones reach about their root link."""
         self._walls: list[_Rectangle] = []
         self._extents: dict[int, tuple[float, float]] = {}  # along x and y of the root link, m
-        self._known: Sequence[Transform] = ()  # poses at which nothing was within _slack, m
-        self._slack, self._near = 0.0, 0  # m, and cycles for which something counts as near
+        self._is_near, self._valid = False, 0  # whether robots are near anything; cycles it holds
         for body, index in self._shapes:
             box = np.array(self._bullet.getAABB(body, index))
             if body not in self._loaded:
@@ -141,7 +141,7 @@ class ContactRecorder:
             self._extents[body] = max(x, wide), max(y, long)
 
         has_joints = any(robot.spawn.starts for robot in self._robots)
-        self._always = has_joints or len(self._walls) > _MOST_WALLS
+        self.always = has_joints or len(self._walls) > _MOST_WALLS
 
     def may_collide(self, period: float) -> bool:
         """Return whether a robot may touch something in the next ``period``, s.
@@ -151,29 +151,22 @@ class ContactRecorder:
         """
         if all(self.collided) and not self._sleepers:
             return False
-        if self._always:
+        if self.always:
             return True
-        self._near -= 1
-        if self._near > 0:
-            return True
-        poses = [robot.pose for robot in self._robots]
-        poses += self._scene.poses if self._scene else ()
-        extents = self._extents.values()
-        if self._known and all(
-            pose == known or _way(pose, known, wide + long) < self._slack / 2.0
-            for pose, known, (wide, long) in zip(poses, self._known, extents, strict=True)
-        ):
-            return False
-        rectangles = [*map(_rectangle, poses, extents)]
-        gaps = [
-            _gap(rectangle, other)
-            for row, rectangle in enumerate(rectangles[: len(self._robots)])
-            for other in (*self._walls, *rectangles[row + 1 :])
-        ]
-        self._slack = min(gaps, default=math.inf) - _NEAR - _FAST * period
-        self._known = poses if self._slack > 0.0 else ()
-        self._near = _AGAIN if self._slack <= 0.0 else 0
-        return self._slack <= 0.0
+        self._valid -= 1
+        if self._valid <= 0:
+            poses = [robot.pose for robot in self._robots]
+            poses += self._scene.poses if self._scene else ()
+            areas = [*map(_rectangle, poses, self._extents.values())]
+            gaps = [
+                max(two[0] - one[2], one[0] - two[2], two[1] - one[3], one[1] - two[3])
+                for row, one in enumerate(areas[: len(self._robots)])
+                for two in (*self._walls, *areas[row + 1 :])
+            ]
+            cycles = (min(gaps, default=math.inf) - _NEAR) / (2.0 * _FAST * period)
+            self._is_near = cycles <= 1.0
+            self._valid = _AGAIN if self._is_near else int(min(cycles, _LATEST))
+        return self._is_near
 
     def begin(self, *, recorded: bool) -> None:
         """Begin a control cycle."""
@@ -186,7 +179,7 @@ class ContactRecorder:
         """Forget the contacts of a robot that was placed somewhere else."""
         row = self._rows[robot.parts.body]
         self._moved.add(row)
-        self._known = ()
+        self._valid = 0
         self.collided[row] = False
         self._poses.clear()
 
@@ -290,25 +283,6 @@ def _rectangle(pose: Transform, extents: tuple[float, float]) -> _Rectangle:
         for row in (first, second)
     )
     return x - wide, y - long, x + wide, y + long
-
-
-def _gap(one: _Rectangle, other: _Rectangle) -> float:
-    """Return how far two rectangles are apart, along x or along y, m."""
-    return max(other[0] - one[2], one[0] - other[2], other[1] - one[3], one[1] - other[3])
-
-
-def _way(pose: Transform, other: Transform, reach: float) -> float:
-    """Return at most how far a point moves from one pose to the other, m, seen from above.
-
-    Args:
-        pose: the first pose.
-        other: the second one, at most a quarter turn away.
-        reach: greatest distance of the point from the moving frame's origin, m.
-    """
-    (x, y, _), rotation = pose
-    (x2, y2, _), rotation2 = other
-    turn = sum(abs(one - two) for one, two in zip(rotation, rotation2, strict=True))
-    return abs(x - x2) + abs(y - y2) + 2.5 * reach * turn
 
 
 def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:

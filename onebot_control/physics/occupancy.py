@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,53 +85,38 @@ def occupancy_grid(
         )
         if columns * rows > _MOST_CELLS:
             raise OneBotError(f"{columns} x {rows} cells are too many; take a larger resolution")
-        grid = _Grid(bullet, np.zeros((rows, columns), np.int8), resolution, height, bounds[:2])
+        data = np.zeros((rows, columns), np.int8)
+        x, y = float(bounds[0]), float(bounds[1])
+
+        @cache
+        def probe(wide: int, long: int) -> int:
+            halves = wide * resolution / 2.0, long * resolution / 2.0, _FLAT / 2.0
+            shape: int = bullet.createCollisionShape(engine.GEOM_BOX, halfExtents=halves)
+            return shape
+
+        def fill(body: int, left: int, low: int, wide: int, long: int) -> None:
+            """Mark the cells of a block that a body reaches into, in halves of the block."""
+            middle = x + resolution * (left + wide / 2.0), y + resolution * (low + long / 2.0)
+            points = bullet.getClosestPoints(
+                bodyA=body,
+                bodyB=-1,
+                distance=0.0,
+                collisionShapeB=probe(wide, long),
+                collisionShapePositionB=(*middle, height),
+            )
+            if not any(point[8] < -_INSIDE for point in points):
+                return
+            if wide == long == 1:
+                data[low, left] = OCCUPIED
+            elif wide >= long:
+                half = wide // 2
+                fill(body, left, low, half, long)
+                fill(body, left + half, low, wide - half, long)
+            else:
+                half = long // 2
+                fill(body, left, low, wide, half)
+                fill(body, left, low + half, wide, long - half)
+
         for body in np.array(bodies)[reach].tolist():
-            grid.fill(body, 0, columns, 0, rows)
-    return OccupancyGrid(grid.data, resolution, (float(bounds[0]), float(bounds[1])))
-
-
-class _Grid:
-    def __init__(
-        self,
-        bullet: Bullet,
-        data: NDArray[np.int8],
-        resolution: float,
-        height: float,
-        origin: tuple[float, float],
-    ) -> None:
-        self._bullet, self.data, self._resolution = bullet, data, resolution
-        self._height, self._origin = height, origin
-        self._probe = lru_cache(maxsize=None)(self._made_probe)
-
-    def _made_probe(self, columns: int, rows: int) -> int:
-        size = columns * self._resolution, rows * self._resolution, _FLAT
-        halves = [edge / 2.0 for edge in size]
-        probe: int = self._bullet.createCollisionShape(engine.GEOM_BOX, halfExtents=halves)
-        return probe
-
-    def fill(self, body: int, left: int, right: int, low: int, high: int) -> None:
-        """Mark the cells of a block that a body reaches into, in halves of the block."""
-        x, y = (
-            start + self._resolution * (first + last) / 2.0
-            for start, first, last in zip(self._origin, (left, low), (right, high), strict=True)
-        )
-        points = self._bullet.getClosestPoints(
-            bodyA=body,
-            bodyB=-1,
-            distance=0.0,
-            collisionShapeB=self._probe(right - left, high - low),
-            collisionShapePositionB=(x, y, self._height),
-        )
-        if not any(point[8] < -_INSIDE for point in points):
-            return
-        if right - left == high - low == 1:
-            self.data[low, left] = OCCUPIED
-        elif right - left >= high - low:
-            middle = (left + right) // 2
-            self.fill(body, left, middle, low, high)
-            self.fill(body, middle, right, low, high)
-        else:
-            middle = (low + high) // 2
-            self.fill(body, left, right, low, middle)
-            self.fill(body, left, right, middle, high)
+            fill(body, 0, 0, columns, rows)
+    return OccupancyGrid(data, resolution, (x, y))

@@ -15,7 +15,6 @@ from onebot_control.physics.spawning import (
     checked_spawn_pose,
     load_robot,
 )
-from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
@@ -88,15 +87,6 @@ class _World(Protocol):
     def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
 
     def set_joints(self, robot: "RobotBody", positions: Mapping[str, float]) -> None: ...
-
-    def push(
-        self,
-        robot: "RobotBody",
-        link: str,
-        point: Floats | None,
-        force: Floats,
-        duration: float,
-    ) -> None: ...
 
 
 class RobotBody:

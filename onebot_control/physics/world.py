@@ -252,6 +252,7 @@ class World(AbstractContextManager["World"]):
         if robot.spawn.fixed_base and index < 0:
             raise OneBotError(f'{description.source}: link "{link}" stands still')
         steps = self.settings.steps(duration)
+        self.contacts.always = True
         self._pushes.append(_Push(robot.parts, index, place, force, steps))
 
     @contextmanager

@@ -178,6 +178,17 @@ def test_ramps_and_steps_carry_a_robot_and_walls_do_not():
         assert not robot.collided
 
 
+def test_a_robot_that_is_thrown_at_a_distant_wall_has_collided():
+    """Nobody asks in between, and it is much faster than it can drive."""
+    scene = world(wall("wall", "0.1 9 2", "6 0 1"))
+    with Simulation(DIFF_DRIVE, world=scene) as simulation:
+        robot = simulation.robot
+        simulation.run(0.5)
+        robot.push((150.0, 0.0, 0.0), 0.5)
+        simulation.run(1.0)
+        assert robot.pose.x < 5.95 and robot.collided
+
+
 class _Spy:
     """Lists PyBullet's contact points after each physics step."""
 
