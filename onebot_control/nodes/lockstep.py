@@ -10,7 +10,6 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from types import MappingProxyType
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
@@ -19,6 +18,7 @@ from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -51,13 +51,13 @@ from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
+RCLError = rclpy_implementation.RCLError
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _PATIENCE = 10.0  # s of wall time to wait for latched messages
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
-CALLBACK_TIMEOUT = 30.0  # s of wall time
 
 
 class _Simulation(Protocol):
@@ -99,11 +99,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def __init__(
         self,
         simulation: S,
-        domain_id: int | None = None,
+        domain_id: int | None,
         *,
-        remap: Mapping[str, str] = MappingProxyType({}),
-        nav2_topics: bool = False,
-        callback_timeout: float = CALLBACK_TIMEOUT,
+        remap: Mapping[str, str],
+        nav2_topics: bool,
+        callback_timeout: float,
     ) -> None:
         """Create the nodes of the simulation's robots; ``Simulation.ros`` has the arguments.
 
@@ -250,10 +250,14 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._clock.clock.sec, self._clock.clock.nanosec = divmod(stamp, NS_PER_S)
         for node in self._executor.nodes:
             node._time_source.clock_callback(self._clock)
-        self._interface.publish(snapshots, stamp)
-        if self._poll_due.due():
-            self._interface.poll()
-            self._executor.look_for_events = True
+        try:
+            self._interface.publish(snapshots, stamp)
+            if self._poll_due.due():
+                self._interface.poll()
+                self._executor.look_for_events = True
+        except RCLError:
+            if self._is_running():  # else a thread has just shut rclpy down
+                raise
         self.settle()
 
     def settle(self, timeout: float = _PATIENCE) -> None:
