@@ -199,7 +199,7 @@ def test_a_timer_on_wall_time_is_warned_of(
     assert "wall" not in capfd.readouterr().err
     ros.simulation.run(1.0)
     log = capfd.readouterr().err
-    assert log.count("[ticker]: a timer of 7 s, Ticker.tick (") == log.count("on wall time") == 1
+    assert log.count("[ticker]: a timer of 7 s, Ticker.tick (") == log.count("is on wall time") == 1
 
 
 def blocked_by_sleep(_: Node) -> None:
