@@ -1,7 +1,8 @@
-"""Runs others' nodes in lockstep: ``python -m tests.third_party_nodes FOLDER [SECONDS]``.
+"""Runs nodes of others, unmodified, in lockstep: ``python -m tests.third_party_nodes FOLDER [S]``.
 
 FOLDER has checkouts of the repositories in ``NODES``, by their names. Each node runs twice in the
-maze; its row says where the robot was at the end, and whether both runs were bit-identical.
+maze, for S simulated seconds; its row says where the robot was at the end, and whether both runs
+were bit-identical.
 """
 
 import builtins
@@ -116,7 +117,7 @@ def outcome(folder: Path, tried: Tried, seconds: float) -> tuple[float, ...]:
     with ExitStack() as stack:
         stack.enter_context(used_domain())
         stack.enter_context(_typing(tried.answers))
-        simulation = stack.enter_context(Simulation(world="maze", y=0.8, sensors=True))
+        simulation = stack.enter_context(Simulation(world="maze", x=1.3, y=0.8, sensors=True))
         ros = stack.enter_context(simulation.ros(nav2_topics=True))
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)

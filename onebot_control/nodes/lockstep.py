@@ -10,7 +10,6 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from types import MappingProxyType
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 from unittest.mock import patch
 
@@ -19,6 +18,7 @@ from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import Executor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -51,13 +51,13 @@ from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.definition import type_name
 
 T = TypeVar("T")
+RCLError = rclpy_implementation.RCLError
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _PATIENCE = 10.0  # s of wall time to wait for latched messages
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
-CALLBACK_TIMEOUT = 30.0  # s of wall time
 
 
 class _Simulation(Protocol):
@@ -99,11 +99,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def __init__(
         self,
         simulation: S,
-        domain_id: int | None = None,
+        domain_id: int | None,
         *,
-        remap: Mapping[str, str] = MappingProxyType({}),
-        nav2_topics: bool = False,
-        callback_timeout: float = CALLBACK_TIMEOUT,
+        remap: Mapping[str, str],
+        nav2_topics: bool,
+        callback_timeout: float,
     ) -> None:
         """Create the nodes of the simulation's robots; ``Simulation.ros`` has the arguments.
 
@@ -159,11 +159,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             for node, values in zip(self._nodes, simulation._values, strict=True)
         ]
         interface = WorldInterface(
-            self._nodes,
-            settings,
-            simulation._scene,
-            simulated=True,
-            seed=simulation.seed,
+            self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
         )
         for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
             robot_interface.description = robot.description
@@ -186,10 +182,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 text = f"in domain {domain} before ros(), so domain_id cannot be {domain_id}"
                 raise OneBotError(f"{early} {text}")
             if remap:
-                text = 'before ros(), so remap has no effect; write rclpy.init(args=["--ros-args", '
-                raise OneBotError(
-                    f'{early} {text}"-r", "cmd_vel:=...", "-p", "use_sim_time:=true"])'
-                )
+                text = 'so remap has no effect; write rclpy.init(args=["--ros-args", "-r", "a:=b"])'
+                raise OneBotError(f"{early} before ros(), {text}")
             return False
         rules = [word for name, new in remap.items() for word in ("-r", f"{name}:={new}")]
         with patch.dict(os.environ), ros_errors():
@@ -250,10 +244,14 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._clock.clock.sec, self._clock.clock.nanosec = divmod(stamp, NS_PER_S)
         for node in self._executor.nodes:
             node._time_source.clock_callback(self._clock)
-        self._interface.publish(snapshots, stamp)
-        if self._poll_due.due():
-            self._interface.poll()
-            self._executor.look_for_events = True
+        try:
+            self._interface.publish(snapshots, stamp)
+            if self._poll_due.due():
+                self._interface.poll()
+                self._executor.look_for_events = True
+        except RCLError:
+            if self._is_running():  # else a thread has just shut rclpy down
+                raise
         self.settle()
 
     def settle(self, timeout: float = _PATIENCE) -> None:
@@ -367,11 +365,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 for topic in sorted({end.topic_name for end in ends} - _OWN_TOPICS):
                     if not count(topic):
                         known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
-                        guess = (
-                            f'did you mean "{found[0]}"? ' if (found := alike(topic, known)) else ""
+                        guess = "".join(
+                            f'did you mean "{end}"? ' for end in alike(topic, known)[:1]
                         )
-                        hint = f" ({guess}the robot's: {listing(known)})"
-                        node.get_logger().warning(f"nobody {text} {topic}{hint}")
+                        hint = f"({guess}the robot's: {listing(known)})"
+                        node.get_logger().warning(f"nobody {text} {topic} {hint}")
 
     def _warn_of_wall_timers(self) -> None:
         for node in self._added:
@@ -379,11 +377,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 if timer in self._warned or getattr(timer.clock, "ros_time_is_active", False):
                     continue
                 self._warned.add(timer)
+                period, place = timer.timer_period_ns / NS_PER_S, _place(timer.callback)
                 text = (
-                    f"a timer of {timer.timer_period_ns / NS_PER_S:g} s, {_place(timer.callback)},"
+                    f"a timer of {period:g} s, {place}, is on wall time, so it is not in lockstep"
                 )
-                text += " is on wall time, which differs from run to run, and not in lockstep"
-                node.get_logger().warning(f"{text}; timers of the node's own clock are")
+                node.get_logger().warning(f"{text}; timers on the node's own clock are")
 
     # What rclpy does meanwhile -----------------------------------------------------------------
 
@@ -406,16 +404,18 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Keep a node that is in lockstep from another executor; log one of another node."""
         if executor in (None, self._executor) or node.context is not self._context:
             return
-        name = f"{_named(node)} runs in a {type(executor).__name__} of its own"
+        kind = type(executor).__name__
         if node in self._executor.nodes:
             executor.remove_node(node)  # it has just added the node
-            text = f"{_named(node)} is in lockstep, where simulation.run runs its callbacks:"
-            text += f" neither rclpy.spin... nor a {type(executor).__name__} can"
+            text = (
+                f"{_named(node)} is in lockstep, so neither rclpy.spin... nor a {kind} can run it"
+            )
             raise self._watch.fail(OneBotError(f"{text}; ros.remove(node) takes it out"))
         self._watch.foreign.add(executor)
         if node not in self._warned:
             self._warned.add(node)
-            node.get_logger().warning(f"{name}, so it is not in lockstep; ros.add(node) puts it in")
+            text = f"{_named(node)} runs in a {kind} of its own, so it is not in lockstep"
+            node.get_logger().warning(f"{text}; ros.add(node) puts it in")
 
     def _agreeing(self, create: Callable[..., T]) -> Callable[..., T]:
         """Return a method that creates an end of a topic with the type that robots have there."""
@@ -436,13 +436,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         Raises:
             OneBotError: a robot has the topic as another type; in a context, it has only one.
         """
-        if (
-            self._interface is None
-            or node.context is not self._context
-            or node in self._robot_nodes
-        ):
+        if not (interface := self._interface) or node.context is not self._context:
             return
-        for robot in self._interface.robots:
+        if node in self._robot_nodes:
+            return
+        for robot in interface.robots:
             if (commands := robot.commands.subscription) is not None:
                 commands.adopt(topic, kind)
         ends = (*_publishers(self._robot_nodes), *_subscriptions(self._robot_nodes))

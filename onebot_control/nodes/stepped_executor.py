@@ -143,9 +143,9 @@ class SteppedExecutor(Executor):
         """Return the entities that are ready now."""
         with suppress(InvalidHandle, RCLError):
             return self._wait()
-        # An entity was destroyed without its node.
+        # An entity was destroyed without its node, or a thread has just shut rclpy down.
         self._is_stale = True
-        return self._wait()
+        return self._wait() if self._context.ok() else []
 
     def _wait(self) -> list[_Row]:
         if self._is_stale:
