@@ -22,6 +22,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+from rosidl_cli.command.helpers import build_type_description_tuples
 from rosidl_cli.command.translate.api import translate
 from rosidl_generator_c.cli import GenerateC
 from rosidl_generator_py.cli import GeneratePython
@@ -70,9 +71,22 @@ def _generate(folder: Path, package: str) -> None:
         output_format="idl",
         output_path=folder / "idl",
     )
-    for name, generator in _GENERATORS.items():
-        output = folder / "src" / name / package
-        generator(name).generate(package, translated, [_PREFIX / "share"], output_path=output)
+    with patch("rosidl_generator_c.cli.build_type_description_tuples", _description_tuples):
+        for name, generator in _GENERATORS.items():
+            output = folder / "src" / name / package
+            generator(name).generate(package, translated, [_PREFIX / "share"], output_path=output)
+
+
+def _description_tuples(idl_files: Iterable[object], descriptions: Iterable[object]) -> list[str]:
+    """Each file with its description; rosidl_cli confuses a message with an action of its name."""
+    kinds = {str(file): Path(str(file).rpartition(":")[2]).parent.name for file in idl_files}
+    return [
+        pair
+        for file, kind in kinds.items()
+        for pair in build_type_description_tuples(
+            [file], [path for path in descriptions if Path(str(path)).parent.name == kind]
+        )
+    ]
 
 
 def _link(folder: Path, library: str, sources: Iterable[Path]) -> None:

@@ -267,18 +267,18 @@ def _moved(states: list[JointState], start: Mapping[str, float], least: float) -
 WRONG = [
     (
         "joints: [finger]",
-        "joints: [finger, shoulder]",
-        'gripper.joints: "shoulder" is a joint of arm, too; each has one controller',
-    ),
-    (
-        "joints: [finger]",
-        "joints: [fingr]",
+        "joints: [finger, fingr]",
         'gripper.joints: joint "fingr" does not move (did you mean "finger"?',
     ),
     (
-        "shoulder: {goal",
-        "sholder: {goal",
-        'arm.constraints.sholder: no joint of the controller (did you mean "shoulder"?',
+        "command_interfaces: [position]",
+        "command_interfaces: [positon]",
+        'arm.command_interfaces: no "positon" (did you mean "position"?',
+    ),
+    (
+        "goal: 0.01",
+        "goal: -0.01",
+        "arm.constraints.shoulder.goal: -0.01 is below 0; write a number from 0",
     ),
 ]
 
