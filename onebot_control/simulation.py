@@ -104,6 +104,7 @@ _Bounds = Annotated[
     ValueType(float, Rule(write="bounds: least x, least y, greatest x, greatest y"), True, 4),
 ]
 _Positions = Annotated[Mapping[str, float], Rule(write="a dict of positions by joint")]
+_Remap = Annotated[Mapping[str, str], Rule(write='a dict such as {"cmd_vel": "/cmd_vel"}')]
 _Parameters = Annotated[Mapping[str, Any], Rule(write="a dict of values by their ROS names")]
 _RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
 
@@ -492,9 +493,9 @@ class Simulation(AbstractContextManager["Simulation"]):
         self,
         domain_id: int | None = None,
         *,
-        remap: Mapping[str, str] = MappingProxyType({}),
+        remap: _Remap = MappingProxyType({}),
         nav2_topics: bool = False,
-        callback_timeout: float = 30.0,
+        callback_timeout: Annotated[float, Rule(above=0.0, infinite=True)] = 30.0,
     ) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in lockstep with them.
 

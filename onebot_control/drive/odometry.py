@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from onebot_description.arrays import total
-from onebot_description.geometry.poses import PlanarPose, Triple
+from onebot_description.geometry.poses import PlanarPose, Triple, total
 
 if TYPE_CHECKING:
     import numpy as np

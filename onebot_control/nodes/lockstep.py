@@ -110,7 +110,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         rclpy's default context is initialized, with use_sim_time for all nodes, unless it is
         already.
         """
-        _check_arguments(domain_id, remap, nav2_topics, callback_timeout)
+        _check_arguments(domain_id, remap)
         if Lockstep._current is not None:
             text = "the robots of another simulation in this process are on ROS topics already"
             raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
@@ -449,30 +449,22 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             raise OneBotError(f"{text}; in one process, a topic has one type")
 
 
-def _check_arguments(
-    domain_id: int | None, remap: Mapping[str, str], nav2: bool, timeout: float
-) -> None:
-    """Check the arguments of ``Lockstep``.
+def _check_arguments(domain_id: int | None, remap: Mapping[str, str]) -> None:
+    """Check the arguments of ``Lockstep``, whose types ``Simulation.ros`` has checked.
 
     Raises:
         OneBotError: one of them cannot be used.
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0" if domain_id is None else domain_id
-    is_number = type(domain) is int or (isinstance(domain, str) and domain.isdecimal())
-    if isinstance(domain_id, str) or not is_number or not 0 <= int(domain) <= MAX_DOMAIN:
+    is_number = isinstance(domain, int) or domain.isdecimal()
+    if not is_number or not 0 <= int(domain) <= MAX_DOMAIN:
         name = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
         raise OneBotError(f"{name} is a number from 0 to {MAX_DOMAIN}, not {domain!r}")
-    if not isinstance(remap, Mapping):
-        raise OneBotError(f'remap is a dict such as {{"cmd_vel": "/cmd_vel"}}, not {remap!r}')
     for name in (*remap, *remap.values()):
         try:
             validate_topic_name(name)
-        except (InvalidTopicNameException, TypeError) as error:
+        except InvalidTopicNameException as error:
             raise OneBotError(f"remap: {name!r} is no name of a topic: {error}") from None
-    if not isinstance(nav2, bool):
-        raise OneBotError(f"nav2_topics is True or False, not {nav2!r}")
-    if type(timeout) not in (int, float) or not timeout > 0.0:
-        raise OneBotError(f"callback_timeout is a number of seconds above 0, not {timeout!r}")
 
 
 def _publishers(nodes: Sequence[Node]) -> Iterator[Publisher]:

@@ -25,7 +25,7 @@ from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
-from onebot_description.arrays import Floats, total
+from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
     Description,
@@ -38,7 +38,7 @@ from onebot_description.elements.urdf import (
 )
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
-from onebot_description.geometry.poses import about
+from onebot_description.geometry.poses import about, total
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
 _GRAVITY = 9.81  # m/s^2

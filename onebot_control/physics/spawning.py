@@ -13,11 +13,10 @@ from onebot_control.physics.engine import Bullet, captured, engine, log, scratch
 from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
-from onebot_description.arrays import total
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Description, Link, Mesh, Mimic
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import Transform, Triple, compose, inverse
+from onebot_description.geometry.poses import Transform, Triple, compose, inverse, total
 from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).

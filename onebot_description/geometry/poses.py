@@ -1,11 +1,13 @@
-"""Poses in space and in the plane, and vectors, one at a time, as plain floats without numpy.
+"""Poses in space and in the plane, vectors and sums, one at a time, as plain floats without numpy.
 
 For one pose, floats are several times as fast as arrays. ``multiply``, ``rotate``,
 ``of_half_angles`` and ``rows_of`` take components that may also be arrays, for ``quaternions``.
 """
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
@@ -36,6 +38,11 @@ class Origin(NamedTuple):
     def transform(self) -> Transform:
         """The same pose as a transform."""
         return self.xyz, from_rpy(self.rpy)
+
+
+def total(numbers: Iterable[float]) -> float:
+    """Add up numbers one by one; ``sum`` rounds differently from Python 3.12 on."""
+    return reduce(operator.add, numbers, 0.0)
 
 
 # Rotations --------------------------------------------------------------------------------------

@@ -212,7 +212,7 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch)
         late = RunningRobots(
             session, "none", recording.stream, [*robots, RobotToShow("/later")], print
         )
-        monkeypatch.setattr("onebot_bringup.cli.pictures._FRAMES", 1.0)
+        monkeypatch.setattr("onebot_bringup.cli.running_picture._FRAMES", 1.0)
         with pytest.raises(OneBotError, match="no description within 1 s of the robots in /later"):
             late.await_descriptions()
 

@@ -39,7 +39,7 @@ def test_the_views_of_our_robots_are_valid():
         ("trails: [odom]", "is a list; write a map"),
         ("trails: {a: {topic: a b}}", '"a b" is not possible; write a topic, such as'),
         ("speeds: {lines: {a: {topic: b, type: twist}}}", 'a.type: no "twist" (did you mean "Twi'),
-        ("background: [1, 2, 300]", "background: 300 is above 255; write a number from 0 to 255"),
+        ("background: [1, 2, 300]", "background: 300 is above 255; write three bytes, such as"),
     ],
 )
 def test_a_mistake_is_named_with_what_would_be_right(tmp_path, text, said):

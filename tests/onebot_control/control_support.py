@@ -129,7 +129,7 @@ class IdealWorld:
     def __init__(self, plants: Sequence[IdealPlant]) -> None:
         self.plants = plants
 
-    def step(self, duration: float) -> None:
+    def step(self, duration: float, *, recorded: bool | None = False) -> None:
         for plant in self.plants:
             plant.step(duration)
 

@@ -251,13 +251,10 @@ def test_a_gripper_of_the_older_kind(tmp_path: Path) -> None:
     "interfaces",
     [["position"], ["position", "velocity"], ["position", "velocity", "acceleration"]],
 )
-def test_the_state_has_the_arrays_of_its_interfaces(
-    interfaces: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_state_has_the_arrays_of_its_interfaces(interfaces: list[str], tmp_path: Path) -> None:
     """As in ros2_controllers' state_topic_consistency, and so has the action's feedback."""
     listed = f"joints: [shoulder]\n    state_interfaces: [{', '.join(interfaces)}]"
-    monkeypatch.setattr(f"{__name__}.CONTROL", CONTROL.replace("joints: [shoulder]", listed))
-    with started(tmp_path) as robot:
+    with started(tmp_path, control=CONTROL.replace("joints: [shoulder]", listed)) as robot:
         robot.client.watch()
         robot.ros.add()
         ending = robot.ending(robot.send(goal(point(0.5, 0.1), joints=["shoulder"])))

@@ -3,7 +3,8 @@
 An installed package has it in its share folder, as .msg, .srv or .action file. Those of tf2_msgs,
 control_msgs, map_msgs and simulation_interfaces, which no wheel has, are in the folder
 ``definitions`` here; their names and types, which the type hash is made of, are those of ROS 2
-Jazzy.
+Jazzy. ``common_definitions`` has those messages of installed packages that drawing a description
+takes, for where there is no ROS.
 """
 
 import functools
@@ -16,6 +17,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.definition import NUMBERS, STRINGS, fields, section
 
 _OWN = Path(__file__).with_name("definitions")
+_COMMON = Path(__file__).with_name("common_definitions")
 
 
 @functools.cache
@@ -32,7 +34,7 @@ def interface_text(name: str) -> str:
         OneBotError: there is no such interface.
     """
     package, kind, type_name = name.split("/")
-    for folder in (*share_folders(), _OWN):
+    for folder in (*share_folders(), _OWN, _COMMON):
         try:
             return (folder / package / kind / f"{type_name}.{kind}").read_text(encoding="utf-8")
         except (FileNotFoundError, NotADirectoryError):
