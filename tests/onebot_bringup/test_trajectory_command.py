@@ -119,9 +119,10 @@ def test_a_goal_whose_motion_was_replaced_fails(arm: Arm, tmp_path: Path) -> Non
     hold = JointTrajectoryPoint(positions=at.values())
     hold.time_from_start.nanosec = 300_000_000
     message = JointTrajectory(joint_names=list(at), points=[hold])
-    away = at["shoulder"] - 1.0
+    begin = at["shoulder"]
+    away = begin + (1.0 if begin < 0.0 else -1.0)  # within the limits, wherever it is
     with running(tmp_path, "trajectory", f"shoulder={away}", "time:=60") as command:
-        wait_for(lambda: arm.positions()["shoulder"] < at["shoulder"] - 0.01, "the joint to move")
+        wait_for(lambda: abs(arm.positions()["shoulder"] - begin) > 0.01, "the joint to move")
         wait_for(lambda: topic.publish(message) or command.process.poll() is not None, "the end")
         assert command.process.returncode == 1 and "SUCCESSFUL" not in command.out
         assert "error: ABORTED (-1): Current goal preempted by another traj" in command.err
