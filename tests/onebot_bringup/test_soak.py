@@ -96,7 +96,7 @@ def test_driving_about(peer: Peer) -> None:
 def test_a_page_that_shows_a_camera(peer: Peer) -> None:
     """Its server does not grow beside the viewer, which subscribes to the same pictures.
 
-    By the messages of two minutes at three times real time; a reliable reader grew by 5 MB a minute.
+    By the messages of two minutes at three times real time; reliable readers grew by 5 MB a minute.
     """
     times, sizes = list[float](), list[float]()
     words = "world:=maze", "sensors_enabled:=true", *WORDS[1:3], "real_time_factor:=3"
