@@ -210,7 +210,7 @@ class Session:
         timeout: float | None = None,
         patience: float = PATIENCE,
     ) -> Any:
-        """Wait for a condition; after some time print what is waited for.
+        """Wait for a condition; after some time print what is waited for, and again if that changes.
 
         Args:
             condition: what to wait for.
@@ -221,14 +221,16 @@ class Session:
         Returns:
             The last value of ``condition()``.
         """
-        left = math.inf if timeout is None else timeout
-        value = self.spin(condition, min(patience, left))
-        left -= patience
-        if value or left <= 0.0:
-            return value
-        hint = f" ({question()})" if server() and not self._sees_other_nodes() else ""
-        print(f"{notice()}{hint}", file=sys.stderr)
-        return self.spin(condition, None if timeout is None else left)
+        left, printed = math.inf if timeout is None else timeout, ""
+        while True:
+            value = self.spin(condition, min(patience, left))
+            left -= patience
+            if value or left <= 0.0:
+                return value
+            if (text := notice()) != printed:
+                hint = f" ({question()})" if server() and not self._sees_other_nodes() else ""
+                print(f"{text}{hint}", file=sys.stderr)
+                printed = text
 
 
 def _visible(names: Iterable[tuple[str, list[str]]], hidden: bool) -> list[tuple[str, list[str]]]:
