@@ -210,7 +210,7 @@ class Session:
         timeout: float | None = None,
         patience: float = PATIENCE,
     ) -> Any:
-        """Wait for a condition; after some time print what is waited for, and again if that changes.
+        """Wait for a condition; after some time print what is waited for, again when that changes.
 
         Args:
             condition: what to wait for.
