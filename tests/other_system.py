@@ -28,6 +28,8 @@ for name, absent in {LACKS[system]!r}.items():
             delattr(module, attribute)
 for name in {ROS!r}:
     sys.modules[name] = None
+import psutil  # Rerun's, which refuses a platform that it does not know
+
 sys.platform = "other"
 
 

@@ -20,7 +20,9 @@ SYSTEMS = ("macos", "windows")
 # The modules that only nodes, the launcher and what watches running robots use: they need ROS.
 NEEDS_ROS = (
     "onebot_bringup/launcher/",
-    "onebot_bringup/testing/domains",
+    "onebot_bringup/testing/",
+    "onebot_control/nodes/",
+    "onebot_description/description/bounded_process",  # it asks for each call; the scenes run it
     "onebot_bringup/cli/teleop",
     "onebot_bringup/cli/doctor",
     "onebot_bringup/bags/writer",

@@ -45,9 +45,9 @@ class Timed:
         self._function = function
         self.calls, self.seconds = 0, 0.0
 
-    def __call__(self, *arguments: Any) -> None:
+    def __call__(self, *arguments: Any, **named: Any) -> None:
         began = time.thread_time()
-        self._function(*arguments)
+        self._function(*arguments, **named)
         self.seconds += time.thread_time() - began
         self.calls += 1
 
