@@ -19,6 +19,7 @@ def sitecustomize(system: str) -> str:
     return f"""
 import importlib, os, sys
 
+import psutil  # Rerun's, which refuses a platform that it does not know
 for name, absent in {LACKS[system]!r}.items():
     if absent is None:
         sys.modules[name] = None  # its import fails
@@ -28,8 +29,6 @@ for name, absent in {LACKS[system]!r}.items():
             delattr(module, attribute)
 for name in {ROS!r}:
     sys.modules[name] = None
-import psutil  # Rerun's, which refuses a platform that it does not know
-
 sys.platform = "other"
 
 
