@@ -51,15 +51,13 @@ def test_the_scenes_end_bit_identically(environment: dict[str, str]) -> None:
 
 @pytest.mark.slow
 def test_commands_that_need_no_ros(environment: dict[str, str], tmp_path: Path) -> None:
-    """A xacro file is checked and drawn; ROS is asked for only where it is needed."""
+    """A xacro file is checked and drawn."""
     model = str(CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro")
     onebot = [sys.executable, "-m", "onebot_bringup.cli.main"]
     for words in (["check", model], ["snapshot", str(tmp_path / "onebot.png"), model]):
         done = run_to_end([*onebot, *words], env=environment, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "onebot.png").read_bytes().startswith(b"\x89PNG")
-    listed = run_to_end([*onebot, "topic", "list"], env=environment, cwd=tmp_path)
-    assert listed.returncode == 1 and listed.stderr.startswith("error: ")
 
 
 @pytest.mark.slow
