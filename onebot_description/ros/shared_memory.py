@@ -4,7 +4,6 @@ Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of tha
 locked while it lives. It receives at ports, ``fastrtps_port<number>``, which are reused.
 """
 
-import fcntl
 import os
 import re
 import threading
@@ -82,6 +81,8 @@ def _lock_of(segment: Path) -> Path:
 
 
 def _is_locked(path: Path) -> bool:
+    import fcntl  # Windows has none
+
     try:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:
