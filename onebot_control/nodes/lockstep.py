@@ -362,13 +362,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 (node.subscriptions, _publishers(robots), node.count_publishers, "publishes"),
                 (node.publishers, _subscriptions(robots), node.count_subscribers, "subscribes to"),
             ):
+                known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
                 for topic in sorted({end.topic_name for end in ends} - _OWN_TOPICS):
                     if not count(topic):
-                        known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
-                        guess = "".join(
-                            f'did you mean "{end}"? ' for end in alike(topic, known)[:1]
-                        )
-                        hint = f"({guess}the robot's: {listing(known)})"
+                        guesses = [f'did you mean "{name}"? ' for name in alike(topic, known)[:1]]
+                        hint = f"({''.join(guesses)}the robot's: {listing(known)})"
                         node.get_logger().warning(f"nobody {text} {topic} {hint}")
 
     def _warn_of_wall_timers(self) -> None:
