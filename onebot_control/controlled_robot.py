@@ -358,16 +358,12 @@ class ControlledRobot:
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""
         moving = {joint.name: joint for joint in self.description.moving_joints}
-        limits = {
-            name: listed.limits.get("position", (-math.inf, math.inf))
-            for name, listed in self.description.interfaces.items()
-        }
-        joints = [
-            FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range).within(
-                *limits.get(name, (-math.inf, math.inf))
-            )
-            for name in self._controlled[controller.name]
-        ]
+        interfaces = self.description.interfaces
+        joints = []
+        for name in self._controlled[controller.name]:
+            joint = FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range)
+            limits = interfaces[name].limits if name in interfaces else {}
+            joints.append(joint.within(*limits["position"]) if "position" in limits else joint)
         with named(controller.name):
             starts = [self._starts[joint.name] for joint in joints]
             follower: JointFollower = controller.follower(joints, starts)

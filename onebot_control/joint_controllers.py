@@ -108,7 +108,7 @@ class JointController(ABC, Generic[F]):
     @property
     def enforces_limits(self) -> bool:
         """Whether it keeps commands within the joints' limits."""
-        return bool(getattr(self.config, "enforce_command_limits", True))
+        return True
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -148,6 +148,11 @@ class TrajectoryController(JointController[TrajectoryFollower]):
         """Return a trajectory follower for ``joints``, which start at ``positions``, rad or m."""
         constraints = joint_constraints(self.values, [joint.name for joint in joints])
         return TrajectoryFollower(joints, self.config, constraints, positions)
+
+    @property
+    def enforces_limits(self) -> bool:
+        """The parameter enforce_command_limits."""
+        return self.config.enforce_command_limits
 
     @property
     def interfaces(self) -> tuple[str, ...]:

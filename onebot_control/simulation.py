@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
-from itertools import count
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -181,8 +180,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._seed, self._noisy, self._closed = seed, noise, False
         self._ros: Lockstep[Simulation] | None = None
         self._recording: MomentLog | None = None
-        self._functions: dict[int, Callable[[], object]] = {}  # called after each cycle
-        self._numbers = count()  # of these functions
+        self._functions: dict[object, Callable[[], object]] = {}  # called after each cycle
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are for a single robot; give each RobotSetup its own")
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
@@ -350,11 +348,11 @@ class Simulation(AbstractContextManager["Simulation"]):
         Returns:
             A function that ends these calls.
         """
-        number = next(self._numbers)
-        self._functions[number] = function
+        key = object()  # the same function may be there several times
+        self._functions[key] = function
 
         def end() -> None:
-            self._functions.pop(number, None)
+            self._functions.pop(key, None)
 
         return end
 
@@ -431,14 +429,11 @@ class Simulation(AbstractContextManager["Simulation"]):
             ValueError: a length is not above 0, or bounds are not least before greatest.
             OneBotError: nothing is there, and there are no bounds; or there are too many cells.
         """
-        area = None
-        if bounds is not None:
-            left, low, right, high = area = bounds[0], bounds[1], bounds[2], bounds[3]
-            if not (left < right and low < high):
-                text = "write bounds: least x, least y, greatest x, greatest y"
-                raise ArgumentError([Problem("bounds", text)])
+        if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
+            text = "write bounds: least x, least y, greatest x, greatest y"
+            raise ArgumentError([Problem("bounds", text)])
         boxes = [*self._boxes().values()]
-        return occupancy_grid(self._scene, boxes, resolution, height, area)
+        return occupancy_grid(self._scene, boxes, resolution, height, bounds)
 
     def picture(
         self,
@@ -640,12 +635,7 @@ class SimulatedRobot:
             raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
         self._command = linear, angular
 
-    def move_to(
-        self,
-        positions: _Positions,
-        *,
-        seconds: _Positive,
-    ) -> None:
+    def move_to(self, positions: _Positions, *, seconds: _Positive) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
 
         They start in the next control cycle and follow a quintic polynomial that begins with their

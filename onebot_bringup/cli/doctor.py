@@ -27,8 +27,9 @@ _NAME = "onebot-robots"
 _REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a requirement that has no marker (extra, platform)
 _PROJECT = "pyproject.toml"
 _BULLETS = ("pybullet", "pybullet-arm64")  # the second is a fork of the first
-_HAS_WHEELS = sys.platform == "linux" and sys.version_info < (3, 12)  # of the first, for x86-64
-_BULLET = _BULLETS[0 if _HAS_WHEELS else 1]
+_IS_LINUX, _IS_X86 = sys.platform == "linux", platform.machine() == "x86_64"
+# The one that pyproject.toml names for this Python.
+_BULLET = _BULLETS[0 if _IS_LINUX and (sys.version_info < (3, 12) or not _IS_X86) else 1]
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
 

@@ -46,7 +46,7 @@ def _render(args: Namespace, source: Path) -> None:
 
 
 def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
-    from onebot_bringup.cli.running_picture import record_running  # only this needs ROS
+    from onebot_bringup.cli.live_picture import record_running  # only this needs ROS
 
     for warning in record_running(args, recording, _progress):
         warn(warning)

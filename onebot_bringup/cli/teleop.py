@@ -251,7 +251,7 @@ class _Teleop:
     def drive(self, fd: int) -> None:
         """Read keys from a terminal and publish, until a key quits."""
         signal.signal(signal.SIGCONT, lambda *_: WAKE.resumed())
-        termios.tcflush(fd, termios.TCIFLUSH)  # what was typed before it could be read
+        termios.tcflush(fd, termios.TCIFLUSH)  # drop what was typed before it could be read
         print(HELP.format(kind=self._kind.__name__, topic=self._topic))
         zeros, due, began = 0, boot_time(), WAKE.check()
         while True:

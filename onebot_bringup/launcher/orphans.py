@@ -42,7 +42,7 @@ def temporary_folder(kind: str) -> tempfile.TemporaryDirectory[str]:
     """Make a temporary folder, and remove those of this kind whose process was killed."""
     prefix = f"onebot-{kind}-"  # the id of the process follows
     processes = Path("/proc")
-    if processes.is_dir():  # as on Linux
+    if processes.is_dir():  # Linux has it
         for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
             process = folder.name.removeprefix(prefix).partition("-")[0]
             if not Path(processes, process).exists():

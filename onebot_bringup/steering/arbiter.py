@@ -26,7 +26,7 @@ ZEROS = 3  # zero commands published after the last command, in case one gets lo
 @dataclass
 class _Page:
     holding: bool = False  # holds a control: it drives, or has to release first
-    moved: Parts = Parts.NONE  # what it has commanded to move since its last release
+    moved: Parts = Parts.NONE  # parts that it has commanded to move since its last release
     late: bool = False  # its commands are too old, or have stopped
 
 

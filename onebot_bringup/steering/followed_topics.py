@@ -135,7 +135,7 @@ class FollowedTopics:
                     qos = compatible_qos(offered, self._depth)
                     if self._depth == 1 and not is_transient_local(qos):
                         # Only the newest counts. A reliable reader of Fast DDS kept more and more
-                        # of a camera's pictures: 5 to 9 MB a minute.
+                        # pictures of a camera: 5 to 9 MB a minute.
                         qos = make_qos(1, reliable=False, latched=False)
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}

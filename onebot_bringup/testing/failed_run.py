@@ -31,7 +31,7 @@ from onebot_description.geometry.poses import Transform
 if TYPE_CHECKING:
     import rerun as rr
 
-_SIDES = 4  # from which the robots may be seen
+_SIDES = 4  # the robots are seen from one of them
 
 
 def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:

@@ -43,7 +43,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         """
         if command not in BRINGUPS:
             raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
-        self._log = TemporaryFile("w+")  # without a name: it goes even if this process is killed
+        self._log = TemporaryFile("w+")  # it has no name, so it goes even if this process is killed
         has_viewer = any(word.startswith("viewer:=") for word in words)
         arguments = [*words] if has_viewer else ["viewer:=none", *words]
         self._process = subprocess.Popen(
@@ -93,7 +93,8 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
 
         from onebot_description.ros.wire.interfaces import load_interface
 
-        state = load_interface("simulation_interfaces/srv/GetSimulationState")
+        kind = "simulation_interfaces/srv/GetSimulationState"
+        state = load_interface(kind)
 
         context = rclpy.Context()
         with patch.dict(os.environ):
@@ -122,9 +123,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
                     if topic.endswith("joint_states"):
                         node.create_subscription(JointState, topic, received.append, 10)
                 for name, kinds in node.get_service_names_and_types():
-                    if name not in asked and kinds == [
-                        "simulation_interfaces/srv/GetSimulationState"
-                    ]:
+                    if name not in asked and kinds == [kind]:
                         client = node.create_client(state, name)
                         if client.service_is_ready():
                             asked.add(name)

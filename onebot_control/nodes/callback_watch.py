@@ -101,7 +101,7 @@ class CallbackWatch:
         line = next(
             each.f_lineno for each in frames if each.f_code.co_filename == callback.co_filename
         )
-        name = getattr(callback, "co_qualname", callback.co_name)  # from Python 3.11 on
+        name = getattr(callback, "co_qualname", callback.co_name)  # new in Python 3.11
         return (
             f"node {node}: {name} has not returned in {self._timeout:g} s of wall time"
             f" ({callback.co_filename}:{line}). Simulated time stands still during a callback, so"
@@ -115,7 +115,7 @@ def _in_main_thread() -> bool:
 
 def _is_debugged() -> bool:
     """Return whether a debugger traces the current thread; a measurement of coverage is none."""
-    monitoring = getattr(sys, "monitoring", None)  # from Python 3.12 on
+    monitoring = getattr(sys, "monitoring", None)  # new in Python 3.12
     if monitoring is not None and monitoring.get_tool(monitoring.DEBUGGER_ID):
         return True
     trace = sys.gettrace()

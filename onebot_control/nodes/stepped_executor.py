@@ -19,7 +19,7 @@ from rclpy.waitable import NumberOfEntities
 from onebot_control.nodes.callback_watch import CallbackWatch
 
 _WAITABLE, _TIMER, _SUBSCRIPTION = "waitable", "timer", "subscription"
-_KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # as a wait set has them
+_KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # a wait set's names
 RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
 
 
@@ -31,7 +31,7 @@ class _Row(NamedTuple):
     node: Node
     add: Callable[[Any], object]  # adds ``argument`` to the wait set
     argument: Any
-    pointer: int  # by which the wait set names it when it is ready; 0 for a waitable
+    pointer: int  # the wait set names it by this when it is ready; 0 for a waitable
 
 
 class SteppedExecutor(Executor):
@@ -57,7 +57,7 @@ class SteppedExecutor(Executor):
         self.changed = self._is_stale = self.look_for_events = True
         super().__init__(context=context)
         self._watch = watch
-        self._tasks: list[tuple[Task, Any, Node | None]] = []  # as rclpy's executors have it
+        self._tasks: list[tuple[Task, Any, Node | None]] = []  # rclpy's executors have it, too
         self._suspended: set[Task] = set()
         self._rows: list[_Row] = []
         self._rows_without_events: list[_Row] = []

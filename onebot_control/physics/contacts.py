@@ -31,10 +31,10 @@ _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot s
 
 _NEAR, _FAST = 0.02, 2.0  # m; and m/s at which bodies are at most expected to move
 _AGAIN, _LATEST = 10, 100  # cycles after which to look again what is near; at most, if nothing is
-_MOST_WALLS = 100  # with more, looking whether one is near would take longer than recording
+_MOST_WALLS = 100  # looking whether one of more is near would take longer than recording
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
-_Shapes = Sequence[tuple[Shape, Floats, Link]]  # as in ``Body.collisions``
+_Shapes = Sequence[tuple[Shape, Floats, Link]]  # see ``Body.collisions``
 _Rectangle = tuple[float, float, float, float]  # left, low, right, high, m
 # PyBullet's list after a step, and poses before it of bodies of several links.
 _Listed = tuple[Sequence[Sequence[Any]], Mapping[_Place, Transform]]
@@ -67,7 +67,7 @@ class _Touch(NamedTuple):
     points: tuple[Triple, Triple]  # on the robot, and on the other body
     normal: Triple
     force: float
-    poses: Mapping[_Place, Transform]  # as in ``_Listed``
+    poses: Mapping[_Place, Transform]  # see ``_Listed``
 
 
 class ContactRecorder:

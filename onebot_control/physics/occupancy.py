@@ -17,8 +17,7 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
 
-FREE, OCCUPIED = 0, 100  # as in nav_msgs/OccupancyGrid
-Bounds = tuple[float, float, float, float]
+FREE, OCCUPIED = 0, 100  # the values of nav_msgs/OccupancyGrid
 _FLAT = 1e-4  # m, height of what the cells are probed with
 _INSIDE = 1e-6  # m; what only touches a cell's edge does not occupy it
 _EDGE = 1e-6  # the same, in cells
@@ -47,7 +46,7 @@ def occupancy_grid(
     boxes: Sequence[Transform],
     resolution: float,
     height: float,
-    bounds: Bounds | None,
+    bounds: Sequence[float] | None,
 ) -> OccupancyGrid:
     """Return which cells the fixed bodies and the boxes of a scene reach into.
 

@@ -53,7 +53,6 @@ _LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
 # gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
 _LEAST_GEARED = 1e-4  # kg m^2 / (N m)
 _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
-_ROUNDING = 1e-4  # rad or m by which a rounded start may be beyond a limit
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -277,10 +276,8 @@ class _Roles:
     def _check_starts(self, positions: Mapping[str, float]) -> None:
         """Raise OneBotError if a start position is beyond its joint's limits."""
         for name, at in positions.items():
-            lower, upper = self._joints[name].range
-            if not lower - _ROUNDING <= at <= upper + _ROUNDING:
-                limits = f"the joint's limits, {lower:g} to {upper:g}"
-                raise OneBotError(f"initial_positions.{name}: {at:g} is beyond {limits}")
+            if fault := self._joints[name].start_fault(at):
+                raise OneBotError(f"initial_positions.{name}: {fault}")
 
     def _place(self, joint: Joint) -> float:
         """Decide how a joint is simulated; return its start position."""

@@ -40,7 +40,7 @@ class RobotSpawn(NamedTuple):
     gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
-    links: tuple[Link, ...] = ()  # as written, if some have other shapes in the simulation
+    links: tuple[Link, ...] = ()  # the written ones, if some have other shapes when simulated
 
     @property
     def converges_slowly(self) -> bool:
@@ -101,13 +101,21 @@ class LoadedBody(NamedTuple):
         state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=True)
         return state[4], state[5]
 
+    def apply_force(self, index: int, point: Triple, force: Triple) -> None:
+        """Apply a force during the next physics step.
+
+        Args:
+            index: PyBullet's, of the rigid body; -1: the root.
+            point: where it acts, in the frame of the body's first link, m.
+            force: in the world's axes, N.
+        """
+        at, _ = compose(self.link_pose(index), (point, (0.0, 0.0, 0.0, 1.0)))
+        self.bullet.applyExternalForce(self.body, index, force, at, engine.WORLD_FRAME)
+
     def lift_weightless(self) -> None:
         """Cancel gravity for the parts that have none, during the next physics step."""
         for index, point, force in self.weightless:
-            at, _ = compose(self.link_pose(index), (point, (0.0, 0.0, 0.0, 1.0)))
-            self.bullet.applyExternalForce(
-                self.body, index, (0.0, 0.0, force), at, engine.WORLD_FRAME
-            )
+            self.apply_force(index, point, (0.0, 0.0, force))
 
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
         """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from onebot_control.physics.contacts import ContactRecorder
-from onebot_control.physics.engine import Bullet, engine
+from onebot_control.physics.engine import Bullet
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
@@ -16,7 +16,7 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices
-from onebot_description.geometry.poses import Transform
+from onebot_description.geometry.poses import Transform, Triple
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms, the solver stops once an iteration changes no velocity by more than the square root of
@@ -28,18 +28,14 @@ _RESIDUAL = 1e-12
 @dataclass
 class _Push:
     parts: LoadedBody
-    index: int  # PyBullet's, of the link; -1: the root
-    point: Floats  # (3,), in that link's frame, m
-    force: Floats  # (3,), in the world's axes, N
+    index: int  # these three as for ``LoadedBody.apply_force``
+    point: Triple
+    force: Triple
     steps: int  # physics steps to come
 
     def apply(self) -> None:
         """Apply the force in the next physics step."""
-        pose = matrices.of_transform(self.parts.link_pose(self.index))
-        [point] = matrices.transformed(self.point[None], pose).tolist()
-        self.parts.bullet.applyExternalForce(
-            self.parts.body, self.index, self.force.tolist(), point, engine.WORLD_FRAME
-        )
+        self.parts.apply_force(self.index, self.point, self.force)
         self.steps -= 1
 
 
@@ -253,7 +249,9 @@ class World(AbstractContextManager["World"]):
             raise OneBotError(f'{description.source}: link "{link}" stands still')
         steps = self.settings.steps(duration)
         self.contacts.always = True
-        self._pushes.append(_Push(robot.parts, index, place, force, steps))
+        (x, y, z), (along_x, along_y, along_z) = place.tolist(), force.tolist()
+        push = _Push(robot.parts, index, (x, y, z), (along_x, along_y, along_z), steps)
+        self._pushes.append(push)
 
     @contextmanager
     def _undone_if_refused(self) -> Iterator[None]:

@@ -21,7 +21,7 @@ class Waypoint(NamedTuple):
     """One point of a trajectory: values per joint in rad (m for prismatic joints) and seconds."""
 
     time: float  # time_from_start, s
-    positions: tuple[float, ...]  # in the order of the trajectory's joints; empty: ``integrated``
+    positions: tuple[float, ...]  # one per joint of the trajectory; empty: see ``integrated``
     velocities: tuple[float, ...] = ()  # empty: not given
     accelerations: tuple[float, ...] = ()  # empty: not given
 

@@ -120,7 +120,8 @@ def _spawn(function: str, request: Any, bounds: Bounds) -> bytes:
         except BaseException:
             if _FORKS:
                 os.killpg(process.pid, signal.SIGKILL)  # its fork, too
-            process.kill()
+            else:
+                process.kill()
             raise
     return answer or json.dumps({"failed": f"the interpreter ended with {process.wait()}"}).encode()
 

@@ -15,7 +15,7 @@ from onebot_description.elements.urdf import MOVING_KINDS, Joint, Material
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
 
-_VERSIONS = ("1.0", "1.1", "1.2")  # of URDF; a robot without one is of the first
+_VERSIONS = ("1.0", "1.1", "1.2")  # URDF's; a robot without one is of the first
 
 
 def check_root(findings: Findings) -> None:

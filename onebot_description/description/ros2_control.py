@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from onebot_description.elements.reading import Element, Findings, number_fault
 from onebot_description.elements.urdf import Joint, JointInterfaces
 
-_ROUNDING = 1e-4  # rad or m by which a rounded start may be beyond a limit
 _SIDEWAYS = re.compile(r"planar.?move|mec+anum|omni", re.IGNORECASE)
 
 
@@ -66,12 +65,12 @@ def _start(findings: Findings, element: Element, joint: Joint) -> float | None:
     if state is None:
         return None
     start = _number(state, "initial_value", math.nan, findings.problem)
-    lower, upper = joint.range
-    if start < lower - _ROUNDING or start > upper + _ROUNDING:
-        text = f"initial_value {start:g} is beyond the joint's limits, {lower:g} to {upper:g}"
-        findings.problem(element, text)
+    if math.isnan(start):
         return None
-    return None if math.isnan(start) else start
+    if fault := joint.start_fault(start):
+        findings.problem(element, f"initial_value {fault}")
+        return None
+    return start
 
 
 def _number(

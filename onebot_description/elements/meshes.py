@@ -34,7 +34,7 @@ _LOOKS = ("bind_material", "library_materials", "library_effects", "library_imag
 _NUMBERS = r"(?:\s+[-+]?[\d.]+(?:[eE][-+]?\d+)?(?=\s)){1,3}"
 _OPTIONS = re.compile(rf"(?:-[sot]{_NUMBERS}\s+|-mm\s+\S+\s+\S+\s+|-[a-z]+\s+\S+\s+)*")
 GLTF_SUFFIXES = (".glb", ".gltf")
-_WARNINGS = "warnings"  # of a scene's metadata
+_WARNINGS = "warnings"  # key in a scene's metadata
 _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
 

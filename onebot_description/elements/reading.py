@@ -70,7 +70,7 @@ class Findings:
         self.texts: list[tuple[Severity, str]] = []  # each begins with file, line and element
         self.resources = Resources(document.folder)
         self.meshes: list[tuple[Element, Mesh]] = []  # order of reading
-        self.version = (1, 0)  # of URDF, as the robot declares it
+        self.version = (1, 0)  # URDF's, which the robot declares
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:

@@ -24,6 +24,7 @@ JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "plan
 MOVING_KINDS = ("revolute", "continuous", "prismatic")  # kinds with one degree of freedom
 # Gazebo takes the smaller one of two coefficients of friction; here the ground's and a box's is 1.
 MOST_FRICTION = 1.0
+_ROUNDING = 1e-4  # rad or m by which a rounded start position may be beyond a limit
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 
 
@@ -150,7 +151,7 @@ class Joint:
     upper: float | None = None
     velocity: float | None = None  # greatest speed, rad/s or m/s
     effort: float | None = None  # greatest torque or force, Nm or N
-    acceleration: float | None = None  # of URDF 1.2, rad/s^2 or m/s^2; nothing here enforces it
+    acceleration: float | None = None  # rad/s^2 or m/s^2 (URDF 1.2); nothing here enforces it
     deceleration: float | None = None  # likewise
     jerk: float | None = None  # likewise, rad/s^3 or m/s^3
     soft_lower: float | None = None  # <safety_controller>
@@ -168,6 +169,13 @@ class Joint:
             math.inf if self.upper is None else self.upper,
         )
 
+    def start_fault(self, position: float) -> str:
+        """Return that a start position, rad or m, is beyond the limits; "" if it is not."""
+        lower, upper = self.range
+        if lower - _ROUNDING <= position <= upper + _ROUNDING:
+            return ""
+        return f"{position:g} is beyond the joint's limits, {lower:g} to {upper:g}"
+
 
 class JointInterfaces(NamedTuple):
     """The interfaces of a joint in ``<ros2_control>``."""
@@ -177,7 +185,7 @@ class JointInterfaces(NamedTuple):
     # Least and greatest command by command interface, rad, m or per second; infinite: no limit.
     limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
     mimics: bool = True  # whether it follows the joint that its <mimic> names
-    faults: tuple[str, ...] = ()  # what is wrong; ros2_control would not start with it
+    faults: tuple[str, ...] = ()  # problems with which ros2_control would not start
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import String
 
-from onebot_bringup.cli.running_picture import RunningRobots, running_robots
+from onebot_bringup.cli.live_picture import RunningRobots, running_robots
 from onebot_bringup.cli.session import Session
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
@@ -212,7 +212,7 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch)
         late = RunningRobots(
             session, "none", recording.stream, [*robots, RobotToShow("/later")], print
         )
-        monkeypatch.setattr("onebot_bringup.cli.running_picture._FRAMES", 1.0)
+        monkeypatch.setattr("onebot_bringup.cli.live_picture._FRAMES", 1.0)
         with pytest.raises(OneBotError, match="no description within 1 s of the robots in /later"):
             late.await_descriptions()
 

@@ -110,7 +110,7 @@ def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
 
 def _turned(glb: bytes) -> bytes:
     """Return a GLB file with a node above all others that turns its y, which is up, to z."""
-    end = _HEAD + int.from_bytes(glb[_HEAD - 8 : _HEAD - 4], "little")  # of the JSON chunk
+    end = _HEAD + int.from_bytes(glb[_HEAD - 8 : _HEAD - 4], "little")  # end of the JSON chunk
     tree = json.loads(glb[_HEAD:end])
     for scene in tree.get("scenes", ()):
         node = {

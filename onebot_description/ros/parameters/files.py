@@ -47,7 +47,7 @@ class Parameters:
     places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
     shared: set[str] = field(default_factory=set)  # names in a section for several nodes
     sections: list[str] = field(default_factory=list)  # node names that the files have
-    warnings: list[str] = field(default_factory=list)  # what is ignored, a line each
+    warnings: list[str] = field(default_factory=list)  # a line for each thing that is ignored
 
     def update(self, later: "Parameters") -> None:
         """Add the parameters of a later file, which override these."""

@@ -174,7 +174,7 @@ def _join(separator: str, *words: str) -> str:
 
 def plain(value: Any) -> Any:
     """Return a value as Python has it: arrays and tuples as lists, numpy's scalars as numbers."""
-    if hasattr(value, "tolist"):  # of array.array and numpy, which is slow to import
+    if hasattr(value, "tolist"):  # array.array and numpy, which is slow to import, have it
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
 
