@@ -24,7 +24,7 @@ from onebot_control.joint_controllers import (
 )
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import did_you_mean, listing
-from onebot_description.ros.parameters.files import (
+from onebot_description.parameters.files import (
     Parameters,
     Unknown,
     read_parameters,
@@ -32,7 +32,7 @@ from onebot_description.ros.parameters.files import (
     read_text,
     section_matches,
 )
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
     is_of_every_node,

@@ -41,7 +41,7 @@ from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
 from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
-from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import ConfigError, Problem
 
 _STANDING = WheelGeometry(1.0, 1.0)  # placeholder for a robot without wheels: its odometry is zero
 _NO_COMMAND = WheelCommand(0.0, 0.0, 0.0, 0.0)

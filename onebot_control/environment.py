@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from onebot_control.sensing.readings import RobotPose
 from onebot_control.simulation import SimulatedRobot, Simulation
-from onebot_description.ros.parameters.arguments import ArgumentError, checked_methods
-from onebot_description.ros.parameters.reader import Problem
-from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.parameters.arguments import ArgumentError, checked_methods
+from onebot_description.parameters.reader import Problem
+from onebot_description.parameters.values import Rule, ValueType
 
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
 _NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this

@@ -26,8 +26,8 @@ from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
 from onebot_control.physics.engine import logger
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.parameters.reader import ConfigError
+from onebot_description.timing import NS_PER_S
 
 # Solver iterations for robots whose linkage fingers must move as one, and for standing arms: with
 # 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it is exact;

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from onebot_description.ros.parameters.reader import parameter
+from onebot_description.parameters.reader import parameter
 
 IN_EACH_CYCLE = "every controller runs in each control cycle"
 

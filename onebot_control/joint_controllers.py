@@ -22,7 +22,7 @@ from onebot_control.trajectories.gripping import (
 )
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.errors import listing
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters.reader import (
     REQUIRED,
     ConfigError,
     Problem,

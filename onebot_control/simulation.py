@@ -57,10 +57,9 @@ from onebot_description.description.loading import XacroValues, load_sensors, lo
 from onebot_description.description.xacro import xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, Transform, to_rpy
-from onebot_description.ros.names import NAMESPACE, NAMESPACE_WANTED
-from onebot_description.ros.parameters.arguments import ArgumentError, checked_methods
-from onebot_description.ros.parameters.reader import ConfigError, Problem, leaves
-from onebot_description.ros.parameters.values import Rule, ValueType, plain
+from onebot_description.parameters.arguments import ArgumentError, checked_methods
+from onebot_description.parameters.reader import ConfigError, Problem, leaves
+from onebot_description.parameters.values import NAMESPACE, NAMESPACE_WANTED, Rule, ValueType, plain
 
 if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep

@@ -45,23 +45,21 @@ from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.source import JointStateSource
+from onebot_description.parameters.files import LiveParameters, Parameters, read_files
+from onebot_description.parameters.reader import ConfigError, Problem, defaults
+from onebot_description.parameters.values import plain
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
-from onebot_description.ros.parameters.files import LiveParameters, Parameters, read_files
-from onebot_description.ros.parameters.reader import (
-    ConfigError,
-    Problem,
+from onebot_description.ros.node_parameters import (
     declare,
-    defaults,
     follow_changes,
     ros_parameter,
     set_doubles,
 )
-from onebot_description.ros.parameters.values import plain
 from onebot_description.ros.run_node import run_described_node
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
+from onebot_description.timing.throttled import Throttled
 
 
 class JointParameters:

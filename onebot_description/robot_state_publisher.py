@@ -47,24 +47,20 @@ from onebot_description.description.loading import keep_places
 from onebot_description.description_files import DescriptionFiles, Source, load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
+from onebot_description.parameters.reader import read
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.node_graph import check_discovery_server
-from onebot_description.ros.parameters.reader import (
-    declare,
-    follow_changes,
-    read,
-    refuse_undeclared,
-)
+from onebot_description.ros.node_parameters import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.run_node import run_described_node
 from onebot_description.ros.stamp_check import StampCheck
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter
 from onebot_description.state_parameters import StateParameters
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.throttled import Throttled
 
 _POLL_EVERY = 0.1  # s between polls of the description's files
 _LONGEST_NS = 2.0**61  # 73 years: the compiled call adds it to a stamp

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from onebot_description.ros.parameters.reader import parameter
+from onebot_description.parameters.reader import parameter
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
 from onebot_control.trajectories.gripping import GripperConfig
 from onebot_description.joints.config import JointsConfig
-from onebot_description.ros.parameters.reader import rows
+from onebot_description.parameters.reader import rows
 from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 

@@ -5,6 +5,7 @@ A room is a folder, and so is each module directly in a package such as ``onebot
 """
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -96,3 +97,25 @@ def test_a_circle_is_found() -> None:
     assert circle(found, str) == ""
     shown = circle(found, lambda module: module.partition(".")[0]).splitlines()
     assert sorted(shown) == ["drive imports nodes: a.py:1", "nodes imports drive: c.py:2"]
+
+
+# What may use ROS: the nodes.
+WITH_ROS = (
+    *("onebot_bringup", "mrm_description", "onebot_description.ros", "onebot_control.nodes"),
+    *("onebot_description.robot_state_publisher", "onebot_description.joint_state_publisher"),
+    *("onebot_control.velocity_controller", "onebot_control.joint_trajectory_controller"),
+)
+ROS = re.compile(r"rclpy|rcl_interfaces|\w+_msgs|onebot_description\.ros|onebot_control\.nodes")
+
+
+def test_pure_modules_import_nothing_of_ros() -> None:
+    """At their top: Simulation.ros, and the messages of a missing ROS, import it when called."""
+    found = []
+    for module, file in modules().items():
+        if f"{module}.".startswith(tuple(f"{name}." for name in WITH_ROS)):
+            continue
+        for node in ast.parse(file.read_text()).body:
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+            found += [f"{module} imports {name}" for name in names if ROS.match(name)]
+    assert len(modules()) > 200 and not found, found

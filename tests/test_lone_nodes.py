@@ -60,7 +60,7 @@ def at_import(tmp_path: Path, ros_domain: int) -> Run:
     [
         *((module, FIRST) for module in MODULES),
         (MODULES[0], "rclpy"),
-        (MODULES[0], "onebot_description.ros.parameters.reader"),
+        (MODULES[0], "onebot_description.parameters.reader"),
     ],
 )
 def test_ctrl_c_while_it_imports(at_import: Run, module: str, name: str) -> None:

@@ -18,9 +18,9 @@ from onebot_control.nodes import control_loop
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
+from onebot_description.parameters.reader import leaves
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 
 # rclpy's own, of every node.

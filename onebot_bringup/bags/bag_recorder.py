@@ -32,16 +32,10 @@ from rclpy.qos import QoSProfile
 from onebot_bringup.bags.writer import BagWriter, Qos, RecordedTopic
 from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import (
-    REQUIRED,
-    declare,
-    parameter,
-    read,
-    refuse_undeclared,
-)
+from onebot_description.parameters.reader import REQUIRED, parameter, read
+from onebot_description.ros.node_parameters import declare, refuse_undeclared
 from onebot_description.ros.run_node import ends_node, run_node
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import (
     compatible_qos,
     exceeds,
@@ -56,6 +50,7 @@ from onebot_description.ros.topic_subscription import (
     offers,
 )
 from onebot_description.ros.wire.interface_text import full_definition
+from onebot_description.timing.throttled import Throttled
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
 _WRITE_PERIOD = 1.0  # minimum seconds between checkpoints

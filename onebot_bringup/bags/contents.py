@@ -14,7 +14,7 @@ from mcap.exceptions import McapError
 
 from onebot_bringup.bags.writer import Qos
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters import bounded_yaml
+from onebot_description.parameters import bounded_yaml
 
 OFFERED = "offered_qos_profiles"  # a topic's entry in both formats
 # Errors that mcap, the decompressors and sqlite3 raise for damaged files.

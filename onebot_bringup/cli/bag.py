@@ -21,7 +21,7 @@ from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import use_local_discovery
 from onebot_description.ros.signals import KeyboardInterrupts
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_bringup.bags.bag_reader import Bag

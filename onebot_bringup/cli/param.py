@@ -15,7 +15,7 @@ from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import NOT_SET
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.files import no_section, read_parameters, read_text
+from onebot_description.parameters.files import no_section, read_parameters, read_text
 
 
 def _client(session: Session, args: Namespace) -> ParameterClient:

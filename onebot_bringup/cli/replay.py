@@ -22,7 +22,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, UsageError
-from onebot_description.ros.parameters.reader import read
+from onebot_description.parameters.reader import read
 from onebot_description.ros.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from onebot_bringup.cli.options import Parser, flag, not_negative, option, posit
 from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session, await_acknowledgements
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wake_detector import WAKE, boot_time
+from onebot_description.timing.wake_detector import WAKE, boot_time
 
 # For each key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. Reverse curves
 # turn as a car does with the same steering angle, as in teleop_twist_keyboard.

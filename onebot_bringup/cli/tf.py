@@ -14,7 +14,7 @@ from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 from onebot_description.ros.names import node_name
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_description.arrays import Floats

@@ -14,8 +14,8 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.launch.arguments import Argument, complete, split, table
 from onebot_description.description.tree_text import aligned, cell
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.values import Rule, ValueType
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.parameters.values import Rule, ValueType
+from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_description.description import Joint

@@ -15,8 +15,8 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import of_arrays
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE, slerp
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.message_arrays import TfArrays
+from onebot_description.timing import NS_PER_S
 
 _MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
 _HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2

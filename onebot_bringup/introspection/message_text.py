@@ -25,10 +25,10 @@ from rosidl_parser.definition import (
 )
 
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.parameters import bounded_yaml
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.message_class import class_of
+from onebot_description.timing import NS_PER_S
 
 _TIME = ("builtin_interfaces", "msg", "Time")
 _HEADER = ("std_msgs", "msg", "Header")

@@ -12,9 +12,9 @@ from typing import Any
 import yaml
 
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.parameters.files import plain_value
-from onebot_description.ros.parameters.values import INT64
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.files import plain_value
+from onebot_description.parameters.values import INT64
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(5, 10)

@@ -19,9 +19,9 @@ from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError, did_you_mean, printable
+from onebot_description.parameters.reader import leaves
+from onebot_description.parameters.values import Rule, ValueType
 from onebot_description.ros.discovery import ARGUMENT, LOCALHOST, MAX_DOMAIN, WANTED
-from onebot_description.ros.parameters.reader import leaves
-from onebot_description.ros.parameters.values import Rule, ValueType
 from onebot_description.state_parameters import StateParameters
 
 if TYPE_CHECKING:

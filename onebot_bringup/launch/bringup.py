@@ -234,8 +234,8 @@ def _check_sections(
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.ros.parameters.files import check_sections, undeclared_warnings
-    from onebot_description.ros.parameters.reader import unknown_parameters
+    from onebot_description.parameters.files import check_sections, undeclared_warnings
+    from onebot_description.parameters.reader import unknown_parameters
 
     space = absolute(values["namespace"])
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
@@ -302,7 +302,7 @@ def _apply_params_file(values: dict[str, str], given: Mapping[str, str], control
     """Update the launch arguments from the ``params_file``; return its real_time_factor."""
     from onebot_control.control_files import read_control_files
     from onebot_control.drive.parameters import ControlConfig
-    from onebot_description.ros.parameters.reader import read
+    from onebot_description.parameters.reader import read
 
     space = absolute(values["namespace"])
     written = read_control_files([Path(values["params_file"])], space, controller)

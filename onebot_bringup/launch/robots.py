@@ -20,8 +20,8 @@ import numpy as np
 
 from onebot_bringup.launch.arguments import require_file
 from onebot_description.errors import OneBotError
-from onebot_description.ros.names import NAMESPACE, NAMESPACE_WANTED
-from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
+from onebot_description.parameters.reader import REQUIRED, Problem, parameter, read
+from onebot_description.parameters.values import NAMESPACE, NAMESPACE_WANTED
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
@@ -88,7 +88,7 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
     Raises:
         OneBotError: the file, or a robot's model or parameters, is invalid; names the line.
     """
-    from onebot_description.ros.parameters.files import read_map, read_text
+    from onebot_description.parameters.files import read_map, read_text
 
     require_file("robots", file, "; write how many, or a YAML file")
     written = read_map(read_text(file), str(file))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
 from onebot_bringup.steering.protocol import Command, Drive, Parts, Release, SetLimits, Stop
-from onebot_description.ros.wake_detector import boot_time
+from onebot_description.timing.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
 MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is too late

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
-from onebot_description.ros.parameters.reader import ConfigError, read
+from onebot_description.parameters.reader import ConfigError, read
 
 # Limits if none of the robot is known: brisk indoors, and far from what a typing error commands.
 UNKNOWN = Velocity(2.0, 4.0)

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import compatible_qos, is_transient_local, make_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
-from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.message_arrays import (
     BAD_MESSAGE,
@@ -20,6 +19,7 @@ from onebot_description.ros.wire.message_arrays import (
     tf_arrays,
 )
 from onebot_description.ros.wire.messages import deserialize_message
+from onebot_description.timing.wake_detector import boot_time
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 _TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"

@@ -3,8 +3,8 @@
 import math
 from typing import NamedTuple
 
-from onebot_control.drive.speed_limiter import clamp
 from onebot_description.elements.urdf import Joint
+from onebot_description.geometry.poses import clamp
 
 STEP = 0.1  # s to reach a velocity, to keep it, and to come to rest, each
 _FASTEST = {"rad": 1.0, "m": 0.2}  # speed limit, rad/s and m/s, if the description allows more

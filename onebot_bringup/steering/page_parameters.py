@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_description.ros.parameters.reader import parameter
-from onebot_description.ros.parameters.values import MAX_PORT
+from onebot_description.parameters.reader import parameter
+from onebot_description.parameters.values import MAX_PORT
 
 
 def _parameter(default: Any, description: str, **rules: Any) -> Any:

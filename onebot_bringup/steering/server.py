@@ -17,8 +17,8 @@ from onebot_bringup.steering.protocol import ChooseTopic, ProtocolError, message
 from onebot_bringup.steering.tool_requests import ToolRequests
 from onebot_bringup.steering.view_proxy import ViewProxy
 from onebot_description.errors import OneBotError
-from onebot_description.ros.throttled import Throttled
-from onebot_description.ros.wake_detector import boot_time
+from onebot_description.timing.throttled import Throttled
+from onebot_description.timing.wake_detector import boot_time
 
 STATIC = Path(__file__).parent / "static"
 STATE_PERIOD = 0.1  # s

@@ -84,11 +84,12 @@ from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import declare, read, refuse_undeclared
+from onebot_description.parameters.reader import read
+from onebot_description.ros.node_parameters import declare, refuse_undeclared
 from onebot_description.ros.run_node import first_line, run_node
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
-from onebot_description.ros.wake_detector import WAKE
+from onebot_description.timing.throttled import Throttled
+from onebot_description.timing.wake_detector import WAKE
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph

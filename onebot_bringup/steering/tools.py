@@ -10,9 +10,9 @@ from rclpy.node import Node
 
 from onebot_bringup.steering.command_topic import CommandTopic, namespace_of
 from onebot_bringup.steering.protocol import ProtocolError, number, read_request, text
-from onebot_control.drive.odometry import fill_diagonal
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import about_z
+from onebot_description.ros.wire.messages import fill_diagonal
 
 _DEPTH = 10
 

@@ -28,8 +28,8 @@ from std_msgs.msg import String
 from onebot_bringup.serving.rerun_messages import SERVICE
 from onebot_bringup.serving.rerun_proxy import RerunProxy, content_policy, data_url
 from onebot_bringup.steering.access import other_site
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.timing.throttled import Throttled
 
 Row = Mapping[str, Any]
 _SANDBOX = "allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"

@@ -14,8 +14,8 @@ from onebot_bringup.launch.bringup import UP
 from onebot_bringup.launch.nodes import BRINGUPS
 from onebot_bringup.launcher.orphans import die_with_this_thread
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.parameters.arguments import checked_methods
 from onebot_description.ros.discovery import configure_discovery
-from onebot_description.ros.parameters.arguments import checked_methods
 
 _START = 60.0  # s for the robot to be up
 _STOP = 30.0  # s; the launcher itself kills nodes that have not ended after 4 s

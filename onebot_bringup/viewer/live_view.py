@@ -11,16 +11,14 @@ from std_srvs.srv import Trigger
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters.reader import is_parameter, replaced, values_of
+from onebot_description.parameters.values import plain
+from onebot_description.ros.node_parameters import (
     declare,
     follow_changes,
-    is_parameter,
     refuse_undeclared,
-    replaced,
     ros_parameter,
-    values_of,
 )
-from onebot_description.ros.parameters.values import plain
 
 _FIXED_FRAME = "fixed_frame"
 _SAVE_TO = "save_view_to"

@@ -44,12 +44,13 @@ from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.description import Description
 from onebot_description.errors import printable
+from onebot_description.parameters.reader import read
 from onebot_description.ros.description_topic import warn_of_two_robots
-from onebot_description.ros.parameters.reader import declare, read
+from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.run_node import ends_node, run_node
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.timing.throttled import Throttled
 
 TICK_PERIOD = 0.05  # seconds; one call into Rerun logs all messages that came meanwhile
 POLL_PERIOD = 0.25  # seconds

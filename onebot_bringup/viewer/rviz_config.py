@@ -15,8 +15,8 @@ import yaml
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError, listing
-from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.parameters.reader import ConfigError, defaults, read
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.reader import ConfigError, defaults, read
 
 RVIZ_SUFFIX = ".rviz"
 _MOST_LISTED = 12

@@ -43,8 +43,8 @@ from onebot_bringup.viewer.displays import DISPLAY_BY_KEY, settings_type
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
-from onebot_description.ros.parameters.files import read_map, read_text
-from onebot_description.ros.parameters.reader import as_map, group, read, values_of
+from onebot_description.parameters.files import read_map, read_text
+from onebot_description.parameters.reader import as_map, group, read, values_of
 
 T = TypeVar("T")
 _PANEL = one_of("hidden", "collapsed", "expanded")

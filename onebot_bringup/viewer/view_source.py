@@ -16,7 +16,7 @@ from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError
 from onebot_description.file_watch import FileWatch
-from onebot_description.ros.parameters.reader import replaced
+from onebot_description.parameters.reader import replaced
 
 
 class ViewSource:

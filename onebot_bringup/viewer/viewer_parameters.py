@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from onebot_control.frame_names import namespace_prefix
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.parameters.reader import parameter
-from onebot_description.ros.parameters.values import MAX_PORT
+from onebot_description.parameters.reader import parameter
+from onebot_description.parameters.values import MAX_PORT
 
 if TYPE_CHECKING:
     from onebot_bringup.viewer.core.shown_robot import RobotToShow

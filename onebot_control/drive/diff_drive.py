@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
 from onebot_control.drive.parameters import ControlConfig
-from onebot_control.drive.speed_limiter import SpeedLimiter, clamp
-from onebot_description.geometry.poses import total
+from onebot_control.drive.speed_limiter import SpeedLimiter
+from onebot_description.geometry.poses import clamp, total
 
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite

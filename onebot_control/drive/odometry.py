@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -105,11 +104,6 @@ class PoseCovariance(NamedTuple):
         values[1] = values[6] = self.xy
         values[5] = values[30] = self.x_yaw
         values[11] = values[31] = self.y_yaw
-
-
-def fill_diagonal(values: "NDArray[np.float64]", variances: Sequence[float]) -> None:
-    """Write ``variances`` into a message's covariance: x, y, z, roll, pitch, yaw, as ``fill``."""
-    values[::7] = variances
 
 
 _EXACT = PoseCovariance()

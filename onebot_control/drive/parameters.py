@@ -9,12 +9,7 @@ from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.frame_names import WORLD_FRAME
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_description.ros.parameters.reader import (
-    Problem,
-    group,
-    parameter,
-    read,
-)
+from onebot_description.parameters.reader import Problem, group, parameter, read
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import WheelGeometry

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_description.ros.parameters.reader import parameter
+from onebot_description.geometry.poses import clamp
+from onebot_description.parameters.reader import parameter
 
 _UNSET = math.nan
 _LIMITS = {
@@ -131,9 +132,3 @@ class SpeedLimiter:
 
 def _given(value: float, otherwise: float) -> float:
     return otherwise if math.isnan(value) else value
-
-
-def clamp(value: float, lower: float, upper: float) -> float:
-    """Return the number within the bounds that is nearest to ``value``."""
-    # Comparisons: min() and max() would take twice as long.
-    return lower if value < lower else upper if value > upper else value

@@ -11,12 +11,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
-from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
+from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.stamp_check import StampCheck
-from onebot_description.ros.throttled import Throttled, Warn
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
@@ -24,8 +23,10 @@ from onebot_description.ros.topic_subscription import (
     choose_type,
     offers,
 )
-from onebot_description.ros.wake_detector import boot_time
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.throttled import Throttled, Warn
+from onebot_description.timing.wake_detector import boot_time
 
 _TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=DEPTH)

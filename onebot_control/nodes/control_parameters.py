@@ -15,16 +15,16 @@ from onebot_control.control_files import (
 )
 from onebot_control.controller_names import MANAGER
 from onebot_control.drive.parameters import ControlConfig, SimulationConfig
-from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
-    declare,
     is_parameter,
     read,
     unknown_parameters,
 )
-from onebot_description.ros.parameters.values import plain
+from onebot_description.parameters.values import plain
+from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.node_parameters import declare
 
 # Limits that have no effect without another one.
 _IDLE = {

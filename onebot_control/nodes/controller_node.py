@@ -18,16 +18,16 @@ from rclpy.parameter import Parameter
 
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.joint_controllers import JointController, JointFollower, named
-from onebot_control.nodes.control_loop import ControlLoop
+from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
 from onebot_description.errors import OneBotError, first_of
+from onebot_description.parameters.values import plain
 from onebot_description.ros.message_age import Delivery, SenderClock
-from onebot_description.ros.parameters.reader import declare, follow_changes, refuse_undeclared
-from onebot_description.ros.parameters.values import plain
-from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.node_parameters import declare, follow_changes, refuse_undeclared
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
-from onebot_description.ros.wake_detector import boot_time
 from onebot_description.ros.wire.interfaces import load_interface
+from onebot_description.timing.throttled import Throttled
+from onebot_description.timing.wake_detector import boot_time
 
 _IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
 _OLD = "it may be from before this process woke from a stop; send it again"

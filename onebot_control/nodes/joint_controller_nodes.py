@@ -14,7 +14,7 @@ from onebot_control.joint_controllers import (
     TrajectoryController,
 )
 from onebot_control.nodes.commands import CommandLock
-from onebot_control.nodes.control_loop import LoopSlot
+from onebot_control.runtime.control_loop import LoopSlot
 
 if TYPE_CHECKING:
     from onebot_control.nodes.controller_node import ControllerNode

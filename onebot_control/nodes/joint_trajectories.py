@@ -26,11 +26,13 @@ from onebot_control.trajectories.tolerances import (
 )
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError, first_of
-from onebot_description.ros.parameters.reader import declare, defaults
+from onebot_description.parameters.reader import defaults
+from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.topic_qos import DEPTH, make_qos
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
+from onebot_description.timing import NS_PER_S
 
 # As joint_trajectory_controller's SystemDefaultsQoS with Fast DDS: the state is latched.
 _LATCHED = make_qos(DEPTH, reliable=True, latched=True)

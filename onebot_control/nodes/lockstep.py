@@ -33,12 +33,12 @@ from onebot_control.controlled_robot import Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.callback_watch import CallbackWatch
-from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
-from onebot_control.nodes.pacing import wake_exactly
-from onebot_control.nodes.sensing import Sensing
 from onebot_control.nodes.stepped_executor import SteppedExecutor, is_alive
 from onebot_control.nodes.world_interface import WorldInterface
+from onebot_control.runtime.control_loop import ControlLoop
+from onebot_control.runtime.pacing import wake_exactly
+from onebot_control.runtime.sensing import Sensing
 from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, alike, listing
@@ -46,9 +46,9 @@ from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
 from onebot_description.ros.run_node import ros_errors
 from onebot_description.ros.topic_qos import is_transient_local
-from onebot_description.ros.wake_detector import WakeDetector
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.definition import type_name
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.wake_detector import WakeDetector
 
 T = TypeVar("T")
 RCLError = rclpy_implementation.RCLError

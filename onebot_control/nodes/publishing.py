@@ -19,18 +19,17 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.drive.odometry import fill_diagonal
 from onebot_control.fleet import Divider
-from onebot_control.nodes.frames import Frames
 from onebot_control.physics import SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
+from onebot_control.runtime.frames import Frames
 from onebot_description.description import Description
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.messages import time_message, transforms_message
+from onebot_description.ros.wire.messages import fill_diagonal, time_message, transforms_message
+from onebot_description.timing import NS_PER_S
 
 _KEPT = 200  # number of published true transforms that are remembered
 _TWO_CLOCKS = (

@@ -12,27 +12,23 @@ from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
-from onebot_control.nodes.control_loop import ControlLoop, LoopSlot
 from onebot_control.nodes.control_parameters import ControlParameters
-from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
-from onebot_control.nodes.sensing import Channel, Sensing
 from onebot_control.nodes.step_topics import StepTopics
+from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
+from onebot_control.runtime.frames import Frames
+from onebot_control.runtime.sensing import Channel, Sensing
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
-from onebot_description.ros.parameters.reader import (
-    ConfigError,
-    Problem,
-    follow_changes,
-    refuse_undeclared,
-)
-from onebot_description.ros.throttled import Throttled
+from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
+from onebot_description.timing.throttled import Throttled
 
 
 class SharedWorld(Protocol):

@@ -8,8 +8,8 @@ from rclpy.publisher import Publisher
 
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
-from onebot_control.nodes.sensing import Channel
 from onebot_control.nodes.sensor_messages import MESSAGES, SensorPublisher
+from onebot_control.runtime.sensing import Channel
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_control.sensing.sensors import INSTRUMENTS
 from onebot_description.description import Description

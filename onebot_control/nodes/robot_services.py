@@ -9,11 +9,11 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from onebot_control.controlled_robot import ControlledRobot
-from onebot_control.nodes.control_loop import LoopSlot
+from onebot_control.runtime.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, yaw_of
-from onebot_description.ros.throttled import Warn
 from onebot_description.ros.topic_qos import DEPTH
+from onebot_description.timing.throttled import Warn
 
 _FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
 

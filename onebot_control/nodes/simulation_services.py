@@ -5,8 +5,8 @@ from typing import Any
 
 from rclpy.node import Node
 
-from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.spinning import NodeThread
+from onebot_control.runtime.control_loop import ControlLoop
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import load_interface
 

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 
 class StepTopics:

@@ -10,18 +10,18 @@ from rclpy.parameter import Parameter
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet, located
-from onebot_control.nodes.control_loop import ControlLoop
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
-from onebot_control.nodes.frames import Frames, check_frames
 from onebot_control.nodes.publishing import ScenePublisher
 from onebot_control.nodes.real_time_factor import PaceReports
 from onebot_control.nodes.robot_interface import RobotInterface
-from onebot_control.nodes.sensing import Sensing, SensingThread
 from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
+from onebot_control.runtime.control_loop import ControlLoop
+from onebot_control.runtime.frames import Frames, check_frames
+from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable

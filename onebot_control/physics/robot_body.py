@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
-from onebot_control.drive.speed_limiter import clamp
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose
@@ -19,6 +18,7 @@ from onebot_description.geometry.poses import (
     Quaternion,
     Transform,
     Triple,
+    clamp,
     conjugate,
     cross,
     rotate,

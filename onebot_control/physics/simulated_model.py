@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.speed_limiter import clamp
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
@@ -38,7 +37,7 @@ from onebot_description.elements.urdf import (
 )
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
-from onebot_description.geometry.poses import about, total
+from onebot_description.geometry.poses import about, clamp, total
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
 _GRAVITY = 9.81  # m/s^2

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_description.ros.parameters.arguments import checked
+from onebot_description.parameters.arguments import checked
 
 
 @dataclass(frozen=True)

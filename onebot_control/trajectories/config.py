@@ -9,13 +9,7 @@ from typing import Any
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_description.errors import unknown_names
-from onebot_description.ros.parameters.reader import (
-    Problem,
-    group,
-    parameter,
-    read,
-    unknown_parameters,
-)
+from onebot_description.parameters.reader import Problem, group, parameter, read, unknown_parameters
 
 _INTERFACES = ("position", "velocity", "acceleration", "effort")
 _NO_FEEDBACK = "of position interfaces there is no feedback"

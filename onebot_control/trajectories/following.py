@@ -20,7 +20,6 @@ from functools import partial
 from operator import add, sub
 from typing import NamedTuple
 
-from onebot_control.drive.speed_limiter import clamp
 from onebot_control.trajectories.arrival import Arrival
 from onebot_control.trajectories.config import MOST_SCALING, JointConstraint, TrajectoryConfig
 from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
@@ -39,7 +38,8 @@ from onebot_control.trajectories.trajectory import (
     standstill,
 )
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.geometry.poses import clamp
+from onebot_description.timing import NS_PER_S
 
 SUCCESSFUL = 0
 INVALID_GOAL = -1

@@ -12,12 +12,12 @@ Example:
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from onebot_control.drive.speed_limiter import clamp
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.goal import FollowedJoint, field_problems
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.ros.parameters.reader import REQUIRED, parameter
+from onebot_description.geometry.poses import clamp
+from onebot_description.parameters.reader import REQUIRED, parameter
 
 
 @dataclass(frozen=True)

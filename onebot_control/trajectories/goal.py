@@ -10,8 +10,8 @@ from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.tolerances import FLOAT_EPSILON
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import printable, unknown_names
-from onebot_description.ros.parameters.values import LARGEST
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.parameters.values import LARGEST
+from onebot_description.timing import NS_PER_S
 
 _ROUNDING = 1e-6  # rad or m; rounding a limit to a float32 may move it this far beyond itself
 

@@ -29,8 +29,8 @@ from onebot_control.trajectories.following import (
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.ros.parameters.reader import REQUIRED, parameter
-from onebot_description.ros.parameters.values import LARGEST
+from onebot_description.parameters.reader import REQUIRED, parameter
+from onebot_description.parameters.values import LARGEST
 
 _AT_ONCE = "the motor has them without"
 

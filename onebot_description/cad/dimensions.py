@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.parameters.files import Parameters, read_map, read_text
-from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.parameters.files import Parameters, read_map, read_text
+from onebot_description.parameters.values import Rule, ValueType
 
 _COUNTS = ("wheel.spokes", "wheel.tread_blocks")
 _NUMBER, _NUMBERS = ValueType(float), ValueType(float, many=True, length=3)

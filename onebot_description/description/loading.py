@@ -40,8 +40,8 @@ from onebot_description.errors import (
     printable,
     shortened,
 )
-from onebot_description.ros.parameters.arguments import checked
-from onebot_description.ros.parameters.values import Rule
+from onebot_description.parameters.arguments import checked
+from onebot_description.parameters.values import Rule
 
 # Environment variable: a folder with file and line of the elements of each URDF. A bringup reads
 # the files, while its nodes get only the text, but should name these places in messages.

@@ -45,6 +45,12 @@ def total(numbers: Iterable[float]) -> float:
     return reduce(operator.add, numbers, 0.0)
 
 
+def clamp(value: float, lower: float, upper: float) -> float:
+    """Return the number within the bounds that is nearest to ``value``."""
+    # Comparisons: min() and max() would take twice as long.
+    return lower if value < lower else upper if value > upper else value
+
+
 # Rotations --------------------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ from onebot_description.joints.motions import (
     Motion,
     Sine,
 )
-from onebot_description.ros.parameters.reader import REQUIRED, Problem, parameter, read
+from onebot_description.parameters.reader import REQUIRED, Problem, parameter, read
 
 Poses = Mapping[str, Mapping[str, float]]
 

@@ -14,7 +14,7 @@ from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
 from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import JointLimits
-from onebot_description.ros.parameters.reader import Problem
+from onebot_description.parameters.reader import Problem
 
 _Mimics = dict[str, Mimic]  # keys: the joints that follow
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import MOVING_KINDS, Joint
-from onebot_description.ros.parameters.reader import Problem
+from onebot_description.parameters.reader import Problem
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from onebot_description.joints.motions import (
     Motion,
     Sine,
 )
-from onebot_description.ros.parameters.reader import Problem
+from onebot_description.parameters.reader import Problem
 
 _SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # parts of the limits that a swing uses
 _FREE_SWING = math.pi / 2  # rad or m, without limits

@@ -20,8 +20,8 @@ from onebot_description.joints.motions import (
     Motion,
 )
 from onebot_description.joints.plan import Plan, make_plan
-from onebot_description.ros.parameters.reader import ConfigError, Problem
-from onebot_description.ros.parameters.values import LARGEST
+from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import LARGEST
 
 # A step this much over the limit is rounding; allowing it keeps followers exact.
 _ROUNDING = 1e-9

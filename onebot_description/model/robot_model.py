@@ -26,8 +26,8 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import zero_position
-from onebot_description.ros.parameters.arguments import checked_methods
-from onebot_description.ros.parameters.values import Rule
+from onebot_description.parameters.arguments import checked_methods
+from onebot_description.parameters.values import Rule
 
 _POSE = 7  # numbers in a transform: translation x y z, rotation x y z w
 _Positions = Annotated[

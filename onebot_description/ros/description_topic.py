@@ -8,11 +8,11 @@ from std_msgs.msg import String
 
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import ConfigError
 from onebot_description.ros.node_graph import OnlyPublisher
-from onebot_description.ros.parameters.reader import ConfigError
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.timing.throttled import Throttled
 
 GOES_ON = "the robot goes on as before"
 """What an error adds about a change that is refused."""

@@ -6,7 +6,7 @@ DDS may deliver messages that waited while the process was stopped, at any time 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 _STEADY_NS = NS_PER_S // 10  # transit times of one sender differ by less
 # A sender's clock is known from so many messages over this time.

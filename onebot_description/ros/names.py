@@ -1,13 +1,6 @@
 """Names of the ROS graph."""
 
-import re
 from typing import Any
-
-NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-"""A namespace without slashes, as that of a robot among several."""
-
-NAMESPACE_WANTED = "letters, digits and _, not beginning with a digit"
-"""What to write for one."""
 
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for one
 

@@ -27,12 +27,12 @@ from rclpy.task import Future
 
 from onebot_description.elements.packages import cache_folder, use_environment_prefix
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import help_text
 from onebot_description.ros.command_line import RosArguments, ros_arguments
 from onebot_description.ros.discovery import configure_discovery
-from onebot_description.ros.parameters.reader import help_text
 from onebot_description.ros.signals import StopSignals
 from onebot_description.ros.steady_timer import steady_timer
-from onebot_description.ros.wake_detector import WAKE
+from onebot_description.timing.wake_detector import WAKE
 
 P = ParamSpec("P")
 MakeNode = Callable[[], Node | Sequence[Node]]

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from onebot_description.ros.throttled import Throttled
-from onebot_description.ros.wire.cdr import HEADER, NS_PER_S, SYSTEM_TIME_NS, stamp_at
+from onebot_description.ros.wire.cdr import HEADER, SYSTEM_TIME_NS, stamp_at
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.throttled import Throttled
 
 # Time between two samples; a check between them costs a tenth of a microsecond.
 _PERIOD_NS = NS_PER_S

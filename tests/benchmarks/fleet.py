@@ -15,7 +15,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.timing import NS_PER_S
 from tests.benchmarks.measuring import WrongAnswer, bringup, command, median, rss_mb
 from tests.benchmarks.report import Report, Result
 from tests.ros_support import Peer

@@ -14,8 +14,8 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from onebot_description.ros.discovery import configure_discovery
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.timing import NS_PER_S
 from tests.benchmarks.chains import Chain, Floats
 from tests.benchmarks.measuring import WrongAnswer, cpu_ns, median
 from tests.ros_support import NodeProcess

@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from onebot_control import velocity_controller
 from onebot_control.nodes import control_loop
-from onebot_control.nodes.pacing import Pacer, wake_exactly
+from onebot_control.runtime.pacing import Pacer, wake_exactly
 from onebot_description.ros.run_node import run_node
 
 _PERIOD = 0.01  # s, as the controller's

@@ -30,8 +30,8 @@ from onebot_bringup.viewer.core.inbox import DESCRIPTION
 from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_bringup.viewer.display_server import Recording, open_recording
 from onebot_bringup.viewer.robot_view import RobotView
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.messages import transforms_message
+from onebot_description.timing import NS_PER_S
 from tests.benchmarks.cases import CASES, FIXED, SENSOR, STAMP, Arrays, Case, Drawn
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over
 from tests.benchmarks.report import Report, Result

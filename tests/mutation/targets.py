@@ -36,8 +36,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "onebot_control/fleet.py": _control("fleet", "control_loop"),
     "onebot_control/frame_names.py": _control("frame_names"),
-    "onebot_control/nodes/control_loop.py": _control("control_loop"),
-    "onebot_control/nodes/pacing.py": _control("pacing"),
+    "onebot_control/runtime/control_loop.py": _control("control_loop"),
+    "onebot_control/runtime/pacing.py": _control("pacing"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
     "onebot_control/drive/parameters.py": (
@@ -68,11 +68,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_description/geometry/quaternions.py": _description("quaternions"),
     "onebot_description/model/rigid_bodies.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_description/model/robot_model.py": _description("robot_model"),
-    "onebot_description/ros/parameters/reader.py": (
+    "onebot_description/parameters/reader.py": (
         *_description(*_READER),
         "tests/test_readme_tables.py",
     ),
-    "onebot_description/ros/parameters/values.py": _description(*_READER, "discovery"),
+    "onebot_description/parameters/values.py": _description(*_READER, "discovery"),
     "onebot_bringup/launch/arguments.py": _tests(
         "onebot_bringup", "launcher_arguments", "robots", "bringup_nodes"
     ),

@@ -45,7 +45,7 @@ from onebot_control.drive.parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
-from onebot_description.ros.parameters.reader import leaves
+from onebot_description.parameters.reader import leaves
 from tests.readme_tables import PARAMETERS
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter

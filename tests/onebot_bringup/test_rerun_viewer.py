@@ -25,7 +25,8 @@ from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError, declare, read
+from onebot_description.parameters.reader import ConfigError, read
+from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, VIEW, viewer_node

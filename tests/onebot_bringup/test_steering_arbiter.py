@@ -18,7 +18,7 @@ from onebot_bringup.steering.protocol import (
     Stop,
     Velocity,
 )
-from onebot_description.ros.wake_detector import WakeDetector
+from onebot_description.timing.wake_detector import WakeDetector
 
 FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 LOCK, UNLOCK = (True, Parts.ALL), (False, Parts.ALL)

@@ -13,7 +13,7 @@ from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.displays.curves import CurvesDisplay
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,

@@ -18,7 +18,7 @@ from onebot_bringup.viewer.view_config import (
 )
 from onebot_bringup.viewer.view_source import ViewSource
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.reader import ConfigError, replaced, values_of
+from onebot_description.parameters.reader import ConfigError, replaced, values_of
 
 TEXT = """# how I look at it
 collision: false   # shapes

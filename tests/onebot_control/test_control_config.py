@@ -7,7 +7,7 @@ import pytest
 from onebot_control.drive.odometry import DiffDriveKinematics
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.geometry import WheelGeometry
-from onebot_description.ros.parameters.reader import ConfigError, defaults, leaves
+from onebot_description.parameters.reader import ConfigError, defaults, leaves
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)

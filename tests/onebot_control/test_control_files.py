@@ -27,9 +27,9 @@ from onebot_control.joint_controllers import (
 )
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.files import Parameters, read_sections
+from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.parameters.files import Parameters, read_sections
-from onebot_description.ros.parameters.reader import ConfigError, Problem
 from tests.ros_support import ros_args
 
 GOOD = """\

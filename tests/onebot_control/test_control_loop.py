@@ -9,14 +9,14 @@ import pytest
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider, Fleet
-from onebot_control.nodes.control_loop import (
+from onebot_control.physics import World
+from onebot_control.runtime.control_loop import (
     ControlLoop,
     LoopSlot,
 )
-from onebot_control.nodes.real_time_factor import PaceMeter
-from onebot_control.physics import World
+from onebot_control.runtime.pace_meter import PaceMeter
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wake_detector import WakeDetector
+from onebot_description.timing.wake_detector import WakeDetector
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive
 from tests.support import PATIENCE, wait_for
 

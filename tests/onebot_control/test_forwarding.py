@@ -7,7 +7,7 @@ import pytest
 from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.ros.parameters.reader import ConfigError, read
+from onebot_description.parameters.reader import ConfigError, read
 
 JOINTS = (FollowedJoint("elbow", lower=-1.0, upper=2.0), FollowedJoint("wrist", continuous=True))
 

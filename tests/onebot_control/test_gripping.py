@@ -14,7 +14,7 @@ from onebot_control.trajectories.following import (
 from onebot_control.trajectories.goal import FollowedJoint
 from onebot_control.trajectories.gripping import GripperConfig, GripperFollower, GripperGoal
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.ros.parameters.reader import read
+from onebot_description.parameters.reader import read
 
 PERIOD = 0.01  # s
 OPEN = 0.05  # m; closed is 0

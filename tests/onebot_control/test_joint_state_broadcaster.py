@@ -8,7 +8,7 @@ import pytest
 from onebot_control.controlled_robot import JointStateBroadcaster
 from onebot_control.drive.parameters import BroadcasterConfig
 from onebot_control.physics import JointStates
-from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError
 
 JOINTS = ("a", "b", "c")
 STATES = JointStates(

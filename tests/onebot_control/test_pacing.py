@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.nodes.pacing import Pacer, SystemStamps, wake_exactly
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_control.runtime.pacing import Pacer, SystemStamps, wake_exactly
+from onebot_description.timing import NS_PER_S
 
 
 class Machine:

@@ -16,13 +16,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.nodes.frames import Frames
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
+from onebot_control.runtime.frames import Frames
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.timing import NS_PER_S
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
 from tests.onebot_control.test_scene import part
 from tests.ros_support import Peer

@@ -17,8 +17,8 @@ from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.diff_drive import WheelCommand
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.nodes.sensing import Channel, Sensing, SensingThread
 from onebot_control.physics import JointStates, MassVelocity, Pose
+from onebot_control.runtime.sensing import Channel, Sensing, SensingThread
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
 from onebot_control.sensing.rays import cast
 from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
@@ -584,7 +584,7 @@ EYE = Camera(1.0, 8, 6, 0.1, 9.0, 0.1, 9.0)
 
 def test_what_is_too_slow_is_dropped_the_newest_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop never waits; what the sensor reaches is a warning."""
-    monkeypatch.setattr("onebot_control.nodes.sensing._WINDOW", 16)
+    monkeypatch.setattr("onebot_control.runtime.sensing._WINDOW", 16)
     outlet = Subscriber("scan", waiting=True)
     with sensing_of(SLOW, slow=outlet) as (cycle, (channel,), warnings):
         for tick in range(40):

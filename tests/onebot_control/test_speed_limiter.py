@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
-from onebot_description.ros.parameters.reader import ConfigError, read
+from onebot_description.parameters.reader import ConfigError, read
 
 OLDER = (
     "min_acceleration",

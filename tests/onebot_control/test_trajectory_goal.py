@@ -23,7 +23,7 @@ from onebot_control.trajectories.tolerances import (
     tolerance_problems,
 )
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError
 
 SHOULDER, ELBOW = FollowedJoint("shoulder", True), FollowedJoint("elbow", False, -1.5, 2.5)
 NAMES = ("shoulder", "elbow")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from onebot_description.errors import OneBotError
-from onebot_description.ros.parameters.arguments import ArgumentError, checked, checked_methods
-from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.parameters.arguments import ArgumentError, checked, checked_methods
+from onebot_description.parameters.values import Rule, ValueType
 
 
 @checked

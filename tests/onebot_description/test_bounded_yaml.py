@@ -17,9 +17,9 @@ from onebot_control.drive.parameters import ControlConfig
 from onebot_description.cad.dimensions import read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
-from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.parameters.files import read_files, read_map, read_parameters
-from onebot_description.ros.parameters.reader import ConfigError, read
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.files import read_files, read_map, read_parameters
+from onebot_description.parameters.reader import ConfigError, read
 from tests.readme import CHECKOUT
 
 NESTED = "".join(f"{' ' * level}a:\n" for level in range(3000))

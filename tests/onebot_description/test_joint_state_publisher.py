@@ -17,7 +17,8 @@ from onebot_description import description_files
 from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.ros.command_line import ros_arguments
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.timing import NS_PER_S
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args, spin_until
 from tests.support import PATIENCE, wait_for
 

@@ -6,7 +6,7 @@ import pytest
 
 from onebot_description.joints.config import Dependent, JointsConfig
 from onebot_description.joints.motions import Keyframes, Sine
-from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError
 
 
 def refused(parameters: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
-from onebot_description.ros.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError
 from tests.onebot_description.joints_support import (
     configure,
     constant,

@@ -3,7 +3,7 @@
 import pytest
 
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 _NOW = 1_700_000_000 * NS_PER_S
 _MS = NS_PER_S // 1000

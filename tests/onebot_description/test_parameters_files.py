@@ -8,7 +8,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from onebot_description.joints.config import JointsConfig
-from onebot_description.ros.parameters.files import (
+from onebot_description.parameters.files import (
     LiveParameters,
     plain_value,
     read_files,
@@ -16,8 +16,8 @@ from onebot_description.ros.parameters.files import (
     read_parameters,
     section_matches,
 )
-from onebot_description.ros.parameters.reader import ConfigError, defaults
-from onebot_description.ros.parameters.values import plain
+from onebot_description.parameters.reader import ConfigError, defaults
+from onebot_description.parameters.values import plain
 
 NODE, LIVE_NODE = "/ns/jsp", "/jsp"
 FILE = """\

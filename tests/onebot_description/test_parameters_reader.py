@@ -12,24 +12,26 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters.reader import (
     REQUIRED,
     ConfigError,
     Problem,
     as_map,
-    declare,
     defaults,
-    descriptor,
     group,
     help_text,
     is_parameter,
     parameter,
     read,
-    refuse_undeclared,
     replaced,
-    ros_parameter,
     unknown_parameters,
     values_of,
+)
+from onebot_description.ros.node_parameters import (
+    declare,
+    descriptor,
+    refuse_undeclared,
+    ros_parameter,
 )
 from tests.ros_support import ros_args
 

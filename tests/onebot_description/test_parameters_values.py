@@ -1,4 +1,4 @@
-"""onebot_description.ros.parameters.values: the edges of each rule, and the words for it."""
+"""onebot_description.parameters.values: the edges of each rule, and the words for it."""
 
 import math
 import re
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from onebot_description.ros.parameters.values import (
+from onebot_description.parameters.values import (
     LARGEST,
     Rule,
     ValueType,

@@ -15,8 +15,8 @@ from std_msgs.msg import String
 from onebot_description.ros.command_line import ros_arguments
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.run_node import MissedMessages, use_writable_log_folder
-from onebot_description.ros.throttled import Throttled
 from onebot_description.ros.topic_qos import LATCHED
+from onebot_description.timing.throttled import Throttled
 from tests.ros_support import Peer
 from tests.support import PATIENCE, lines_of_ours
 

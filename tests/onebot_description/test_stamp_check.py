@@ -14,9 +14,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from onebot_description.ros.stamp_check import StampCheck
-from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, NS_PER_S, stamp_at
+from onebot_description.ros.wire.cdr import ENCAPSULATION, HEADER, stamp_at
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message
+from onebot_description.timing import NS_PER_S
 from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 

@@ -2,7 +2,7 @@
 
 import math
 
-from onebot_description.ros.wake_detector import WakeDetector
+from onebot_description.timing.wake_detector import WakeDetector
 
 
 def test_a_process_that_did_not_run_has_woken() -> None:

@@ -35,7 +35,7 @@ from onebot_bringup.viewer.core.rerun_limits import is_old
 from onebot_bringup.viewer.core.settings import Color, one_of, setting
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_description.arrays import Floats
-from onebot_description.ros.parameters.reader import OwnClass
+from onebot_description.parameters.reader import OwnClass
 
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")

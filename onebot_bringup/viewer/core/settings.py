@@ -1,6 +1,6 @@
 """Rules for the values of a view's settings, shared by several displays.
 
-A setting is a parameter (see ``onebot_description.ros.parameters.reader``): an entry of a view file
+A setting is a parameter (see ``onebot_description.parameters.reader``): an entry of a view file
 and a ROS parameter of the viewer, such as ``axes.visible``.
 """
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_description.ros.parameters.reader import parameter
+from onebot_description.parameters.reader import parameter
 
 Color = tuple[int, int, int]
 Rules = Mapping[str, Any]  # keyword arguments of ``parameter``

@@ -24,7 +24,7 @@ from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM
 from onebot_bringup.viewer.core.settings import Color, color, one_of, setting, topic
 from onebot_bringup.viewer.displays.odometry import ODOMETRY
 from onebot_description.errors import OneBotError, shortened
-from onebot_description.ros.parameters.reader import REQUIRED
+from onebot_description.parameters.reader import REQUIRED
 
 S = TypeVar("S")
 C = TypeVar("C", bound="SpeedsSettings | CurvesSettings")

@@ -48,7 +48,7 @@ from onebot_description.geometry.quaternions import (
     normalized,
     rotate,
 )
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 _NEVER = np.iinfo(np.int64).max  # the end of an infinite lifetime

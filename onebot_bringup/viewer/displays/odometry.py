@@ -29,7 +29,7 @@ from onebot_bringup.viewer.displays.pose import (
     outlines,
 )
 from onebot_description.arrays import Floats
-from onebot_description.ros.parameters.reader import REQUIRED
+from onebot_description.parameters.reader import REQUIRED
 
 ODOMETRY = known_type("nav_msgs/msg/Odometry")
 M = TypeVar("M", bound=Mapping[str, Any])

@@ -20,7 +20,7 @@ from onebot_bringup.viewer.core.rerun_limits import LARGEST, SELDOM, drawable, i
 from onebot_bringup.viewer.core.settings import Color, color, fraction, setting, signed
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import to_matrix
-from onebot_description.ros.parameters.reader import parameter
+from onebot_description.parameters.reader import parameter
 
 # --- paths ----------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body, rigid_frames
-from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import ConfigError, Problem
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
 _STEPS = 200  # fixed-point iterations; four equal loads need one

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from onebot_description.elements.frames import Frames
 from onebot_description.elements.reading import Element, Findings, number_fault
 from onebot_description.geometry.poses import Origin
-from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.parameters.values import Rule, ValueType
 
 Value = tuple[str, float | None, Rule]
 """A value's element, its default (None if it has to be there), and its rule; see ``number``."""

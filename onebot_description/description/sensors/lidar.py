@@ -15,7 +15,7 @@ from onebot_description.description.sensors.kind import Kind, Substitute, joined
 from onebot_description.description.sensors.noise import Noise, read_noise
 from onebot_description.elements.reading import Element
 from onebot_description.elements.sensor import SensorModel
-from onebot_description.ros.parameters.values import Rule
+from onebot_description.parameters.values import Rule
 
 RADIATIONS = ("ultrasound", "infrared")  # ordered like the constants of sensor_msgs/msg/Range
 

@@ -18,7 +18,7 @@ from onebot_description.elements.reading import Element, Findings
 from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.elements.urdf import Joint
 from onebot_description.errors import did_you_mean
-from onebot_description.ros.parameters.values import Rule, ValueType
+from onebot_description.parameters.values import Rule, ValueType
 
 _RATE = Rule(at_least=0.0, at_most=1000.0)
 _FRAMES = ("gz_frame_id", "ignition_frame_id", "frame_id", "frame_name", "frameName")

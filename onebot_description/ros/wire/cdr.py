@@ -14,7 +14,8 @@ import struct
 from collections.abc import Sequence
 from typing import Protocol
 
-NS_PER_S = 1_000_000_000  # nanoseconds in a second
+from onebot_description.timing import NS_PER_S
+
 SYSTEM_TIME_NS = 10**18  # the year 2001: stamps of simulated time are less
 
 ENCAPSULATION = b"\x00\x01\x00\x00"

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_description.arrays import Floats
-from onebot_description.ros.wire.cdr import NS_PER_S, nanoseconds
+from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interface_text import full_definition
 from onebot_description.ros.wire.schema import Schema
+from onebot_description.timing import NS_PER_S
 
 BAD_MESSAGE = (ValueError, IndexError)  # raised for bytes that are no such message
 

@@ -9,8 +9,8 @@ from rclpy import serialization
 from std_msgs.msg import Header
 
 from onebot_description.arrays import Floats
-from onebot_description.ros.wire.cdr import NS_PER_S
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.timing import NS_PER_S
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:
@@ -51,3 +51,8 @@ def transforms_message(
             )
         ]
     )
+
+
+def fill_diagonal(covariance: Floats, variances: Sequence[float]) -> None:
+    """Write the variances of x, y, z, roll, pitch and yaw into a message's covariance, (36,)."""
+    covariance[::7] = variances

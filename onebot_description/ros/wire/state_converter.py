@@ -26,13 +26,7 @@ from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
 from onebot_description.errors import listing
 from onebot_description.model import RobotModel
-from onebot_description.ros.wire.cdr import (
-    DOUBLES_PER_TRANSFORM,
-    NS_PER_S,
-    STAMP,
-    WireError,
-    Writer,
-)
+from onebot_description.ros.wire.cdr import DOUBLES_PER_TRANSFORM, STAMP, WireError, Writer
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.message_arrays import (
     LARGEST_KEPT,
@@ -40,6 +34,7 @@ from onebot_description.ros.wire.message_arrays import (
     one_joint_state,
 )
 from onebot_description.ros.wire.messages import time_message, transforms_message
+from onebot_description.timing import NS_PER_S
 
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]

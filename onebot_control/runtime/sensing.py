@@ -1,23 +1,36 @@
 """Measures when a sensor is due and somebody subscribes to it, at once or in a thread."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Protocol
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
-from onebot_control.nodes.sensor_messages import SensorPublisher
 from onebot_control.sensing.instrument import Frame, Instrument
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_description.geometry.poses import Transform
-from onebot_description.ros.throttled import Throttled
+from onebot_description.timing.throttled import Throttled
 
 _REPORT = 60.0  # s between reports of dropped measurements
 _WINDOW, _LEAST_TIME = 100, 10.0  # due measurements that are judged together; seconds if slow
 _ENOUGH = 0.95  # if a smaller fraction of them is made, it is reported
 _PATIENCE = 10.0  # s to wait for the end of the thread
+
+
+class Outlet(Protocol):
+    """Publishes the measurements of one sensor."""
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """The topic of each output."""
+
+    def wanted(self) -> frozenset[str]:
+        """Return the outputs that somebody subscribes to."""
+
+    def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
+        """Publish a measurement of ``stamp``, ns, by outputs."""
 
 
 class Channel:
@@ -32,7 +45,7 @@ class Channel:
         dropped: number of due measurements that were dropped, although somebody subscribes.
     """
 
-    def __init__(self, instrument: Instrument[Any], outlet: SensorPublisher, cycles: float) -> None:
+    def __init__(self, instrument: Instrument[Any], outlet: Outlet, cycles: float) -> None:
         """Measure at the instrument's rate; there are ``cycles`` control cycles per second."""
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)

@@ -19,6 +19,12 @@ LARGEST = 1e60
 INT64 = range(-(2**63), 2**63)
 """The integers that a parameter may have."""
 
+NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+"""A namespace without slashes, as that of a robot among several."""
+
+NAMESPACE_WANTED = "letters, digits and _, not beginning with a digit"
+"""What to write for a namespace."""
+
 _SINGULAR = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
 _PLURAL = {float: "numbers", int: "integers", bool: "booleans", str: "strings"}
 _NAMES = {float: "double", int: "int", bool: "bool", str: "string"}

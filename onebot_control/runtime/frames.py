@@ -6,7 +6,7 @@ from typing import NamedTuple
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
 from onebot_description.description import Description
-from onebot_description.ros.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import ConfigError, Problem
 
 
 class Frames(NamedTuple):

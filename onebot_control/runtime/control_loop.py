@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
-from onebot_control.nodes.pacing import Pacer, SystemStamps, wake_exactly
-from onebot_control.nodes.real_time_factor import PaceMeter
+from onebot_control.runtime.pace_meter import PaceMeter
+from onebot_control.runtime.pacing import Pacer, SystemStamps, wake_exactly
 from onebot_description.errors import OneBotError
-from onebot_description.ros.wake_detector import WAKE, WakeDetector
+from onebot_description.timing.wake_detector import WAKE, WakeDetector
 
 T = TypeVar("T")
 

@@ -17,23 +17,16 @@ the user chooses (``motions.elbow.position`` if X is a dataclass, or ``zeros.elb
 descriptions, ranges and read-only flags.
 """
 
-import contextlib
 import dataclasses
 import functools
-import sys
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.parameters.values import Rule, ValueType, plain, shown, yaml_text
-
-if TYPE_CHECKING:
-    from rcl_interfaces.msg import ParameterDescriptor
-    from rclpy.node import Node
-    from rclpy.parameter import Parameter
+from onebot_description.parameters.values import Rule, ValueType, shown, yaml_text
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -191,7 +184,7 @@ class Leaf(NamedTuple):
         """The default as YAML has it; "required" if there is none."""
         if self.default is REQUIRED:
             return "required"
-        return yaml_text(_as_ros(self.type, self.default))
+        return yaml_text(ros_value(self.type, self.default))
 
 
 def leaves(kind: Any) -> list[Leaf]:
@@ -212,7 +205,8 @@ def _walk(shape: "_Shape", name: str, default: Any = None) -> Iterator[Leaf]:
         yield from _walk(shape.item, f"{name}.<{shape.key}>")
 
 
-def _as_ros(leaf: ValueType, value: Any) -> Any:
+def ros_value(leaf: ValueType, value: Any) -> Any:
+    """Return a value of a field as a ROS parameter has it: lists for tuples."""
     if value is REQUIRED or value is None:
         return [] if leaf.many else None
     return list(value) if leaf.many else value
@@ -257,6 +251,12 @@ def is_parameter(kind: type, name: str) -> bool:
     return bool(name) and not _locate(kind, name)[1]
 
 
+def value_type(kind: type, name: str) -> ValueType | None:
+    """Return the type of the parameter ``name``; None if it is no single parameter."""
+    shape, unknown = _locate(kind, name)
+    return shape if isinstance(shape, ValueType) and not unknown else None
+
+
 def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
     """Return a problem for each of ``names`` that is not a parameter of the dataclass ``kind``.
 
@@ -293,7 +293,7 @@ def defaults(kind: type) -> dict[str, Any]:
     Values are as ROS has them: lists, and an empty one for a list that is not given.
     """
     fixed = (leaf for leaf in leaves(kind) if "<" not in leaf.name)
-    return {leaf.name: _as_ros(leaf.type, leaf.default) for leaf in fixed}
+    return {leaf.name: ros_value(leaf.type, leaf.default) for leaf in fixed}
 
 
 def values_of(config: Any) -> dict[str, Any]:
@@ -311,7 +311,7 @@ def as_map(config: Any) -> dict[str, Any]:
         if value == field.default:
             continue
         if isinstance(field.shape, ValueType):
-            changes[field.name] = _as_ros(field.shape, value)
+            changes[field.name] = ros_value(field.shape, value)
         elif isinstance(field.shape, _Map):
             changes[field.name] = {name: as_map(item) for name, item in value.items()}
         else:
@@ -416,150 +416,6 @@ def _missing(field: _Field, key: str) -> Problem:
 
 def _join(prefix: str, name: str) -> str:
     return ".".join(part for part in (prefix, name) if part)
-
-
-# Parameters of nodes --------------------------------------------------------------------------
-
-
-def declare(
-    node: "Node", kind: type, values: Values | None = None, fixed: Values | None = None
-) -> dict[str, Any]:
-    """Declare every parameter of a dataclass on a node.
-
-    Types are left open, so that ``read`` reports wrong ones with all other problems; an integer for
-    a double is declared as a double.
-
-    Args:
-        node: node to declare them on.
-        kind: the dataclass.
-        values: replace the defaults, and add names that the user chooses; None for one that the
-            command line sets.
-        fixed: override the command line.
-
-    Returns:
-        The values in force, by dotted name.
-    """
-    first = {**defaults(kind), **(values or {}), **(fixed or {})}
-    for name, default in first.items():
-        if not node.has_parameter(name):
-            _declare(node, kind, name, default, ignore_override=name in (fixed or {}))
-    current = {n: plain(node.get_parameter(n).value) for n in first if is_parameter(kind, n)}
-    return {name: value for name, value in current.items() if value is not None}
-
-
-def _declare(node: "Node", kind: type, name: str, default: Any, *, ignore_override: bool) -> None:
-    from rcl_interfaces.msg import ParameterDescriptor
-    from rclpy.exceptions import InvalidParameterValueException
-
-    # rclpy cannot infer the type of an empty list: it is set afterwards, as is a double.
-    first = None if default == [] else default
-    node.declare_parameter(name, first, ParameterDescriptor(dynamic_typing=True), ignore_override)
-    present = node.get_parameter(name)
-    final = _with_double(kind, ros_parameter(name, default) if present.value is None else present)
-    if final.type_ != present.type_:
-        node.set_parameters([final])
-    # Out of range, it is left to ``read`` to report.
-    with contextlib.suppress(InvalidParameterValueException):
-        node.set_descriptor(name, descriptor(kind, name))
-
-
-def _value_type(kind: type, name: str) -> ValueType | None:
-    """Return the type of the parameter ``name``; None if it is no single parameter."""
-    shape, unknown = _locate(kind, name)
-    return shape if isinstance(shape, ValueType) and not unknown else None
-
-
-def _with_double(kind: type, parameter: "Parameter") -> "Parameter":
-    """Return a parameter of the dataclass ``kind``, as a double if it has an integer for one."""
-    value, leaf = plain(parameter.value), _value_type(kind, parameter.name)
-    if leaf and leaf.base is float and value not in (None, []):
-        with contextlib.suppress(ValueError):  # ``read`` reports it
-            return ros_parameter(parameter.name, _as_ros(leaf, leaf.checked(value)))
-    return parameter
-
-
-def set_doubles(node: "Node", kind: type) -> None:
-    """Convert integers that are set for doubles of the dataclass ``kind`` on ``node``."""
-    node.add_pre_set_parameters_callback(lambda given: [_with_double(kind, item) for item in given])
-
-
-def refuse_undeclared(node: "Node", kind: type) -> None:
-    """Refuse to set unknown parameters, with a message that names them and suggests others.
-
-    rclpy would refuse them without naming them. Integers for doubles are set as doubles.
-    """
-    from rclpy.exceptions import ParameterNotDeclaredException
-
-    def check(parameters: list["Parameter"]) -> list["Parameter"]:
-        names = [item.name for item in parameters if not node.has_parameter(item.name)]
-        if names:
-            texts = {problem.key: problem.text for problem in unknown_parameters(kind, names)}
-            error = ParameterNotDeclaredException(names)
-            lines = (f"{name}: {texts.get(name, 'no such parameter')}" for name in names)
-            error.args = ("\n".join(lines),)
-            raise error
-        return [_with_double(kind, item) for item in parameters]
-
-    node.add_pre_set_parameters_callback(check)
-
-
-def follow_changes(
-    node: "Node",
-    check: Callable[[list["Parameter"]], object],
-    apply: Callable[[list["Parameter"]], None],
-) -> None:
-    """Follow changes of a node's parameters.
-
-    Args:
-        node: node that has the parameters.
-        check: called before they are set; raises OneBotError to refuse them, with the reason.
-        apply: called after they were set.
-    """
-    from rcl_interfaces.msg import SetParametersResult
-
-    def validate(parameters: list["Parameter"]) -> SetParametersResult:
-        try:
-            check(parameters)
-        except OneBotError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(validate)
-    node.add_post_set_parameters_callback(apply)
-
-
-def descriptor(kind: type, name: str) -> "ParameterDescriptor":
-    """Return what a node publishes about the parameter ``name`` of the dataclass ``kind``."""
-    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-
-    result = ParameterDescriptor(dynamic_typing=True)
-    leaf = _value_type(kind, name)
-    if leaf is None:
-        return result
-    rule = leaf.rule
-    result.description, result.read_only = rule.description, rule.read_only
-    result.additional_constraints = leaf.wanted()
-    if leaf.many or rule.nan or not rule.range:
-        return result
-    low = rule.at_least if rule.above is None else rule.above
-    bounds = {"from_value": low, "to_value": rule.at_most}
-    ends = {end: leaf.base(value) for end, value in bounds.items() if value is not None}
-    if leaf.base is float:
-        widest = {"from_value": -sys.float_info.max, "to_value": sys.float_info.max}
-        result.floating_point_range = [FloatingPointRange(**{**widest, **ends})]
-    elif leaf.base is int:
-        widest = {"from_value": -(2**63), "to_value": 2**63 - 1, "step": 1}
-        result.integer_range = [IntegerRange(**{**widest, **ends})]
-    return result
-
-
-def ros_parameter(name: str, value: Any) -> "Parameter":
-    """Return a parameter of whichever type ``value`` has; None unsets it."""
-    from rclpy.parameter import Parameter
-
-    if value == []:
-        return Parameter(name, Parameter.Type.STRING_ARRAY, [])
-    return Parameter(name, value=value)
 
 
 # Parameters as a table, for a node's --help and its README -------------------------------------

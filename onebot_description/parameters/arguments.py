@@ -20,8 +20,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
-from onebot_description.ros.parameters.reader import ConfigError, Problem
-from onebot_description.ros.parameters.values import Rule, ValueType, plain, shown
+from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.values import Rule, ValueType, plain, shown
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")

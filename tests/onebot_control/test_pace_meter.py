@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_control.nodes.real_time_factor import Pace, PaceMeter
+from onebot_control.runtime.pace_meter import Pace, PaceMeter
 
 PERIOD = 1 / 64  # s, so that sums are exact
 

@@ -16,15 +16,15 @@ from typing import Any, NoReturn
 import yaml
 
 from onebot_description.errors import listing, shortened
-from onebot_description.ros.parameters import bounded_yaml
-from onebot_description.ros.parameters.reader import (
+from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
     defaults,
     is_parameter,
     unknown_parameters,
 )
-from onebot_description.ros.parameters.values import INT64
+from onebot_description.parameters.values import INT64
 
 _MARK = "ros__parameters"
 _BOOLS = {

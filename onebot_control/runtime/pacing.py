@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from operator import itemgetter
 
-from onebot_description.ros.wire.cdr import NS_PER_S
+from onebot_description.timing import NS_PER_S
 
 # Stamps follow the system clock when it has drifted this far from them, ns.
 _DRIFT = 2_000_000

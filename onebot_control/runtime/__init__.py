@@ -1,0 +1,1 @@
+"""Runs control cycles in real time: pace, due measurements, frames. Without messages or rclpy."""

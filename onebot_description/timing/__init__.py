@@ -1,0 +1,4 @@
+"""Time without ROS: units of stamps, throttled reports, and detecting that a process slept."""
+
+NS_PER_S = 1_000_000_000
+"""Nanoseconds per second: stamps are counted in nanoseconds."""
