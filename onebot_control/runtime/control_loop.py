@@ -117,7 +117,7 @@ class ControlLoop:
 
     def predates_wake(self, sent: float) -> bool:
         """Return whether the process woke from a stop after a time, by ``boot_time``."""
-        return sent < self.wake.check() > self._started
+        return sent < self.wake.certain() > self._started
 
     @property
     def just_woke(self) -> bool:

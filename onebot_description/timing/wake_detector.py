@@ -5,8 +5,12 @@ import time
 from collections.abc import Callable
 
 _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
+# A shorter gap may be a stop as well as an overloaded computer. SIGCONT tells, but other threads
+# may run before the one that handles it.
+_DOUBTFUL_GAP, _SIGNAL_DELAY = 0.15, 0.05  # s
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
 _QUEUED = 0.25  # s after a wake in which what was sent, or typed, before it still arrives
+_POLL = 0.001  # s
 # Unlike the monotonic clock, it includes time in which the computer is suspended.
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
@@ -26,19 +30,32 @@ class WakeDetector:
     def __init__(self, clock: Callable[[], float] = boot_time) -> None:
         self._clock = clock
         self._checked = clock()
-        self.woke = self._resumed = -math.inf
+        self.woke = self._resumed = self._doubt_began = self._doubt_ends = -math.inf
 
     def check(self) -> float:
         """Update and return ``woke``; call it several times a second, from any thread."""
         now = self._clock()
-        if now - self._checked > _LONGEST_GAP:
+        gap = now - self._checked
+        if gap > _LONGEST_GAP:
             self.woke = now
+        elif gap > _DOUBTFUL_GAP:
+            self._doubt_began, self._doubt_ends = self._checked, now + _SIGNAL_DELAY
         self._checked = now
+        return self.woke
+
+    def certain(self) -> float:
+        """Return ``woke`` as ``check``, but wait a moment if a SIGCONT may be about to be handled.
+
+        Call it to decide about a message: it may be handled before the signal that came first.
+        """
+        self.check()
+        while self._clock() < self._doubt_ends and self.woke < self._doubt_began:
+            time.sleep(_POLL)
         return self.woke
 
     def just_woke(self) -> bool:
         """Return whether what arrives now may have been sent before the process woke."""
-        return self.check() > self._clock() - _QUEUED
+        return self.certain() > self._clock() - _QUEUED
 
     def resumed(self) -> None:
         """Note a SIGCONT, which also follows a stop too short for ``check``."""

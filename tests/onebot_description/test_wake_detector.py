@@ -34,6 +34,25 @@ def test_a_stop_soon_after_a_gap_counts() -> None:
     assert wake.woke == now[0]
 
 
+def test_a_message_that_is_handled_before_the_signal_waits_for_it() -> None:
+    """After a gap that may be a short stop; if no signal comes, it was none."""
+    now, signals = [100.0], list[float]()
+
+    def clock() -> float:
+        now[0] += 0.001  # as the computer's, it goes on
+        if signals and now[0] > signals[0]:
+            signals.clear()
+            wake.resumed()
+        return now[0]
+
+    wake = WakeDetector(clock)
+    now[0] += 0.2
+    assert wake.certain() == -math.inf
+    now[0] += 0.2
+    signals.append(signal := now[0] + 0.02)
+    assert 0.0 < wake.certain() - signal < 0.01
+
+
 def test_what_arrives_soon_after_a_wake_may_be_older() -> None:
     now = [100.0]
     wake = WakeDetector(lambda: now[0])
