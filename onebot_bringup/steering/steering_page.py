@@ -133,7 +133,7 @@ class SteeringPage(Node):
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._joints = JointCommands(self, self._on_lock)
-        self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.check)
+        self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.certain)
         self._viewer = Viewer(self, settings.viewer_page, self._on_view)
         self._warn = Throttled(self.get_logger().warning)
         self._timeouts = 0  # number of timeouts logged so far

@@ -239,7 +239,7 @@ class CommandGate:
 
     def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
         self.answered = max(self.answered, command.stamp or 0)
-        if sent < loop.wake.check():
+        if sent < loop.wake.certain():
             refused: str | None = "it was sent before this process woke from a stop"
         elif command.fault:
             self._warn("not finite", f"~/cmd_vel is ignored: not finite: {command.fault}")
