@@ -6,6 +6,7 @@ distance.
 """
 
 import math
+import threading
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -192,5 +193,12 @@ class Obstacles:
             self._footprint = self.robot = None
 
     def _on_description(self, _: str, message: String) -> None:
-        self.robot = robot = described(message.data)
-        self._footprint = Footprint.from_description(robot) if robot is not None else None
+        self.robot, self._footprint = described(message.data), None
+        if self.robot is not None:
+            # Meshes, and the libraries that read them, take seconds; the node has to go on.
+            threading.Thread(target=self._measure, args=(self.robot,), daemon=True).start()
+
+    def _measure(self, robot: Description) -> None:
+        footprint = Footprint.from_description(robot)
+        if self.robot is robot:
+            self._footprint = footprint

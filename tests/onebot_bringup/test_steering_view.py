@@ -223,6 +223,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
 
 def _press_keys_in_the_view(page: Page) -> None:
     page.find("#view iframe").click()
+    wait_for(lambda: "keys-away" in page.find("body").get_attribute("class"), "the keys to be away")
     page.key("keyDown", "KeyW")
     page.key("keyUp", "KeyW")
     page.key("keyDown", "Space")
