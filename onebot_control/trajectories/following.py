@@ -5,7 +5,7 @@ Example:
     >>> from onebot_control.trajectories.following import TrajectoryFollower
     >>> from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal
     >>> from onebot_control.trajectories.trajectory import JointMotion, Waypoint
-    >>> follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), {}, [0.0])
+    >>> follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), [0.0])
     >>> follower.start(TrajectoryGoal(("elbow",), (Waypoint(2.0, (0.5,)),)), token="mine")
     >>> measured = JointMotion((0.0,), (0.0,), ())  # rad, rad/s
     >>> follower.update(measured, now=0, period=0.01)  # once per control cycle
@@ -15,14 +15,23 @@ Example:
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from operator import add, sub
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from onebot_control.trajectories.arrival import Arrival
-from onebot_control.trajectories.config import MOST_SCALING, JointConstraint, TrajectoryConfig
-from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
+from onebot_control.trajectories.config import (
+    MOST_SCALING,
+    JointControllerConfig,
+    TrajectoryConfig,
+)
+from onebot_control.trajectories.goal import (
+    FollowedJoint,
+    MotorLimits,
+    TrajectoryGoal,
+    goal_problems,
+)
 from onebot_control.trajectories.tolerances import (
     TolerancesGiven,
     default_tolerances,
@@ -95,11 +104,13 @@ class TrajectoryFollower(GoalHolder):
         stalled: joints of the last goal that could not get there; see ``Arrival``.
     """
 
+    parameters: ClassVar[type[JointControllerConfig]] = TrajectoryConfig
+    motor_limits: MotorLimits | None = None
+
     def __init__(
         self,
         joints: Sequence[FollowedJoint],
         config: TrajectoryConfig,
-        constraints: Mapping[str, JointConstraint],
         positions: Sequence[float],
     ) -> None:
         """Hold the joints where they are.
@@ -107,15 +118,17 @@ class TrajectoryFollower(GoalHolder):
         Args:
             joints: the joints, with their limits.
             config: the controller's parameters.
-            constraints: tolerances by joint.
             positions: current positions of the joints, rad or m.
+
+        Raises:
+            ConfigError: parameters of single joints are wrong.
         """
         self.stalled: tuple[str, ...] = ()
         # Called in the next update, with measured motion and stamp, to begin a trajectory.
         self._next: Callable[[JointMotion, int], None] | None = None
         self.joints = tuple(joints)
         self.names = tuple(joint.name for joint in joints)
-        self.configure(config, constraints)
+        self.configure(config)
         self._tolerances = self._defaults
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
@@ -123,18 +136,20 @@ class TrajectoryFollower(GoalHolder):
         self._start_stamp: int | None = None  # trajectory start, ns; unknown until its first update
         self.reset(positions)
 
-    def configure(
-        self, config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
-    ) -> None:
-        """Apply changed parameters; new tolerances apply from the next action goal on."""
+    def configure(self, config: TrajectoryConfig) -> None:
+        """Apply changed parameters; new tolerances apply from the next action goal on.
+
+        Raises:
+            ConfigError: parameters of single joints are wrong; then nothing has changed.
+        """
+        constraints = config.joint_constraints(self.names)
         self._config = config
-        own_constraints = [constraints.get(name, JointConstraint()) for name in self.names]
-        self._defaults = default_tolerances(own_constraints, config)
+        self._defaults = default_tolerances(constraints, config)
         self._bounds = [
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        self._decelerations = [joint.max_deceleration_on_cancel for joint in own_constraints]
+        self._decelerations = [joint.max_deceleration_on_cancel for joint in constraints]
 
     @property
     def scaling(self) -> float:

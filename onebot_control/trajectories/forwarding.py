@@ -1,9 +1,9 @@
 """Forwards positions to joints as forward_command_controller does. No ROS here.
 
 Example:
-    >>> from onebot_control.trajectories.forwarding import PositionForwarder
+    >>> from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
     >>> from onebot_control.trajectories.goal import FollowedJoint
-    >>> forwarder = PositionForwarder([FollowedJoint("elbow")], [0.0])
+    >>> forwarder = PositionForwarder([FollowedJoint("elbow")], ForwardConfig(("elbow",)), [0.0])
     >>> forwarder.command([0.5])  # a jump; the motor moves there at its velocity limit
     >>> forwarder.reference(0.0)
     [0.5]
@@ -11,17 +11,19 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import Outcome
-from onebot_control.trajectories.goal import FollowedJoint, field_problems
+from onebot_control.trajectories.goal import FollowedJoint, MotorLimits, field_problems
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.geometry.poses import clamp
 from onebot_description.parameters.reader import REQUIRED, parameter
 
 
 @dataclass(frozen=True)
-class ForwardConfig:
+class ForwardConfig(JointControllerConfig):
     """forward_command_controller's parameters; only positions are commanded."""
 
     joints: tuple[str, ...] = parameter(
@@ -37,6 +39,11 @@ class ForwardConfig:
     update_rate: float = ignored(0.0, IN_EACH_CYCLE, read_only=True)
     is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
 
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The parameter interface_name."""
+        return (self.interface_name,)
+
 
 class PositionForwarder:
     """Holds joints at the last commanded positions, within their limits.
@@ -46,13 +53,26 @@ class PositionForwarder:
         names: the names of these joints.
     """
 
+    parameters: ClassVar[type[JointControllerConfig]] = ForwardConfig
     field = "data"  # the message's field of the positions, for error texts
 
-    def __init__(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> None:
+    def __init__(
+        self, joints: Sequence[FollowedJoint], config: Any, positions: Sequence[float]
+    ) -> None:
         """Hold ``positions``, rad or m."""
         self.joints = tuple(joints)
         self.names = tuple(joint.name for joint in joints)
+        self.configure(config)
         self.command(positions)
+
+    def configure(self, config: Any) -> None:
+        """Apply changed parameters, from the next update on."""
+        self._config = config
+
+    @property
+    def motor_limits(self) -> MotorLimits | None:
+        """Further limits of the joints' motors; None for none."""
+        return None
 
     def problems(self, positions: Sequence[float]) -> list[str]:
         """Return why ``positions``, rad or m, are refused, a line for each reason."""

@@ -14,9 +14,10 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
     PREEMPTED,
@@ -27,7 +28,7 @@ from onebot_control.trajectories.following import (
     Outcome,
 )
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.parameters.reader import REQUIRED, parameter
 from onebot_description.parameters.values import LARGEST
@@ -36,8 +37,10 @@ _AT_ONCE = "the motor has them without"
 
 
 @dataclass(frozen=True)
-class GripperCommandConfig:
+class GripperCommandConfig(JointControllerConfig):
     """gripper_controllers' parameters."""
+
+    joints_parameter = "joint"
 
     joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
     goal_tolerance: float = parameter(
@@ -92,7 +95,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
         stalled: whether the joint stalled on the way to the last goal.
     """
 
+    parameters: ClassVar[type[JointControllerConfig]] = GripperConfig
     field = "command.position"
+    _config: GripperCommandConfig
 
     def __init__(
         self,
@@ -101,24 +106,17 @@ class GripperFollower(GoalHolder, PositionForwarder):
         positions: Sequence[float],
     ) -> None:
         """Hold ``positions``, one value for the one joint, rad or m."""
-        super().__init__(joints, positions)
+        super().__init__(joints, config, positions)
         self.reached = self.stalled = False
         self._goal = GripperGoal(positions)
-        self.configure(config)
-
-    def configure(self, config: GripperCommandConfig) -> None:
-        """Apply changed parameters, from the next update on."""
-        self._config = config
 
     @property
-    def max_effort(self) -> float:
-        """The greatest effort, Nm or N; 0 for that of the joint."""
-        return self._goal.effort or self._config.max_effort
-
-    @property
-    def max_velocity(self) -> float:
-        """The greatest velocity, rad/s or m/s; 0 for that of the joint."""
-        return self._goal.velocity or getattr(self._config, "max_velocity", 0.0)
+    def motor_limits(self) -> MotorLimits:
+        """The limits of the goal, or those of the parameters."""
+        return MotorLimits(
+            self._goal.effort or self._config.max_effort,
+            self._goal.velocity or getattr(self._config, "max_velocity", 0.0),
+        )
 
     def goal_problems(self, goal: GripperGoal) -> list[str]:
         """Return why a goal is refused, a line for each reason."""
@@ -182,3 +180,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
         token, self.active = self.active, None
         detail = f"{self.names[0]}: position {position:.6g}, goal {self._commanded[0]:.6g}"
         return [Outcome(token, code, text, detail)]
+
+
+class GripperCommandFollower(GripperFollower):
+    """The same with the parameters of gripper_controllers, whose action is the older one."""
+
+    parameters: ClassVar[type[JointControllerConfig]] = GripperCommandConfig
