@@ -19,10 +19,9 @@ from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, Ma
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
-    JointFollower,
     named,
 )
-from onebot_control.trajectories.following import TrajectoryFollower
+from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import did_you_mean, listing
 from onebot_description.parameters.files import (

@@ -14,7 +14,6 @@ from onebot_control.drive.parameters import INTERFACES, BroadcasterConfig, Contr
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
 from onebot_control.joint_controllers import (
     JointController,
-    JointFollower,
     named,
 )
 from onebot_control.physics import (
@@ -33,7 +32,7 @@ from onebot_control.physics.simulated_model import (
     simulated_model,
     without_limits,
 )
-from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.following import JointFollower, Outcome, TrajectoryFollower
 from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
@@ -200,7 +199,7 @@ class PreparedRobot(NamedTuple):
         controlled = {arm.name: joints[arm.name] for arm in controllers}
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
         check_interfaces(description, commanded, stands=stands)
-        unlimited = [arm.name for arm in controllers if not arm.config.enforces_limits]
+        unlimited = [arm.name for arm in controllers if not arm.config.enforce_command_limits]
         free = {joint for name in unlimited for joint in controlled[name]}
         description = without_limits(description, free)
         simulated, held, followers, gears, starts = simulated_model(

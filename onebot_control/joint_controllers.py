@@ -1,56 +1,14 @@
 """The kinds of joint controllers, by the types that control files name. No ROS here."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
-from onebot_control.trajectories.config import JointControllerConfig
-from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.gripping import GripperCommandFollower, GripperFollower
-from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.parameters.reader import ConfigError, Problem
-
-
-class JointFollower(Protocol):
-    """Moves the joints of one controller, one control cycle at a time; each kind has a class.
-
-    Attributes:
-        parameters: dataclass of this kind's parameters.
-        joints: the joints, with their limits.
-        names: the names of these joints.
-    """
-
-    parameters: ClassVar[type[JointControllerConfig]]
-    joints: tuple[FollowedJoint, ...]
-    names: tuple[str, ...]
-
-    def __init__(
-        self, joints: Sequence[FollowedJoint], config: Any, positions: Sequence[float]
-    ) -> None:
-        """Hold the joints at ``positions``, rad or m; ``config`` is one of ``parameters``."""
-
-    def configure(self, config: Any) -> None:
-        """Apply changed parameters."""
-
-    @property
-    def motor_limits(self) -> MotorLimits | None:
-        """Further limits of the joints' motors from the last update on; None for none."""
-
-    def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
-        """Run one control cycle; see ``TrajectoryFollower.update``."""
-
-    def reference(self, ahead: float) -> Sequence[float]:
-        """Return the positions to command ``ahead`` seconds after the last update, rad or m."""
-
-    def abort(self, text: str) -> Outcome | None:
-        """Hold the joints; abort an action goal with ``text`` as the reason; return its outcome."""
-
-    def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
-
 
 F = TypeVar("F", bound=JointFollower)
 

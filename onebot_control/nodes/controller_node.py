@@ -7,18 +7,18 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.joint_controllers import JointController, JointFollower, named
+from onebot_control.joint_controllers import JointController, named
 from onebot_control.runtime.control_loop import LoopSlot
-from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
+from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, JointFollower, Outcome
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.parameters.values import plain
 from onebot_description.ros.message_age import Delivery, SenderClock
@@ -38,24 +38,12 @@ _RESULT_KEPT = 10.0000005
 Values = Mapping[str, Any]
 
 
-class GoalFollower(JointFollower, Protocol):
-    """A JointFollower that moves joints to the goals of an action.
-
-    Attributes:
-        active: the handle of the goal; None if there is none.
-    """
-
-    active: Any
-
-    def cancel(self) -> None:
-        """Cancel the goal, and stop."""
-
-
 F = TypeVar("F", bound=JointFollower)
 G = TypeVar("G")  # a goal, as the follower takes it
 
 
-class ControllerPlace(NamedTuple):
+@dataclass(frozen=True)
+class ControllerPlace:
     """Where a joint controller gets its interface.
 
     Attributes:
@@ -65,6 +53,8 @@ class ControllerPlace(NamedTuple):
         refused: returns why commands are refused now; "" if they are not.
         clock: clock of the timers.
         stamp: returns the stamp of the last control cycle, ns.
+        publishers: called in each control cycle, to publish the controller's state.
+        listeners: called in the control thread with how a goal of the controller ended.
     """
 
     node: Node
@@ -73,6 +63,8 @@ class ControllerPlace(NamedTuple):
     refused: Callable[[], str]
     clock: Clock
     stamp: Callable[[], int]
+    publishers: list[Callable[[], None]] = field(default_factory=list)
+    listeners: list[Callable[[Outcome], None]] = field(default_factory=list)
 
 
 class ControllerNode(Generic[F]):
@@ -209,7 +201,7 @@ class _Action(ActionServer):
 class GoalAction(Generic[G]):
     """An action of a controller: its goals move the joints.
 
-    ``start`` and ``finish`` are called in the control thread.
+    ``start`` and ``finish`` run in the control thread.
     """
 
     def __init__(
@@ -218,7 +210,7 @@ class GoalAction(Generic[G]):
         """Offer the action.
 
         Args:
-            own: the controller, whose follower is a GoalFollower.
+            own: the controller.
             kind: type of the action.
             name: name of the action.
             functions: what it does with goals.
@@ -238,6 +230,7 @@ class GoalAction(Generic[G]):
             result_timeout=_RESULT_KEPT,
         )
         rate = own.controller.config.action_monitor_rate
+        own.place.listeners.append(self.finish)
         own.node.create_timer(1.0 / rate, self._monitor, clock=own.place.clock)
 
     def finish(self, outcome: Outcome | Cancelled) -> None:
@@ -246,7 +239,7 @@ class GoalAction(Generic[G]):
         self._functions.fill_result(result, outcome)
         self._ended.append((outcome, result))
 
-    def start(self, follower: GoalFollower, goal: G, handle: Any) -> None:
+    def start(self, follower: JointFollower, goal: G, handle: Any) -> None:
         """Follow a goal that was checked for ``follower``.
 
         Raises:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from std_msgs.msg import Float64MultiArray
 
 from onebot_control.nodes.controller_node import ControllerNode, ControllerPlace
-from onebot_control.trajectories.following import Outcome
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_description.errors import first_of
 
@@ -17,12 +16,6 @@ class ForwardCommands:
         """Subscribe to the topic, and declare parameters."""
         self._own = ControllerNode[PositionForwarder](place)
         self._own.subscribe(Float64MultiArray, "~/commands", self._prepare)
-
-    def publish(self) -> None:
-        """Do nothing: it has no state."""
-
-    def finish(self, outcome: Outcome) -> None:
-        """Do nothing: it has no goals."""
 
     def _prepare(self, message: Float64MultiArray) -> Callable[[], None] | None:
         follower, positions = self._own.follower, list(message.data)

@@ -61,14 +61,7 @@ class GripperActions:
         functions = GoalFunctions(
             action.goal, self._problems, self._follow, self._fill, self._fill_result
         )
-        self._action = GoalAction(self._own, action.kind, "~/gripper_cmd", functions)
-
-    def publish(self) -> None:
-        """Do nothing: only the action has its state."""
-
-    def finish(self, outcome: Outcome) -> None:
-        """Take notice of how a goal ended."""
-        self._action.finish(outcome)
+        GoalAction(self._own, action.kind, "~/gripper_cmd", functions)
 
     def _problems(self, goal: GripperGoal) -> list[str]:
         return self._own.follower.goal_problems(goal)

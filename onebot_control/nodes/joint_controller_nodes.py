@@ -2,30 +2,19 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
+from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.node import Node
 
-from onebot_control.joint_controllers import JointFollower
 from onebot_control.nodes.commands import CommandLock
 from onebot_control.runtime.control_loop import LoopSlot
-from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.gripping import GripperCommandFollower, GripperFollower
 
 
-class ControllerInterface(Protocol):
-    """The ROS interface of one joint controller; its methods are called in the control thread."""
-
-    def publish(self) -> None:
-        """Publish the state in a control cycle."""
-
-    def finish(self, outcome: Outcome) -> None:
-        """Take notice of how a goal ended."""
-
-
-def controller_interfaces() -> Mapping[type[JointFollower], Callable[..., ControllerInterface]]:
+def controller_interfaces() -> Mapping[type[JointFollower], Callable[[Any], object]]:
     """Return what makes the ROS interface at a ``ControllerPlace``, for each kind of controller."""
     # Imported late: actions take 0.1 s, and most robots have only wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
@@ -64,7 +53,7 @@ class JointControllerNodes:
         """
         self._slot, self._stamp = slot, 0
         self.nodes: list[Node] = []
-        self._interfaces: dict[str, ControllerInterface] = {}
+        self._places: dict[str, Any] = {}  # ControllerPlaces, by controller
         robot = slot.robot
         robot.finished.clear()  # goals of earlier nodes, whose clients have gone
         if not robot.joint_controllers:
@@ -74,7 +63,7 @@ class JointControllerNodes:
         kinds = controller_interfaces()
         for name, controller in robot.joint_controllers.items():
             node = Node(name, context=beside.context, namespace=beside.get_namespace())
-            place = ControllerPlace(
+            place = self._places[name] = ControllerPlace(
                 node=node,
                 controller=controller,
                 slot=slot,
@@ -82,19 +71,21 @@ class JointControllerNodes:
                 clock=clock or node.get_clock(),
                 stamp=lambda: self._stamp,
             )
-            self._interfaces[name] = kinds[controller.kind](place)
+            kinds[controller.kind](place)
             self.nodes.append(node)
 
     def publish(self, stamp: int) -> None:
         """Publish the states in the control cycle of a ``stamp``, ns, and pass on ended goals."""
         self._stamp = stamp
-        for interface in self._interfaces.values():
-            interface.publish()
+        for place in self._places.values():
+            for publish in place.publishers:
+                publish()
         self.finish()
 
     def finish(self) -> None:
         """Pass on goals that have ended; call it in the control thread."""
         finished = self._slot.robot.finished
         for name, outcome in finished:
-            self._interfaces[name].finish(outcome)
+            for listen in self._places[name].listeners:
+                listen(outcome)
         finished.clear()

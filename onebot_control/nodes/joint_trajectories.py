@@ -77,13 +77,14 @@ class JointTrajectories:
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
+        place.publishers.append(self._publish)
         own.subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
         scaling = load_interface("control_msgs/msg/SpeedScalingFactor")
         topic = "~/speed_scaling_input"
         node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
         node.create_service(query, "~/query_state", self._on_query)
 
-    def publish(self) -> None:
+    def _publish(self) -> None:
         """Publish ~/controller_state, if it is subscribed to."""
         if not self._state.get_subscription_count():
             return
@@ -92,10 +93,6 @@ class JointTrajectories:
         _fill(message.output, follower.reference(self._own.place.slot.robot.period))
         message.speed_scaling_factor = follower.scaling
         self._state.publish(message)
-
-    def finish(self, outcome: Outcome) -> None:
-        """Take notice of how a goal ended."""
-        self._action.finish(outcome)
 
     def _fill_state(self, message: Any, desired: Any, measured: Any) -> None:
         """Fill the fields that ~/controller_state and the feedback have in common.

@@ -34,9 +34,11 @@ class JointControllerConfig:
 
     Attributes:
         joints_parameter: name of the parameter that names the joints.
+        enforce_command_limits: whether commands are kept within the joints' limits.
     """
 
     joints_parameter: ClassVar[str] = "joints"
+    enforce_command_limits: bool = True
 
     @classmethod
     def from_parameters(cls: type[C], values: Mapping[str, Any]) -> C:
@@ -72,11 +74,6 @@ class JointControllerConfig:
     def interfaces(self) -> tuple[str, ...]:
         """The command interfaces that the parameters name."""
         return ("position",)
-
-    @property
-    def enforces_limits(self) -> bool:
-        """Whether commands are kept within the joints' limits."""
-        return True
 
     def ignored(self, joints: Sequence[str]) -> list[Problem]:
         """Return parameters without effect on a controller of these joints, with the reason."""
@@ -257,11 +254,6 @@ class TrajectoryConfig(JointControllerConfig):
     def interfaces(self) -> tuple[str, ...]:
         """The parameter command_interfaces."""
         return self.command_interfaces
-
-    @property
-    def enforces_limits(self) -> bool:
-        """The parameter enforce_command_limits."""
-        return self.enforce_command_limits
 
     def ignored(self, joints: Sequence[str]) -> list[Problem]:
         """Return a problem for each joint that has parameters, but is none of ``joints``."""

@@ -11,12 +11,12 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_control.trajectories.config import JointControllerConfig
-from onebot_control.trajectories.following import Outcome
-from onebot_control.trajectories.goal import FollowedJoint, MotorLimits, field_problems
+from onebot_control.trajectories.following import RESET, JointFollower, Outcome
+from onebot_control.trajectories.goal import field_problems
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.geometry.poses import clamp
 from onebot_description.parameters.reader import REQUIRED, parameter
@@ -45,34 +45,11 @@ class ForwardConfig(JointControllerConfig):
         return (self.interface_name,)
 
 
-class PositionForwarder:
-    """Holds joints at the last commanded positions, within their limits.
-
-    Attributes:
-        joints: the joints, with their limits.
-        names: the names of these joints.
-    """
+class PositionForwarder(JointFollower):
+    """Holds joints at the last commanded positions, within their limits."""
 
     parameters: ClassVar[type[JointControllerConfig]] = ForwardConfig
     field = "data"  # the message's field of the positions, for error texts
-
-    def __init__(
-        self, joints: Sequence[FollowedJoint], config: Any, positions: Sequence[float]
-    ) -> None:
-        """Hold ``positions``, rad or m."""
-        self.joints = tuple(joints)
-        self.names = tuple(joint.name for joint in joints)
-        self.configure(config)
-        self.command(positions)
-
-    def configure(self, config: Any) -> None:
-        """Apply changed parameters, from the next update on."""
-        self._config = config
-
-    @property
-    def motor_limits(self) -> MotorLimits | None:
-        """Further limits of the joints' motors; None for none."""
-        return None
 
     def problems(self, positions: Sequence[float]) -> list[str]:
         """Return why ``positions``, rad or m, are refused, a line for each reason."""
@@ -91,15 +68,20 @@ class PositionForwarder:
         """Hold the positions that are measured in the next update."""
         self._stopping = True
 
-    def abort(self, text: str) -> Outcome | None:
-        """Stop, as if deactivated and activated again; there is no goal to abort."""
+    def cancel(self) -> None:
+        """Cancel the goal, and stop."""
+        self.active = None
         self.stop()
-        return None
+
+    def abort(self, text: str) -> Outcome | None:
+        """Abort a goal, and stop, as if deactivated and activated again."""
+        self.stop()
+        return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put."""
+        """Hold ``positions``, rad or m, where the joints were put; abort a goal."""
         self.command(positions)
-        return None
+        return self._ended(RESET)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Run one control cycle; see ``TrajectoryFollower.update``."""

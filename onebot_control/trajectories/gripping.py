@@ -21,14 +21,12 @@ from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
     PREEMPTED,
-    RESET,
     ROUNDING,
     SUCCESSFUL,
-    GoalHolder,
     Outcome,
 )
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
+from onebot_control.trajectories.goal import MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.parameters.reader import REQUIRED, parameter
 from onebot_description.parameters.values import LARGEST
@@ -85,7 +83,7 @@ class GripperGoal(NamedTuple):
     velocity: float = 0.0  # the greatest one, rad/s or m/s; 0: the parameter's
 
 
-class GripperFollower(GoalHolder, PositionForwarder):
+class GripperFollower(PositionForwarder):
     """Moves one joint to the position of a goal, until it is reached or the joint stalls.
 
     Either way, the position stays commanded, so that a gripped object is held.
@@ -97,18 +95,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
 
     parameters: ClassVar[type[JointControllerConfig]] = GripperConfig
     field = "command.position"
+    reached = stalled = False
     _config: GripperCommandConfig
-
-    def __init__(
-        self,
-        joints: Sequence[FollowedJoint],
-        config: GripperCommandConfig,
-        positions: Sequence[float],
-    ) -> None:
-        """Hold ``positions``, one value for the one joint, rad or m."""
-        super().__init__(joints, config, positions)
-        self.reached = self.stalled = False
-        self._goal = GripperGoal(positions)
+    _goal = GripperGoal(())
 
     @property
     def motor_limits(self) -> MotorLimits:
@@ -141,21 +130,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
         self._still = 0.0  # s that the joint has stood still
         return preempted
 
-    def cancel(self) -> None:
-        """Cancel the goal, and stop."""
-        self.active = None
-        self.stop()
-
     def abort(self, text: str) -> Outcome | None:
         """Abort the goal, and stop; without a goal, a gripped object is held as before."""
-        if self.active is not None:
-            self.stop()
-        return self._ended(text)
-
-    def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joint was put; abort the goal."""
-        self.command(positions)
-        return self._ended(RESET)
+        return None if self.active is None else super().abort(text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Run one control cycle; see ``TrajectoryFollower.update``."""
@@ -185,4 +162,4 @@ class GripperFollower(GoalHolder, PositionForwarder):
 class GripperCommandFollower(GripperFollower):
     """The same with the parameters of gripper_controllers, whose action is the older one."""
 
-    parameters: ClassVar[type[JointControllerConfig]] = GripperCommandConfig
+    parameters = GripperCommandConfig
