@@ -19,9 +19,9 @@ from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, Ma
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
-    TrajectoryController,
     named,
 )
+from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import did_you_mean, listing
 from onebot_description.parameters.files import (
@@ -139,24 +139,25 @@ def read_joint_controllers(
     enforced = control.manager().values.get(_ENFORCED)
     controllers, places, warnings = [], dict[str, str](), control.skipped(controller)
     for name, kind in control.kinds.items():
-        section = control.section(name, kind.unknown)
+        section = control.section(name, kind.parameters.unknown)
         warnings += section.warnings
         places |= {f"{name}.{key}": place for key, place in section.places.items()}
         if name in control.types:
             places[name] = control.types[name][1]
-        if enforced is not None and kind is TrajectoryController:
+        if enforced is not None and kind is TrajectoryFollower:
             section.values.setdefault(_ENFORCED, enforced)
-        if reason := kind.lacks(section.values):
+        if reason := kind.parameters.lacks(section.values):
             warnings.append(control.skips(name, reason))
             continue
         with named(name, places):
-            described = kind(name, section.values)
-        if "position" in described.interfaces:
+            described = JointController(kind, name, section.values)
+        interfaces = described.config.interfaces
+        if "position" in interfaces:
             controllers.append(described)
         else:
-            text = f"commands {listing(described.interfaces)}, which cannot be simulated yet"
+            text = f"commands {listing(interfaces)}, which cannot be simulated yet"
             warnings.append(control.skips(name, text))
-    default = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
+    default = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
     return JointControllers(controllers or [default], places, warnings)
 
 
@@ -194,11 +195,11 @@ def unknown_by_node(
         namespaces: namespaces of the nodes.
     """
     declared = ManagerConfig if controller == MANAGER else ControlConfig
-    kinds: dict[str, type[JointController[Any]]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+    kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     for namespace in namespaces:
         kinds.update(_ControlFiles(files, namespace).kinds)
     return {
-        **{name: kind.unknown for name, kind in kinds.items()},
+        **{name: kind.parameters.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
         MANAGER: _unknown_of_manager,
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
@@ -234,11 +235,11 @@ class _ControlFiles:
         }
         broadcasters = [n for n, (kind, _) in self.types.items() if kind == BROADCASTER_TYPE]
         self.broadcaster = next(iter(broadcasters), BROADCASTER)
-        self.kinds: Mapping[str, type[JointController[Any]]] = {
+        self.kinds: Mapping[str, type[JointFollower]] = {
             name: JOINT_CONTROLLERS[kind]
             for name, (kind, _) in self.types.items()
             if kind in JOINT_CONTROLLERS
-        } or {DEFAULT_JOINT_CONTROLLER: TrajectoryController}
+        } or {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
 
     def sections(self) -> Iterator[tuple[Path, str, Parameters]]:
         """Yield each section, with its file and its parameters."""

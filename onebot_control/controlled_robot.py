@@ -14,8 +14,6 @@ from onebot_control.drive.parameters import INTERFACES, BroadcasterConfig, Contr
 from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
 from onebot_control.joint_controllers import (
     JointController,
-    JointFollower,
-    TrajectoryController,
     named,
 )
 from onebot_control.physics import (
@@ -34,9 +32,8 @@ from onebot_control.physics.simulated_model import (
     simulated_model,
     without_limits,
 )
-from onebot_control.trajectories.following import Outcome
-from onebot_control.trajectories.goal import FollowedJoint
-from onebot_control.trajectories.gripping import GripperFollower
+from onebot_control.trajectories.following import JointFollower, Outcome, TrajectoryFollower
+from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
@@ -152,7 +149,7 @@ class Side:
         return [direction * speed for _, direction in self._rows]
 
 
-DEFAULT_CONTROLLER = TrajectoryController(DEFAULT_JOINT_CONTROLLER)
+DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
 """The controller of joints that is used if the control file names none."""
 
 
@@ -202,7 +199,8 @@ class PreparedRobot(NamedTuple):
         controlled = {arm.name: joints[arm.name] for arm in controllers}
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
         check_interfaces(description, commanded, stands=stands)
-        free = {j for arm in controllers if not arm.enforces_limits for j in controlled[arm.name]}
+        unlimited = [arm.name for arm in controllers if not arm.config.enforce_command_limits]
+        free = {joint for name in unlimited for joint in controlled[name]}
         description = without_limits(description, free)
         simulated, held, followers, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
@@ -225,7 +223,7 @@ class PreparedRobot(NamedTuple):
         ignored = [
             Problem(f"{arm.name}.{problem.key}", problem.text)
             for arm in controllers
-            for problem in arm.ignored(controlled[arm.name])
+            for problem in arm.config.ignored(controlled[arm.name])
         ]
         return cls(wheels, spawn, held, followers, controllers, controlled, [*inactive, *ignored])
 
@@ -234,7 +232,7 @@ def joints_of(
     controller: JointController[Any], description: Description, wheels: Wheels | None
 ) -> Sequence[str]:
     """Return the joints that a controller commands: those it names, or all commandable ones."""
-    return controller.joints or commandable(description, wheels)
+    return controller.config.joint_names or commandable(description, wheels)
 
 
 def _inactive(
@@ -255,7 +253,7 @@ def _inactive(
         own = joints[controller.name]
         missing = [
             Problem(
-                f"{controller.name}.{controller.joints_parameter}",
+                f"{controller.name}.{controller.config.joints_parameter}",
                 f'joint "{joint}" does not move{hint}',
             )
             for joint, hint in unknown_names(own, moving)
@@ -353,7 +351,8 @@ class ControlledRobot:
 
     def move_into(self, body: RobotBody) -> None:
         """Control the same robot in another world from now on."""
-        self.body, body.reference = body, self._reference
+        self.body = body
+        self._motor_limits: dict[str, MotorLimits] = {}  # those that the body has, by controller
 
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""
@@ -366,7 +365,7 @@ class ControlledRobot:
             joints.append(joint.within(*limits["position"]) if "position" in limits else joint)
         with named(controller.name):
             starts = [self._starts[joint.name] for joint in joints]
-            follower: JointFollower = controller.follower(joints, starts)
+            follower: JointFollower = controller.kind(joints, controller.config, starts)
         return follower
 
     @property
@@ -422,8 +421,11 @@ class ControlledRobot:
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
             self.finish(name, arm.update(motion, stamp, self.period))
-            if isinstance(arm, GripperFollower):
-                self.body.limit(arm.names[0], arm.max_effort, arm.max_velocity)
+            limits = arm.motor_limits
+            if limits is not None and limits != self._motor_limits.get(name):
+                self._motor_limits[name] = limits
+                for joint in arm.names:
+                    self.body.limit(joint, *limits)
         snapshot = self.snapshot()
         if self.wheels and self.ticks % self._drift_cycles == 0:
             self.drift.update(snapshot.odometry, self.true_pose, lambda: self.body.obstructed)
@@ -445,6 +447,8 @@ class ControlledRobot:
         left, right = self._command.left, self._command.right
         # ``Wheels.names`` are the driven joints.
         self.body.turn(self._left.velocities(left) + self._right.velocities(right))
+        if self.arms:
+            self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
         self.ticks += 1
 
     def _reset_arms(self) -> None:
@@ -460,7 +464,7 @@ class ControlledRobot:
     def configure_arm(self, controller: JointController[Any]) -> None:
         """Apply changed parameters of one joint controller."""
         self.joint_controllers[controller.name] = controller
-        controller.configure(self.arms[controller.name])
+        self.arms[controller.name].configure(controller.config)
 
     def finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
         """Report how goals of an arm ended; None is no goal."""

@@ -1,14 +1,16 @@
 """No circle of imports in the product: neither of files nor of rooms, whenever they are imported.
 
-A room is a folder, and so is each module directly in a package such as ``onebot_control``. An
-``__init__`` that exports its names lazily belongs to none.
+A room is a folder without those in it, or a module directly in a package such as
+``onebot_control``. On each level below that, a folder with all those in it is a unit, and so is a
+module beside it: packages on level 1, their folders on level 2, and so on. An import of a name that
+an ``__init__`` exports lazily is one of the module that defines the name.
 """
 
 import ast
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, partial
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
@@ -35,16 +37,36 @@ def modules() -> dict[str, Path]:
     found = {}
     for file in files:
         *folders, name = file.relative_to(ROOT).with_suffix("").parts
-        if "examples" in folders or (name == "__init__" and "__getattr__ =" in file.read_text()):
+        if "examples" in folders:
             continue
         found[".".join(folders if name == "__init__" else [*folders, name])] = file
     return found
 
 
 @cache
+def lazy_exports() -> dict[str, str]:
+    """The modules that define what packages export lazily, by full names of the exports."""
+    return {
+        f"{package}.{alias.name}": str(node.module)
+        for package, file in modules().items()
+        if is_lazy(package)
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+@cache
+def is_lazy(module: str) -> bool:
+    """Whether it is an ``__init__`` that exports its names lazily."""
+    return "__getattr__ =" in modules()[module].read_text()
+
+
+@cache
 def imports() -> list[Import]:
     """Every import of one module of the product by another."""
-    return [found for module, file in modules().items() for found in imports_of(module, file)]
+    eager = {module: file for module, file in modules().items() if not is_lazy(module)}
+    return [found for module, file in eager.items() for found in imports_of(module, file)]
 
 
 def imports_of(module: str, file: Path) -> Iterator[Import]:
@@ -55,10 +77,12 @@ def imports_of(module: str, file: Path) -> Iterator[Import]:
         elif isinstance(node, ast.ImportFrom):
             whole = [f"{node.module}.{alias.name}" for alias in node.names]
             names = [name if name in files else str(node.module) for name in whole]
+            names = [lazy_exports().get(*pair) for pair in zip(whole, names, strict=True)]
         else:
             continue
         for name in {*names} & files.keys():
-            yield Import(module, name, f"{shown}:{node.lineno}")
+            if not is_lazy(name):
+                yield Import(module, name, f"{shown}:{node.lineno}")
 
 
 @cache
@@ -66,6 +90,14 @@ def room(module: str) -> str:
     """The room of a module: its folder, or itself."""
     file = modules()[module].relative_to(ROOT)
     return file.parent.as_posix() if len(file.parts) > 2 else module
+
+
+def at_level(level: int, module: str) -> str:
+    """The folder of a module at a level below the product, or itself if it is not as deep."""
+    return "/".join(modules()[module].relative_to(ROOT).parts[:level])
+
+
+LEVELS = range(1, max(len(file.relative_to(ROOT).parts) for file in modules().values()))
 
 
 def circle(found: Iterable[Import], unit: Callable[[str], str]) -> str:
@@ -84,7 +116,11 @@ def circle(found: Iterable[Import], unit: Callable[[str], str]) -> str:
     return ""
 
 
-@pytest.mark.parametrize("unit", [str, room], ids=["files", "rooms"])
+@pytest.mark.parametrize(
+    "unit",
+    [str, room, *(partial(at_level, level) for level in LEVELS)],
+    ids=["files", "rooms", *(f"level {level}" for level in LEVELS)],
+)
 def test_there_is_no_circle(unit: Callable[[str], str]) -> None:
     """What two files, or two rooms, need of each other belongs into one of them, or a third."""
     found = circle(imports(), unit)
@@ -97,6 +133,20 @@ def test_a_circle_is_found() -> None:
     assert circle(found, str) == ""
     shown = circle(found, lambda module: module.partition(".")[0]).splitlines()
     assert sorted(shown) == ["drive imports nodes: a.py:1", "nodes imports drive: c.py:2"]
+
+
+def test_units_of_imports() -> None:
+    """Folders of each level, and the module behind a name that a package exports lazily."""
+    deep = "onebot_bringup.viewer.core.stage"
+    assert [at_level(level, deep) for level in (1, 2, 3)] == [
+        "onebot_bringup",
+        "onebot_bringup/viewer",
+        room(deep),
+    ]
+    file = ROOT / "onebot_control" / "environment.py"
+    imported = {found.imported for found in imports_of("onebot_control.environment", file)}
+    assert "onebot_control.simulation" in imported
+    assert lazy_exports()["onebot_control.Simulation"] == "onebot_control.simulation"
 
 
 # What may use ROS: the nodes.
@@ -112,7 +162,7 @@ def test_pure_modules_import_nothing_of_ros() -> None:
     """At their top: Simulation.ros, and the messages of a missing ROS, import it when called."""
     found = []
     for module, file in modules().items():
-        if f"{module}.".startswith(tuple(f"{name}." for name in WITH_ROS)):
+        if is_lazy(module) or f"{module}.".startswith(tuple(f"{name}." for name in WITH_ROS)):
             continue
         for node in ast.parse(file.read_text()).body:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []

@@ -167,7 +167,7 @@ class _Transforms:
     """Receives /tf and /tf_static in a session."""
 
     def __init__(self, session: Session) -> None:
-        from onebot_bringup.introspection.frame_tree import FrameTree
+        from onebot_description.ros.frame_tree import FrameTree
         from onebot_description.ros.topic_qos import make_qos
         from onebot_description.ros.wire.interfaces import TFMessage
 

@@ -1,1 +1,1 @@
-"""Messages of any type as text, the TF tree, rates, and parameters of nodes, without rclpy."""
+"""Messages of any type as text, rates, and parameters of nodes, without rclpy."""

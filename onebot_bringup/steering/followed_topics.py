@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
-from onebot_bringup.introspection.frame_tree import FrameTree
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import compatible_qos, is_transient_local, make_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
 from onebot_description.ros.wire.interfaces import load_interface

@@ -16,7 +16,6 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 from rclpy.node import Node
 
-from onebot_bringup.introspection.frame_tree import TransformError
 from onebot_bringup.steering.followed_topics import (
     FollowedTopics,
     FollowedTransforms,
@@ -26,6 +25,7 @@ from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import Transform, of_arrays
+from onebot_description.ros.frame_tree import TransformError
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.message_arrays import OdometrySample
 

@@ -1,25 +1,24 @@
-"""The common base of the ROS interfaces of joint controllers: parameters and goals.
+"""What the ROS interfaces of joint controllers are made of: a node with its parameters, an action.
 
 Everything that changes the robot is called in the control thread, between two cycles.
 """
 
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.controlled_robot import ControlledRobot
-from onebot_control.joint_controllers import JointController, JointFollower, named
-from onebot_control.runtime.control_loop import ControlLoop
-from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, Outcome
+from onebot_control.joint_controllers import JointController, named
+from onebot_control.runtime.control_loop import LoopSlot
+from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, JointFollower, Outcome
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.parameters.values import plain
 from onebot_description.ros.message_age import Delivery, SenderClock
@@ -36,77 +35,83 @@ _OLD = "it may be from before this process woke from a stop; send it again"
 # later. While simulated time stands at that moment, an executor would find the timer ready forever.
 _RESULT_KEPT = 10.0000005
 
-
-class GoalFollower(JointFollower, Protocol):
-    """A JointFollower that moves joints to the goals of an action.
-
-    Attributes:
-        active: the handle of the goal; None if there is none.
-    """
-
-    active: Any
-
-    def cancel(self) -> None:
-        """Cancel the goal, and stop."""
+Values = Mapping[str, Any]
 
 
 F = TypeVar("F", bound=JointFollower)
-A = TypeVar("A", bound=GoalFollower)
 G = TypeVar("G")  # a goal, as the follower takes it
 
 
-class ControllerNode(Generic[F]):
-    """The ROS interface of one joint controller.
-
-    Its callbacks run in the thread that spins the node, and change the robot in the control thread
-    only. ``publish`` and ``finish`` are called in the control thread.
+@dataclass(frozen=True)
+class ControllerPlace:
+    """Where a joint controller gets its interface.
 
     Attributes:
-        node: the controller's node.
+        node: the node, with the controller's name.
+        controller: the controller with the parameters of the files.
+        slot: slot of the robot.
+        refused: returns why commands are refused now; "" if they are not.
+        clock: clock of the timers.
+        stamp: returns the stamp of the last control cycle, ns.
+        publishers: called in each control cycle, to publish the controller's state.
+        listeners: called in the control thread with how a goal of the controller ended.
+    """
+
+    node: Node
+    controller: JointController[Any]
+    slot: LoopSlot
+    refused: Callable[[], str]
+    clock: Clock
+    stamp: Callable[[], int]
+    publishers: list[Callable[[], None]] = field(default_factory=list)
+    listeners: list[Callable[[Outcome], None]] = field(default_factory=list)
+
+
+class ControllerNode(Generic[F]):
+    """The node of one joint controller: its parameters, and ways to its follower.
+
+    Callbacks run in the thread that spins the node, and change the robot in the control thread
+    only.
+
+    Attributes:
+        controller: the controller with the parameters in force.
+        loop: the control loop, which calls everything that changes the robot.
     """
 
     def __init__(
         self,
-        node: Node,
-        controller: JointController[F],
-        robot: Callable[[], ControlledRobot],
-        loop: ControlLoop,
-        refused: Callable[[], str],
-        clock: Clock,
+        place: ControllerPlace,
+        declared: Values | None = None,
+        own: Callable[[Values], Values] = dict,
     ) -> None:
-        """Declare the parameters; subclasses add topics, actions and services.
+        """Configure the follower, and follow changes of the parameters.
 
         Args:
-            node: the node, with the controller's name.
-            controller: controller with the parameters of the files.
-            robot: returns the current robot.
-            loop: the control loop, which calls everything that changes the robot.
-            refused: returns why commands are refused now; "" if they are not.
-            clock: clock of the timers.
+            place: node, controller and robot.
+            declared: the values in force of the parameters declared on the node; None to declare
+                the controller's.
+            own: returns the controller's parameters for values of those declared; it raises a
+                OneBotError if they are wrong.
         """
-        self.node, self._controller, self._robot, self._loop = node, controller, robot, loop
-        self._refused, self._clock = refused, clock
-        self._error = Throttled(lambda text: node.get_logger().error(text), _IGNORED_EVERY)
-        self._stamp = 0  # the last cycle's, ns
-        self._values = self._declare()
-        with named(controller.name):
-            self._controller = self._configured()  # first configuration: the command line's
-        self._robot().configure_arm(self._controller)
-        refuse_undeclared(self.node, controller.parameters)
-        follow_changes(node, self._configured, self._apply)
+        self.node, self.place, self.loop = place.node, place, place.slot.running
+        self.controller: JointController[F] = place.controller
+        kind = place.controller.kind.parameters
+        if declared is None:
+            declared = declare(self.node, kind, fixed=place.controller.values)
+        self._values, self._own = dict(declared), own
+        self.error = Throttled(lambda text: self.node.get_logger().error(text), _IGNORED_EVERY)
+        with named(place.controller.name):
+            self.controller = self._configured()  # with the command line's parameters
+        place.slot.robot.configure_arm(self.controller)
+        refuse_undeclared(self.node, kind)
+        follow_changes(self.node, self._configured, self._apply)
 
     @property
-    def _arm(self) -> F:
-        return cast(F, self._robot().arms[self._controller.name])
+    def follower(self) -> F:
+        """The follower of the robot in its present world."""
+        return cast(F, self.place.slot.robot.arms[self.controller.name])
 
-    def publish(self, stamp: int) -> None:
-        """Publish the state in a control cycle of a ``stamp``, ns."""
-        self._stamp = stamp
-
-    def finish(self, outcome: Outcome) -> None:
-        """Take notice of how a goal ended."""
-
-    def _subscribe(
+    def subscribe(
         self, kind: Any, topic: str, prepare: Callable[[Any], Callable[[], None] | None]
     ) -> None:
         """Subscribe to commands; those sent before the process woke from a stop are ignored.
@@ -121,35 +126,28 @@ class ControllerNode(Generic[F]):
         def receive(message: Any, info: Mapping[str, Any]) -> None:
             sent = boot_time() - sender.age(Delivery.from_info(info), time.time_ns()).most
             if (act := prepare(message)) is not None:
-                self._loop.post(lambda: act_on(sent, act))
+                self.loop.post(lambda: act_on(sent, act))
 
         def act_on(sent: float, act: Callable[[], None]) -> None:
-            if self._loop.predates_wake(sent):
-                self._error("old", f"{topic} is ignored: {_OLD}")
+            if self.loop.predates_wake(sent):
+                self.error("old", f"{topic} is ignored: {_OLD}")
             else:
                 act()
 
         self.node.create_subscription(kind, topic, receive, ANY_PUBLISHER)
 
-    def _fault(self, action: Callable[[], object]) -> str:
+    def fault(self, action: Callable[[], object]) -> str:
         """Run ``action`` in the control thread; return why it failed, or ""."""
         try:
-            self._loop.call(action)
+            self.loop.call(action)
         except OneBotError as error:
             return str(error)
         return ""
 
-    # Parameters --------------------------------------------------------------------------------
-
-    def _declare(self) -> dict[str, Any]:
-        """Declare the parameters; return the values in force."""
-        controller = self._controller
-        return declare(self.node, controller.parameters, fixed=controller.values)
-
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._values.update(self._changed(parameters))
-        self._controller = controller = self._configured()
-        if fault := self._fault(lambda: self._robot().configure_arm(controller)):
+        self.controller = controller = self._configured()
+        if fault := self.fault(lambda: self.place.slot.robot.configure_arm(controller)):
             self.node.get_logger().error(f"parameters not applied: {fault}")
 
     def _changed(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -157,8 +155,36 @@ class ControllerNode(Generic[F]):
 
     def _configured(self, parameters: Sequence[Parameter] = ()) -> JointController[F]:
         """Return the controller with the values in force, and ``parameters`` set."""
-        values = {**self._values, **self._changed(parameters)}
-        return type(self._controller)(self._controller.name, values)
+        values = self._own({**self._values, **self._changed(parameters)})
+        return JointController(self.controller.kind, self.controller.name, values)
+
+
+class Cancelled(NamedTuple):
+    """A goal that its client has cancelled."""
+
+    goal: Any
+
+
+@dataclass(frozen=True)
+class GoalFunctions(Generic[G]):
+    """What an action does with the goals of its kind.
+
+    Attributes:
+        goal: converts a request to a goal for the follower; it may take long.
+        problems: returns why a goal is refused, a line for each reason; it may take long.
+        follow: follows a goal with its handle; returns the outcome of the goal that it preempts.
+            Runs in the control thread.
+        fill_feedback: fills a feedback message. Runs in the control thread.
+        fill_result: fills the result of a goal that has just ended. Runs in the control thread.
+        accepted: called with a goal that was accepted, before it is followed.
+    """
+
+    goal: Callable[[Any], G]
+    problems: Callable[[G], list[str]]
+    follow: Callable[[G, Any], Outcome | None]
+    fill_feedback: Callable[[Any], None]
+    fill_result: Callable[[Any, Outcome | Cancelled], None]
+    accepted: Callable[[G], object] = id
 
 
 class _Action(ActionServer):
@@ -172,26 +198,29 @@ class _Action(ActionServer):
         super().notify_execute(goal_handle, end)
 
 
-class Cancelled(NamedTuple):
-    """A goal that its client has cancelled."""
+class GoalAction(Generic[G]):
+    """An action of a controller: its goals move the joints.
 
-    goal: Any
+    ``start`` and ``finish`` run in the control thread.
+    """
 
+    def __init__(
+        self, own: ControllerNode[Any], kind: str, name: str, functions: GoalFunctions[G]
+    ) -> None:
+        """Offer the action.
 
-class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
-    """The ROS interface of a controller whose joints are moved by the goals of an action."""
-
-    action: tuple[str, str]  # its type and name
-
-    def __init__(self, *arguments: Any) -> None:
-        """Offer the action, too; ``arguments`` are those of ControllerNode."""
-        super().__init__(*arguments)
-        kind, name = self.action
+        Args:
+            own: the controller.
+            kind: type of the action.
+            name: name of the action.
+            functions: what it does with goals.
+        """
+        self._own, self._functions = own, functions
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
-        self._arm.active = None  # an earlier node's goal has no client any more
+        own.follower.active = None  # an earlier node's goal has no client any more
         self._action = _Action(
-            self.node,
+            own.node,
             self._type,
             name,
             lambda goal: self._type.Result(),
@@ -200,74 +229,58 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
             cancel_callback=self._on_cancel,
             result_timeout=_RESULT_KEPT,
         )
-        rate = self._controller.config.action_monitor_rate
-        self.node.create_timer(1.0 / rate, self._monitor, clock=self._clock)
-
-    # Goals of a kind ---------------------------------------------------------------------------
-
-    @abstractmethod
-    def _goal(self, request: Any) -> G:
-        """Convert a request to a goal for the follower; it may take long."""
-
-    @abstractmethod
-    def _problems(self, goal: G) -> list[str]:
-        """Return why a goal is refused, a line for each reason; it may take long."""
-
-    @abstractmethod
-    def _follow(self, goal: G, handle: Any) -> Outcome | None:
-        """Follow a goal; return the outcome of the goal it preempts. Runs in the control thread."""
-
-    @abstractmethod
-    def _feedback(self) -> Any:
-        """Return the feedback message. Runs in the control thread."""
-
-    @abstractmethod
-    def _result(self, ended: Outcome | Cancelled) -> Any:
-        """Return the result of a goal that has just ended. Runs in the control thread."""
-
-    # In the control thread ---------------------------------------------------------------------
+        rate = own.controller.config.action_monitor_rate
+        own.place.listeners.append(self.finish)
+        own.node.create_timer(1.0 / rate, self._monitor, clock=own.place.clock)
 
     def finish(self, outcome: Outcome | Cancelled) -> None:
         """Take notice of how a goal ended; its client gets the result soon."""
-        self._ended.append((outcome, self._result(outcome)))
+        result = self._type.Result()
+        self._functions.fill_result(result, outcome)
+        self._ended.append((outcome, result))
 
-    def _start(self, arm: A, goal: G, handle: Any) -> None:
-        """Follow a goal that was checked for ``arm``."""
-        if arm is not self._arm:
+    def start(self, follower: JointFollower, goal: G, handle: Any) -> None:
+        """Follow a goal that was checked for ``follower``.
+
+        Raises:
+            OneBotError: it cannot be followed any more.
+        """
+        if follower is not self._own.follower:
             raise OneBotError("the robot was reset, or its description changed, just now")
-        if refused := self._refused():
+        if refused := self._own.place.refused():
             raise OneBotError(refused)
-        if preempted := self._follow(goal, handle):
+        if preempted := self._functions.follow(goal, handle):
             self.finish(preempted)
+
+    # Goals are checked in the node's thread: many points take longer than a control cycle.
+    def refusal(self, goal: G) -> str:
+        """Return why a goal cannot be followed now; "" if it can."""
+        return self._own.place.refused() or first_of([*self._functions.problems(goal)])
 
     def _cancel(self, handle: Any) -> None:
         """Cancel a goal, unless it has just ended: then its client gets that result."""
-        if self._arm.active is handle:
-            self._arm.cancel()
+        if self._own.follower.active is handle:
+            self._own.follower.cancel()
             self.finish(Cancelled(handle))
 
-    # Goals -------------------------------------------------------------------------------------
-
-    # Goals are checked in the node's thread: many points take longer than a control cycle.
-
-    def _refusal(self, goal: G) -> str:
-        """Return why a goal cannot be followed now; "" if it can."""
-        return self._refused() or first_of([*self._problems(goal)])
-
-    # The action --------------------------------------------------------------------------------
+    def _feedback(self) -> Any:
+        feedback = self._type.Feedback()
+        self._functions.fill_feedback(feedback)
+        return feedback
 
     def _on_goal(self, request: Any) -> GoalResponse:
-        arm, goal = self._arm, self._goal(request)
-        if fault := _OLD if self._loop.just_woke else self._refusal(goal):
-            self.node.get_logger().error(f"goal rejected: {fault}")
+        follower, goal = self._own.follower, self._functions.goal(request)
+        if fault := _OLD if self._own.loop.just_woke else self.refusal(goal):
+            self._own.node.get_logger().error(f"goal rejected: {fault}")
             return GoalResponse.REJECT
-        self._accepted = arm, goal
+        self._accepted = follower, goal
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: Any) -> None:
-        arm, goal = self._accepted  # rclpy calls this at once after ``_on_goal``
+        follower, goal = self._accepted  # rclpy calls this at once after ``_on_goal``
+        self._functions.accepted(goal)
         handle.execute()
-        if fault := self._fault(lambda: self._start(arm, goal, handle)):
+        if fault := self._own.fault(lambda: self.start(follower, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
@@ -276,32 +289,31 @@ class GoalNode(ControllerNode[A], ABC, Generic[A, G]):
         When a client cancels all goals, rclpy skips the goal after a refused one. A goal that has
         just ended keeps its own result.
         """
-        if fault := self._fault(lambda: self._cancel(handle)):
-            self.node.get_logger().error(f"goal not stopped: {fault}")
+        if fault := self._own.fault(lambda: self._cancel(handle)):
+            self._own.node.get_logger().error(f"goal not stopped: {fault}")
         return CancelResponse.ACCEPT
 
     def _monitor(self) -> None:
         """Send feedback, and the results of goals that have ended."""
         # The client's next goal must not come while goals are refused because of that wake.
-        while self._ended and not self._loop.just_woke:
+        while self._ended and not self._own.loop.just_woke:
             self._end(*self._ended.popleft())
-        if (handle := self._arm.active) is not None:
+        if (handle := self._own.follower.active) is not None:
             with suppress(OneBotError):  # the loop has just ended
-                handle.publish_feedback(self._loop.call(self._feedback))
+                handle.publish_feedback(self._own.loop.call(self._feedback))
 
     def _end(self, ended: Outcome | Cancelled, result: Any) -> None:
         if isinstance(ended, Outcome):
             self._log(ended)
-        if ended.goal is None:
-            return
-        self._action.finish(ended.goal, partial(_ended_handle, ended, result))
+        if ended.goal is not None:
+            self._action.finish(ended.goal, partial(_ended_handle, ended, result))
 
     def _log(self, outcome: Outcome) -> None:
         text = f"{outcome.text}: {outcome.detail}" if outcome.detail else outcome.text
         if outcome.code == SUCCESSFUL:  # rclpy allows only one severity per line of code
-            self.node.get_logger().info(text)
+            self._own.node.get_logger().info(text)
         else:
-            self.node.get_logger().warning(text)
+            self._own.node.get_logger().warning(text)
 
 
 def _ended_handle(ended: Outcome | Cancelled, result: Any, handle: Any) -> Any:

@@ -1,42 +1,44 @@
 """The nodes of one robot's joint controllers."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.node import Node
 
-from onebot_control.joint_controllers import (
-    ForwardController,
-    GripperCommandController,
-    GripperController,
-    JointController,
-    TrajectoryController,
-)
 from onebot_control.nodes.commands import CommandLock
 from onebot_control.runtime.control_loop import LoopSlot
+from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
+from onebot_control.trajectories.forwarding import PositionForwarder
+from onebot_control.trajectories.gripping import GripperCommandFollower, GripperFollower
 
-if TYPE_CHECKING:
-    from onebot_control.nodes.controller_node import ControllerNode
 
-
-def controller_nodes() -> Mapping[type[JointController[Any]], "type[ControllerNode[Any]]"]:
-    """Return the class of the ROS interface for each kind of joint controller."""
+def controller_interfaces() -> Mapping[type[JointFollower], Callable[[Any], object]]:
+    """Return what makes the ROS interface at a ``ControllerPlace``, for each kind of controller."""
     # Imported late: actions take 0.1 s, and most robots have only wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
-    from onebot_control.nodes.gripper_actions import GripperActions, GripperCommandActions
+    from onebot_control.nodes.gripper_actions import (
+        GRIPPER_COMMAND,
+        PARALLEL_GRIPPER,
+        GripperActions,
+    )
     from onebot_control.nodes.joint_trajectories import JointTrajectories
 
     return {
-        TrajectoryController: JointTrajectories,
-        ForwardController: ForwardCommands,
-        GripperController: GripperActions,
-        GripperCommandController: GripperCommandActions,
+        TrajectoryFollower: JointTrajectories,
+        PositionForwarder: ForwardCommands,
+        GripperFollower: partial(GripperActions, action=PARALLEL_GRIPPER),
+        GripperCommandFollower: partial(GripperActions, action=GRIPPER_COMMAND),
     }
 
 
 class JointControllerNodes:
-    """Creates the node of each joint controller of a robot, and publishes its state."""
+    """Creates the node of each joint controller of a robot, and publishes its state.
+
+    Attributes:
+        nodes: the nodes; the code that starts the loop has to spin them.
+    """
 
     def __init__(
         self, beside: Node, slot: LoopSlot, lock: CommandLock, clock: Clock | None
@@ -49,36 +51,41 @@ class JointControllerNodes:
             lock: lock of the robot; while it is locked, commands are refused.
             clock: clock of the actions' timers; None for each node's own clock.
         """
-        self._slot = slot
+        self._slot, self._stamp = slot, 0
+        self.nodes: list[Node] = []
+        self._places: dict[str, Any] = {}  # ControllerPlaces, by controller
         robot = slot.robot
         robot.finished.clear()  # goals of earlier nodes, whose clients have gone
-        self._arms: dict[str, ControllerNode[Any]] = {}
-        kinds = controller_nodes() if robot.joint_controllers else {}
+        if not robot.joint_controllers:
+            return
+        from onebot_control.nodes.controller_node import ControllerPlace
+
+        kinds = controller_interfaces()
         for name, controller in robot.joint_controllers.items():
             node = Node(name, context=beside.context, namespace=beside.get_namespace())
-            self._arms[name] = kinds[type(controller)](
-                node,
-                controller,
-                lambda: slot.robot,
-                slot.running,
-                lambda: lock.reason if lock.locked else "",
-                clock or node.get_clock(),
+            place = self._places[name] = ControllerPlace(
+                node=node,
+                controller=controller,
+                slot=slot,
+                refused=lambda: lock.reason if lock.locked else "",
+                clock=clock or node.get_clock(),
+                stamp=lambda: self._stamp,
             )
-
-    @property
-    def nodes(self) -> list[Node]:
-        """The nodes; the code that starts the loop has to spin them."""
-        return [arm.node for arm in self._arms.values()]
+            kinds[controller.kind](place)
+            self.nodes.append(node)
 
     def publish(self, stamp: int) -> None:
         """Publish the states in the control cycle of a ``stamp``, ns, and pass on ended goals."""
-        for arm in self._arms.values():
-            arm.publish(stamp)
+        self._stamp = stamp
+        for place in self._places.values():
+            for publish in place.publishers:
+                publish()
         self.finish()
 
     def finish(self) -> None:
         """Pass on goals that have ended; call it in the control thread."""
         finished = self._slot.robot.finished
         for name, outcome in finished:
-            self._arms[name].finish(outcome)
+            for listen in self._places[name].listeners:
+                listen(outcome)
         finished.clear()

@@ -1,21 +1,25 @@
 """joint_trajectory_controller's ROS interface: topics, action and service of one controller."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from onebot_control.joint_controllers import TrajectoryController
-from onebot_control.nodes.controller_node import Cancelled, GoalNode
+from onebot_control.nodes.controller_node import (
+    Cancelled,
+    ControllerNode,
+    ControllerPlace,
+    GoalAction,
+    GoalFunctions,
+)
 from onebot_control.trajectories.config import (
     JointConstraint,
     JointGains,
     JointParameters,
     TrajectoryConfig,
     is_joint_parameter,
-    joint_constraints,
 )
 from onebot_control.trajectories.following import Outcome, TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
@@ -44,36 +48,50 @@ _LATCHED_BY_ANY = make_qos(DEPTH, reliable=False, latched=True)
 _Goal = tuple[TrajectoryGoal, TolerancesGiven | None]  # None for a goal from the topic
 
 
-class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
+class JointTrajectories:
     """The ROS interface of a controller that moves joints along trajectories.
 
     ``onebot_control.joint_trajectory_controller`` lists its topics, action and service.
     """
 
-    action = "control_msgs/action/FollowJointTrajectory", "~/follow_joint_trajectory"
-
-    def __init__(self, *arguments: Any) -> None:
-        """Offer topics, action, service and parameters; see ``ControllerNode``."""
-        super().__init__(*arguments)
-        node, state = self.node, load_interface("control_msgs/msg/JointTrajectoryControllerState")
+    def __init__(self, place: ControllerPlace) -> None:
+        """Offer topics, action, service and parameters."""
+        node = place.node
+        names = place.slot.robot.arms[place.controller.name].names
+        self._own = own = ControllerNode[TrajectoryFollower](
+            place, _declared(place, names), partial(_own_values, place)
+        )
+        functions = GoalFunctions(
+            goal=_action_goal,
+            problems=self._problems,
+            follow=self._follow,
+            fill_feedback=lambda feedback: self._fill_state(
+                feedback, feedback.desired, feedback.actual
+            ),
+            fill_result=_fill_result,
+            accepted=self._report_tolerances,
+        )
+        kind = "control_msgs/action/FollowJointTrajectory"
+        self._action = GoalAction(own, kind, "~/follow_joint_trajectory", functions)
+        state = load_interface("control_msgs/msg/JointTrajectoryControllerState")
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
-        self._subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
+        place.publishers.append(self._publish)
+        own.subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
         scaling = load_interface("control_msgs/msg/SpeedScalingFactor")
         topic = "~/speed_scaling_input"
         node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
         node.create_service(query, "~/query_state", self._on_query)
 
-    def publish(self, stamp: int) -> None:
+    def _publish(self) -> None:
         """Publish ~/controller_state, if it is subscribed to."""
-        super().publish(stamp)
         if not self._state.get_subscription_count():
             return
-        arm, message = self._arm, self._message
+        follower, message = self._own.follower, self._message
         self._fill_state(message, message.reference, message.feedback)
-        _fill(message.output, arm.reference(self._robot().period))
-        message.speed_scaling_factor = arm.scaling
+        _fill(message.output, follower.reference(self._own.place.slot.robot.period))
+        message.speed_scaling_factor = follower.scaling
         self._state.publish(message)
 
     def _fill_state(self, message: Any, desired: Any, measured: Any) -> None:
@@ -82,109 +100,108 @@ class JointTrajectories(GoalNode[TrajectoryFollower, _Goal]):
         As joint_trajectory_controller's, measured motion and error have the derivatives that
         state_interfaces name, and errors of derivatives are 0 while positions are commanded.
         """
-        arm = self._arm
-        message.header.stamp = time_message(self._stamp)
-        message.joint_names = list(arm.names)
-        _fill(desired, *arm.desired)
-        state = arm.state
+        follower = self._own.follower
+        message.header.stamp = time_message(self._own.place.stamp())
+        message.joint_names = list(follower.names)
+        _fill(desired, *follower.desired)
+        state = follower.state
         _fill(measured, *state)
-        _fill(message.error, arm.error, *([0.0] * len(values) for values in state[1:]))
-        desired.time_from_start = Duration(seconds=arm.time).to_msg()
-        measured.time_from_start = Duration(seconds=arm.elapsed).to_msg()
+        _fill(message.error, follower.error, *([0.0] * len(values) for values in state[1:]))
+        desired.time_from_start = Duration(seconds=follower.time).to_msg()
+        measured.time_from_start = Duration(seconds=follower.elapsed).to_msg()
 
     # Goals -------------------------------------------------------------------------------------
 
     def _prepare(self, message: JointTrajectory) -> Callable[[], None] | None:
-        arm, goal = self._arm, (_trajectory_goal(message), None)
-        if fault := self._refusal(goal):
+        follower, goal = self._own.follower, (_trajectory_goal(message), None)
+        if fault := self._action.refusal(goal):
             self._ignore(fault)
             return None
         # Nobody waits for it: of what a cycle receives, the last trajectory is followed.
-        return lambda: self._start_streamed(arm, goal)
+        return lambda: self._start_streamed(follower, goal)
 
-    def _start_streamed(self, arm: TrajectoryFollower, goal: _Goal) -> None:
+    def _start_streamed(self, follower: TrajectoryFollower, goal: _Goal) -> None:
         """Start following a trajectory of the topic; runs in the control thread."""
         try:
-            self._start(arm, goal, None)
+            self._action.start(follower, goal, None)
         except OneBotError as error:
             self._ignore(str(error))
 
     def _ignore(self, fault: str) -> None:
-        self._error("topic", f"~/joint_trajectory is ignored: {fault}")
+        self._own.error("topic", f"~/joint_trajectory is ignored: {fault}")
 
-    def _on_accepted(self, handle: Any) -> None:
-        arm, (trajectory, tolerances) = self._accepted
-        if problems := tolerance_problems(tolerances or TolerancesGiven(), arm.names):
-            self.node.get_logger().error(first_of(problems))
-            self._accepted = arm, (trajectory, None)  # the defaults
-        super()._on_accepted(handle)
+    def _report_tolerances(self, goal: _Goal) -> None:
+        """Report tolerances that cannot be used; the follower uses the defaults."""
+        if problems := tolerance_problems(goal[1] or TolerancesGiven(), self._own.follower.names):
+            self._own.node.get_logger().error(first_of(problems))
 
     def _on_scaling(self, message: Any) -> None:
         def scale() -> None:
-            self._arm.scaling = message.factor
+            self._own.follower.scaling = message.factor
 
-        if fault := self._fault(scale):
-            self._error("scaling", f"~/speed_scaling_input is ignored: {fault}")
-
-    def _goal(self, request: Any) -> _Goal:
-        return _trajectory_goal(request.trajectory), _tolerances(request)
+        if fault := self._own.fault(scale):
+            self._own.error("scaling", f"~/speed_scaling_input is ignored: {fault}")
 
     def _problems(self, goal: _Goal) -> list[str]:
-        loop = self._loop
+        loop = self._own.loop
         # Only the control thread may ask for the system's time.
-        now = loop.now_ns() if loop.simulated else self._stamp
-        return self._arm.problems(goal[0], now)
+        now = loop.now_ns() if loop.simulated else self._own.place.stamp()
+        return self._own.follower.problems(goal[0], now)
 
     def _follow(self, goal: _Goal, handle: Any) -> Outcome | None:
         trajectory, tolerances = goal
-        return self._arm.start(trajectory, handle, tolerances)
-
-    def _feedback(self) -> Any:
-        feedback = self._type.Feedback()
-        self._fill_state(feedback, feedback.desired, feedback.actual)
-        return feedback
-
-    def _result(self, ended: Outcome | Cancelled) -> Any:
-        if isinstance(ended, Cancelled):
-            return self._type.Result()
-        return self._type.Result(error_code=ended.code, error_string=ended.text)
+        return self._own.follower.start(trajectory, handle, tolerances)
 
     def _on_query(self, request: Any, answer: Any) -> Any:
         at = nanoseconds(request.time)
-        arm = self._arm
+        follower = self._own.follower
         try:
-            motion = self._loop.call(lambda: arm.query(at))
+            motion = self._own.loop.call(lambda: follower.query(at))
         except OneBotError as error:
             answer.message = str(error)
             return answer
-        answer.success, answer.name = True, list(arm.names)
+        answer.success, answer.name = True, list(follower.names)
         answer.position, answer.velocity, answer.acceleration = map(list, motion)
         return answer
 
-    # Parameters --------------------------------------------------------------------------------
 
-    def _declare(self) -> dict[str, Any]:
-        names, values = self._arm.names, dict(self._controller.values)
-        common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
-        single = {
-            f"{group}.{joint}.{name}": value
-            for group, kind in (("constraints", JointConstraint), ("gains", JointGains))
-            for joint in names
-            for name, value in defaults(kind).items()
-        }
-        single_values = {n: v for n, v in values.items() if n in single}
-        return {
-            **declare(self.node, TrajectoryConfig, common, fixed={"joints": list(names)}),
-            **declare(self.node, JointParameters, single, single_values),
-        }
+def _declared(place: ControllerPlace, joints: Sequence[str]) -> dict[str, Any]:
+    """Declare the parameters, including those of single joints; return the values in force."""
+    values = place.controller.values
+    common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
+    single = {
+        f"{group}.{joint}.{name}": value
+        for group, kind in (("constraints", JointConstraint), ("gains", JointGains))
+        for joint in joints
+        for name, value in defaults(kind).items()
+    }
+    single_values = {n: v for n, v in values.items() if n in single}
+    return {
+        **declare(place.node, TrajectoryConfig, common, fixed={"joints": list(joints)}),
+        **declare(place.node, JointParameters, single, single_values),
+    }
 
-    def _configured(self, parameters: Sequence[Parameter] = ()) -> TrajectoryController:
-        joints = self._controller.joints
-        values = {**self._values, **self._changed(parameters), "joints": joints}
-        # Leave out defaults of single joints: another description may have other joints.
-        values = {n: v for n, v in values.items() if v or not is_joint_parameter(n)}
-        joint_constraints(values, self._arm.names)
-        return TrajectoryController(self._controller.name, values)
+
+def _own_values(place: ControllerPlace, declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the controller's parameters for values of those declared.
+
+    Raises:
+        ConfigError: parameters of single joints are wrong.
+    """
+    # Leave out defaults of single joints: another description may have other joints.
+    values = {n: v for n, v in declared.items() if v or not is_joint_parameter(n)}
+    of_joints = {name: value for name, value in values.items() if is_joint_parameter(name)}
+    TrajectoryConfig(of_joints=of_joints).joint_constraints(())
+    return {**values, "joints": place.controller.config.joint_names}
+
+
+def _action_goal(request: Any) -> _Goal:
+    return _trajectory_goal(request.trajectory), _tolerances(request)
+
+
+def _fill_result(result: Any, ended: Outcome | Cancelled) -> None:
+    if isinstance(ended, Outcome):
+        result.error_code, result.error_string = ended.code, ended.text
 
 
 def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:

@@ -106,8 +106,6 @@ class RobotBody:
         driven: names of the joints that follow velocities, in the given order.
         commanded: names of the joints that follow positions, in the given order.
         starts: start positions, in the order of ``joints``.
-        reference: returns the positions of ``commanded``, rad or m, at a time in s after the state
-            was read.
         rest_pose: height and tilt at rest on level ground.
         parts: PyBullet's indices of it.
         pose: the root link's frame, as last read.
@@ -143,8 +141,9 @@ class RobotBody:
             for joint, most in zip(motors[count:], fastest[count:], strict=True)
         ]
         self._all_limits = tuple(self._limits)
-        held = [spawn.starts.get(name, 0.0) for name in self.commanded]
-        self.reference: Callable[[float], Sequence[float]] = lambda ahead: held
+        self._references: Sequence[Sequence[float]] = [
+            [spawn.starts.get(name, 0.0) for name in self.commanded]
+        ]
         self.finite = True
 
     def load(self, ground: int) -> None:
@@ -201,12 +200,25 @@ class RobotBody:
             for velocity, fastest in zip(velocities, self._fastest, strict=True)
         ]
 
+    def ends(self, duration: float) -> list[float]:
+        """Return when each physics step of the next ``duration``, s, ends; s from now."""
+        return [(step + 1) * self._step for step in range(self.world.settings.steps(duration))]
+
+    def follow(self, references: Sequence[Sequence[float]]) -> None:
+        """Set the positions to which the commanded joints move in the next ``World.step``.
+
+        Args:
+            references: positions at the end of each physics step (see ``ends``), in the order of
+                ``commanded``, rad or m; the last ones stay until others are set.
+        """
+        self._references = references
+
     def track(self, step: int) -> None:
         """Set the motors of the commanded joints for physics step number ``step`` of a step."""
         # Comparisons: min() and max() would take three times as long.
         targets = []
         for goal, position, (lower, upper, fastest) in zip(
-            self.reference((step + 1) * self._step),
+            self._references[min(step, len(self._references) - 1)],
             self._commanded_positions,
             self._limits,
             strict=True,
@@ -323,6 +335,7 @@ class RobotBody:
             if friction:  # PyBullet leaves it out, but the motor has to overcome it
                 efforts[row] += friction * clamp(states[row][1] / _MOVING, -1.0, 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
+        self._references = self._references[-1:]
         self._update(states, base_moves=not self.spawn.fixed_base)
 
     def _reader(self, indices: Sequence[int]) -> Callable[[], Sequence[Sequence[Any]]]:

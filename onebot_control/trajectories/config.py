@@ -1,20 +1,83 @@
 """Reads and checks joint_trajectory_controller's parameters.
 
-``joint_constraints`` reads those of single joints, such as ``constraints.elbow.goal``.
+``TrajectoryConfig.joint_constraints`` reads those of single joints, such as
+``constraints.elbow.goal``.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, TypeVar
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_description.errors import unknown_names
-from onebot_description.parameters.reader import Problem, group, parameter, read, unknown_parameters
+from onebot_description.errors import listing, unknown_names
+from onebot_description.parameters.reader import (
+    NO_PARAMETER,
+    REQUIRED,
+    Problem,
+    group,
+    leaves,
+    parameter,
+    read,
+    unknown_parameters,
+)
+
+C = TypeVar("C", bound="JointControllerConfig")
 
 _INTERFACES = ("position", "velocity", "acceleration", "effort")
 _NO_FEEDBACK = "of position interfaces there is no feedback"
 MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
+
+
+class JointControllerConfig:
+    """The parameters of a joint controller; each kind has a dataclass.
+
+    Attributes:
+        joints_parameter: name of the parameter that names the joints.
+        enforce_command_limits: whether commands are kept within the joints' limits.
+    """
+
+    joints_parameter: ClassVar[str] = "joints"
+    enforce_command_limits: bool = True
+
+    @classmethod
+    def from_parameters(cls: type[C], values: Mapping[str, Any]) -> C:
+        """Check parameters, and convert them to a config.
+
+        Args:
+            values: values by their dotted ROS names.
+
+        Raises:
+            ConfigError: values are wrong; it names each of them, and what would be right.
+        """
+        return read(cls, values)
+
+    @classmethod
+    def unknown(cls, names: Iterable[str]) -> list[Problem]:
+        """Return a problem for each of ``names`` that is not a parameter of this kind."""
+        return unknown_parameters(cls, names)
+
+    @classmethod
+    def lacks(cls, values: Mapping[str, Any]) -> str:
+        """Return which parameter it cannot run without is not among ``values``; "" for none."""
+        required = [leaf.name for leaf in leaves(cls) if leaf.default is REQUIRED]
+        missing = [name for name in required if name not in values]
+        return f"has no parameter {listing(missing)}" if missing else ""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints that the parameters name; empty for all joints that can be commanded."""
+        named = getattr(self, self.joints_parameter)
+        return (named,) if isinstance(named, str) else tuple(named)
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The command interfaces that the parameters name."""
+        return ("position",)
+
+    def ignored(self, joints: Sequence[str]) -> list[Problem]:
+        """Return parameters without effect on a controller of these joints, with the reason."""
+        return []
 
 
 @dataclass(frozen=True)
@@ -95,10 +158,13 @@ class JointParameters:
 
 
 @dataclass(frozen=True)
-class TrajectoryConfig:
-    """joint_trajectory_controller's parameters, except those of single joints.
+class TrajectoryConfig(JointControllerConfig):
+    """joint_trajectory_controller's parameters.
 
     The table in README.md explains them. Only positions are commanded.
+
+    Attributes:
+        of_joints: parameters of single joints, dotted name to value; see ``joint_constraints``.
     """
 
     joints: tuple[str, ...] = parameter(
@@ -161,18 +227,53 @@ class TrajectoryConfig:
     )
     speed_scaling: SpeedScaling = group(SpeedScaling)
     constraints: Constraints = group(Constraints)
+    of_joints: Mapping[str, Any] = field(default_factory=dict, metadata=NO_PARAMETER)
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> "TrajectoryConfig":
-        """Check parameters, and convert them to a config; those of single joints are left out.
-
-        Args:
-            values: values by their dotted ROS names.
+        """Check parameters, and convert them to a config; those of single joints are kept as given.
 
         Raises:
             ConfigError: values are wrong; it names each of them, and what would be right.
         """
-        return read(cls, {n: v for n, v in values.items() if not is_joint_parameter(n)})
+        of_joints = {name: value for name, value in values.items() if is_joint_parameter(name)}
+        common = {name: value for name, value in values.items() if name not in of_joints}
+        return replace(read(cls, common), of_joints=of_joints)
+
+    @classmethod
+    def unknown(cls, names: Iterable[str]) -> list[Problem]:
+        """Return a problem for each unknown name; parameters of single joints have any joint."""
+        parameters = list(names)
+        common = (name for name in parameters if not is_joint_parameter(name))
+        return [
+            *unknown_parameters(cls, common),
+            *unknown_parameters(JointParameters, filter(is_joint_parameter, parameters)),
+        ]
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The parameter command_interfaces."""
+        return self.command_interfaces
+
+    def ignored(self, joints: Sequence[str]) -> list[Problem]:
+        """Return a problem for each joint that has parameters, but is none of ``joints``."""
+        owners = dict.fromkeys(name.rpartition(".")[0] for name in self.of_joints)
+        named = {owner.partition(".")[2]: owner for owner in owners}
+        return [
+            Problem(named[name], f"no joint of the controller{hint}; it is ignored")
+            for name, hint in unknown_names(named, joints)
+        ]
+
+    def joint_constraints(self, joints: Sequence[str]) -> list[JointConstraint]:
+        """Return the constraints of each of ``joints``; other joints' parameters are ignored.
+
+        Gains are only checked: they have no effect on position commands.
+
+        Raises:
+            ConfigError: values are wrong; it names each of them, and what would be right.
+        """
+        constraints = read(JointParameters, self.of_joints).constraints
+        return [constraints.get(name, JointConstraint()) for name in joints]
 
     @property
     def timeout(self) -> float:
@@ -189,41 +290,3 @@ def is_joint_parameter(name: str) -> bool:
     """Return whether a parameter is of a single joint, as ``constraints.<joint>.goal`` is."""
     constraint = name.startswith(_CONSTRAINTS) and "." in name.removeprefix(_CONSTRAINTS)
     return constraint or name.startswith(_GAINS)
-
-
-def joint_constraints(
-    values: Mapping[str, Any], joints: Sequence[str]
-) -> Mapping[str, JointConstraint]:
-    """Return the constraints of each of ``joints``, by its name.
-
-    Args:
-        values: all parameters, dotted name to value. Gains are only checked: they have no effect on
-            position commands.
-        joints: names of the controller's joints; parameters of others are ignored.
-
-    Raises:
-        ConfigError: values are wrong; it names each of them, and what would be right.
-    """
-    own_values = {name: value for name, value in values.items() if is_joint_parameter(name)}
-    constraints = read(JointParameters, own_values).constraints
-    return {name: constraints.get(name, JointConstraint()) for name in joints}
-
-
-def foreign_joints(names: Iterable[str], joints: Sequence[str]) -> list[Problem]:
-    """Return a problem for each joint that has parameters, but is none of ``joints``."""
-    owners = dict.fromkeys(name.rpartition(".")[0] for name in names if is_joint_parameter(name))
-    named = {owner.partition(".")[2]: owner for owner in owners}
-    return [
-        Problem(named[name], f"no joint of the controller{hint}; it is ignored")
-        for name, hint in unknown_names(named, joints)
-    ]
-
-
-def unknown_trajectory_parameters(names: Iterable[str]) -> list[Problem]:
-    """Return a problem for each of ``names`` that is not a parameter, for any names of joints."""
-    parameters = list(names)
-    common = (name for name in parameters if not is_joint_parameter(name))
-    return [
-        *unknown_parameters(TrajectoryConfig, common),
-        *unknown_parameters(JointParameters, filter(is_joint_parameter, parameters)),
-    ]

@@ -5,7 +5,7 @@ Example:
     >>> from onebot_control.trajectories.following import TrajectoryFollower
     >>> from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal
     >>> from onebot_control.trajectories.trajectory import JointMotion, Waypoint
-    >>> follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), {}, [0.0])
+    >>> follower = TrajectoryFollower([FollowedJoint("elbow")], TrajectoryConfig(), [0.0])
     >>> follower.start(TrajectoryGoal(("elbow",), (Waypoint(2.0, (0.5,)),)), token="mine")
     >>> measured = JointMotion((0.0,), (0.0,), ())  # rad, rad/s
     >>> follower.update(measured, now=0, period=0.01)  # once per control cycle
@@ -15,14 +15,24 @@ Example:
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from operator import add, sub
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from onebot_control.trajectories.arrival import Arrival
-from onebot_control.trajectories.config import MOST_SCALING, JointConstraint, TrajectoryConfig
-from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
+from onebot_control.trajectories.config import (
+    MOST_SCALING,
+    JointControllerConfig,
+    TrajectoryConfig,
+)
+from onebot_control.trajectories.goal import (
+    FollowedJoint,
+    MotorLimits,
+    TrajectoryGoal,
+    goal_problems,
+)
 from onebot_control.trajectories.tolerances import (
     TolerancesGiven,
     default_tolerances,
@@ -61,14 +71,65 @@ class Outcome(NamedTuple):
     detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
-class GoalHolder:
-    """Holds the active action goal, if there is one.
+class JointFollower(ABC):
+    """Moves the joints of one controller, one control cycle at a time; each kind has a class.
 
     Attributes:
+        parameters: dataclass of this kind's parameters.
+        joints: the joints, with their limits.
+        names: the names of these joints.
         active: the token of the action goal that is followed; None if there is none.
     """
 
-    active: object | None = None
+    parameters: ClassVar[type[JointControllerConfig]]
+    active: Any = None
+
+    def __init__(
+        self, joints: Sequence[FollowedJoint], config: Any, positions: Sequence[float]
+    ) -> None:
+        """Hold the joints where they are.
+
+        Args:
+            joints: the joints, with their limits.
+            config: the controller's parameters, one of ``parameters``.
+            positions: current positions of the joints, rad or m.
+
+        Raises:
+            ConfigError: parameters of single joints are wrong.
+        """
+        self.joints = tuple(joints)
+        self.names = tuple(joint.name for joint in joints)
+        self.configure(config)
+        self.reset(positions)
+
+    def configure(self, config: Any) -> None:
+        """Apply changed parameters."""
+        self._config = config
+
+    @property
+    def motor_limits(self) -> MotorLimits | None:
+        """Further limits of the joints' motors from the last update on; None for none."""
+        return None
+
+    @abstractmethod
+    def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
+        """Run one control cycle; see ``TrajectoryFollower.update``."""
+
+    @abstractmethod
+    def reference(self, ahead: float) -> Sequence[float]:
+        """Return the positions to command ``ahead`` seconds after the last update, rad or m."""
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """Cancel the goal, and stop."""
+
+    @abstractmethod
+    def abort(self, text: str) -> Outcome | None:
+        """Hold the joints; abort an action goal with ``text`` as the reason; return its outcome."""
+
+    @abstractmethod
+    def reset(self, positions: Sequence[float]) -> Outcome | None:
+        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
 
     def _ended(self, text: str) -> Outcome | None:
         """Forget the goal and return its outcome, aborted; None if there was none."""
@@ -76,7 +137,7 @@ class GoalHolder:
         return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
 
-class TrajectoryFollower(GoalHolder):
+class TrajectoryFollower(JointFollower):
     """Follows trajectories of some joints, and holds the joints when there is none.
 
     It reads no clock: each cycle has a stamp, and a trajectory's time advances by the cycles'
@@ -84,8 +145,6 @@ class TrajectoryFollower(GoalHolder):
     limits where splines overshoot them between two points, and where a motion begins beyond them.
 
     Attributes:
-        joints: the joints, with their limits.
-        names: the names of these joints.
         desired: the reference at the last update; continuous joints keep the goal's whole turns.
         measured: the motion measured at the last update.
         error: position errors at the last update, desired - measured, rad or m; for continuous
@@ -95,46 +154,40 @@ class TrajectoryFollower(GoalHolder):
         stalled: joints of the last goal that could not get there; see ``Arrival``.
     """
 
+    parameters = TrajectoryConfig
+    time: float
+    _config: TrajectoryConfig
+    _holding: bool
+    # Called in the next update, with measured motion and stamp, to begin a trajectory.
+    _next: Callable[[JointMotion, int], None] | None
+    _start_stamp: int | None  # trajectory start, ns; unknown until its first update
+
     def __init__(
         self,
         joints: Sequence[FollowedJoint],
         config: TrajectoryConfig,
-        constraints: Mapping[str, JointConstraint],
         positions: Sequence[float],
     ) -> None:
-        """Hold the joints where they are.
-
-        Args:
-            joints: the joints, with their limits.
-            config: the controller's parameters.
-            constraints: tolerances by joint.
-            positions: current positions of the joints, rad or m.
-        """
-        self.stalled: tuple[str, ...] = ()
-        # Called in the next update, with measured motion and stamp, to begin a trajectory.
-        self._next: Callable[[JointMotion, int], None] | None = None
-        self.joints = tuple(joints)
-        self.names = tuple(joint.name for joint in joints)
-        self.configure(config, constraints)
+        """Hold the joints where they are; see ``JointFollower``."""
+        super().__init__(joints, config, positions)
         self._tolerances = self._defaults
         self.scaling = config.speed_scaling.initial_scaling_factor
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
-        self.time = self.elapsed = 0.0
-        self._start_stamp: int | None = None  # trajectory start, ns; unknown until its first update
-        self.reset(positions)
 
-    def configure(
-        self, config: TrajectoryConfig, constraints: Mapping[str, JointConstraint]
-    ) -> None:
-        """Apply changed parameters; new tolerances apply from the next action goal on."""
-        self._config = config
-        own_constraints = [constraints.get(name, JointConstraint()) for name in self.names]
-        self._defaults = default_tolerances(own_constraints, config)
+    def configure(self, config: TrajectoryConfig) -> None:
+        """Apply changed parameters; new tolerances apply from the next action goal on.
+
+        Raises:
+            ConfigError: parameters of single joints are wrong; then nothing has changed.
+        """
+        constraints = config.joint_constraints(self.names)
+        super().configure(config)
+        self._defaults = default_tolerances(constraints, config)
         self._bounds = [
             (joint.lower, joint.upper) if config.enforce_command_limits else (-math.inf, math.inf)
             for joint in self.joints
         ]
-        self._decelerations = [joint.max_deceleration_on_cancel for joint in own_constraints]
+        self._decelerations = [joint.max_deceleration_on_cancel for joint in constraints]
 
     @property
     def scaling(self) -> float:
@@ -325,7 +378,7 @@ class TrajectoryFollower(GoalHolder):
         self._turns = turns or (0.0,) * len(self.joints)
         self._holding = holding
         self._arrival: Arrival | None = None
-        self.stalled = ()
+        self.stalled: tuple[str, ...] = ()
 
     def _hold(self, positions: Sequence[float]) -> None:
         self._follow(standstill(positions))

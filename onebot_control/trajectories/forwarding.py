@@ -1,9 +1,9 @@
 """Forwards positions to joints as forward_command_controller does. No ROS here.
 
 Example:
-    >>> from onebot_control.trajectories.forwarding import PositionForwarder
+    >>> from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
     >>> from onebot_control.trajectories.goal import FollowedJoint
-    >>> forwarder = PositionForwarder([FollowedJoint("elbow")], [0.0])
+    >>> forwarder = PositionForwarder([FollowedJoint("elbow")], ForwardConfig(("elbow",)), [0.0])
     >>> forwarder.command([0.5])  # a jump; the motor moves there at its velocity limit
     >>> forwarder.reference(0.0)
     [0.5]
@@ -11,17 +11,19 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_control.trajectories.following import Outcome
-from onebot_control.trajectories.goal import FollowedJoint, field_problems
+from onebot_control.trajectories.config import JointControllerConfig
+from onebot_control.trajectories.following import RESET, JointFollower, Outcome
+from onebot_control.trajectories.goal import field_problems
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.geometry.poses import clamp
 from onebot_description.parameters.reader import REQUIRED, parameter
 
 
 @dataclass(frozen=True)
-class ForwardConfig:
+class ForwardConfig(JointControllerConfig):
     """forward_command_controller's parameters; only positions are commanded."""
 
     joints: tuple[str, ...] = parameter(
@@ -37,22 +39,17 @@ class ForwardConfig:
     update_rate: float = ignored(0.0, IN_EACH_CYCLE, read_only=True)
     is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
 
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """The parameter interface_name."""
+        return (self.interface_name,)
 
-class PositionForwarder:
-    """Holds joints at the last commanded positions, within their limits.
 
-    Attributes:
-        joints: the joints, with their limits.
-        names: the names of these joints.
-    """
+class PositionForwarder(JointFollower):
+    """Holds joints at the last commanded positions, within their limits."""
 
+    parameters: ClassVar[type[JointControllerConfig]] = ForwardConfig
     field = "data"  # the message's field of the positions, for error texts
-
-    def __init__(self, joints: Sequence[FollowedJoint], positions: Sequence[float]) -> None:
-        """Hold ``positions``, rad or m."""
-        self.joints = tuple(joints)
-        self.names = tuple(joint.name for joint in joints)
-        self.command(positions)
 
     def problems(self, positions: Sequence[float]) -> list[str]:
         """Return why ``positions``, rad or m, are refused, a line for each reason."""
@@ -71,15 +68,20 @@ class PositionForwarder:
         """Hold the positions that are measured in the next update."""
         self._stopping = True
 
-    def abort(self, text: str) -> Outcome | None:
-        """Stop, as if deactivated and activated again; there is no goal to abort."""
+    def cancel(self) -> None:
+        """Cancel the goal, and stop."""
+        self.active = None
         self.stop()
-        return None
+
+    def abort(self, text: str) -> Outcome | None:
+        """Abort a goal, and stop, as if deactivated and activated again."""
+        self.stop()
+        return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put."""
+        """Hold ``positions``, rad or m, where the joints were put; abort a goal."""
         self.command(positions)
-        return None
+        return self._ended(RESET)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Run one control cycle; see ``TrajectoryFollower.update``."""

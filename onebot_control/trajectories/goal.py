@@ -29,6 +29,13 @@ class FollowedJoint(NamedTuple):
         return self._replace(lower=max(self.lower, least), upper=min(self.upper, greatest))
 
 
+class MotorLimits(NamedTuple):
+    """Limits of a joint's motor in addition to the joint's own; 0 for no further limit."""
+
+    effort: float  # the greatest, Nm or N
+    velocity: float  # the greatest, rad/s or m/s
+
+
 class TrajectoryGoal(NamedTuple):
     """A trajectory that a client requests, as in trajectory_msgs/JointTrajectory."""
 

@@ -14,20 +14,19 @@ Example:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
     PREEMPTED,
-    RESET,
     ROUNDING,
     SUCCESSFUL,
-    GoalHolder,
     Outcome,
 )
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_control.trajectories.goal import FollowedJoint
+from onebot_control.trajectories.goal import MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.parameters.reader import REQUIRED, parameter
 from onebot_description.parameters.values import LARGEST
@@ -36,8 +35,10 @@ _AT_ONCE = "the motor has them without"
 
 
 @dataclass(frozen=True)
-class GripperCommandConfig:
+class GripperCommandConfig(JointControllerConfig):
     """gripper_controllers' parameters."""
+
+    joints_parameter = "joint"
 
     joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
     goal_tolerance: float = parameter(
@@ -82,7 +83,7 @@ class GripperGoal(NamedTuple):
     velocity: float = 0.0  # the greatest one, rad/s or m/s; 0: the parameter's
 
 
-class GripperFollower(GoalHolder, PositionForwarder):
+class GripperFollower(PositionForwarder):
     """Moves one joint to the position of a goal, until it is reached or the joint stalls.
 
     Either way, the position stays commanded, so that a gripped object is held.
@@ -92,33 +93,19 @@ class GripperFollower(GoalHolder, PositionForwarder):
         stalled: whether the joint stalled on the way to the last goal.
     """
 
+    parameters: ClassVar[type[JointControllerConfig]] = GripperConfig
     field = "command.position"
-
-    def __init__(
-        self,
-        joints: Sequence[FollowedJoint],
-        config: GripperCommandConfig,
-        positions: Sequence[float],
-    ) -> None:
-        """Hold ``positions``, one value for the one joint, rad or m."""
-        super().__init__(joints, positions)
-        self.reached = self.stalled = False
-        self._goal = GripperGoal(positions)
-        self.configure(config)
-
-    def configure(self, config: GripperCommandConfig) -> None:
-        """Apply changed parameters, from the next update on."""
-        self._config = config
+    reached = stalled = False
+    _config: GripperCommandConfig
+    _goal = GripperGoal(())
 
     @property
-    def max_effort(self) -> float:
-        """The greatest effort, Nm or N; 0 for that of the joint."""
-        return self._goal.effort or self._config.max_effort
-
-    @property
-    def max_velocity(self) -> float:
-        """The greatest velocity, rad/s or m/s; 0 for that of the joint."""
-        return self._goal.velocity or getattr(self._config, "max_velocity", 0.0)
+    def motor_limits(self) -> MotorLimits:
+        """The limits of the goal, or those of the parameters."""
+        return MotorLimits(
+            self._goal.effort or self._config.max_effort,
+            self._goal.velocity or getattr(self._config, "max_velocity", 0.0),
+        )
 
     def goal_problems(self, goal: GripperGoal) -> list[str]:
         """Return why a goal is refused, a line for each reason."""
@@ -143,21 +130,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
         self._still = 0.0  # s that the joint has stood still
         return preempted
 
-    def cancel(self) -> None:
-        """Cancel the goal, and stop."""
-        self.active = None
-        self.stop()
-
     def abort(self, text: str) -> Outcome | None:
         """Abort the goal, and stop; without a goal, a gripped object is held as before."""
-        if self.active is not None:
-            self.stop()
-        return self._ended(text)
-
-    def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joint was put; abort the goal."""
-        self.command(positions)
-        return self._ended(RESET)
+        return None if self.active is None else super().abort(text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
         """Run one control cycle; see ``TrajectoryFollower.update``."""
@@ -182,3 +157,9 @@ class GripperFollower(GoalHolder, PositionForwarder):
         token, self.active = self.active, None
         detail = f"{self.names[0]}: position {position:.6g}, goal {self._commanded[0]:.6g}"
         return [Outcome(token, code, text, detail)]
+
+
+class GripperCommandFollower(GripperFollower):
+    """The same with the parameters of gripper_controllers, whose action is the older one."""
+
+    parameters = GripperCommandConfig

@@ -35,6 +35,8 @@ REQUIRED = MISSING
 """The default of a parameter that must be given."""
 
 _RULE = "onebot parameter"  # the key in a field's metadata
+NO_PARAMETER: Mapping[str, Any] = {_RULE: None}
+"""Metadata of a dataclass field that is not a parameter."""
 _MOST_LISTED = 50  # problems in one message
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -146,7 +148,8 @@ def _group(kind: Any) -> _Group:
     hints = typing.get_type_hints(kind)
     fields, maps = [], []
     for item in dataclasses.fields(kind):
-        rule = item.metadata.get(_RULE, Rule())
+        if (rule := item.metadata.get(_RULE, Rule())) is None:
+            continue
         default = item.default if item.default_factory is MISSING else item.default_factory()
         if hints[item.name] == Mapping[str, OwnClass]:
             maps.append((item.name, default))

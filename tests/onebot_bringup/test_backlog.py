@@ -7,12 +7,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.serving import backlog
 from onebot_bringup.serving.backlog import Backlog
 from onebot_bringup.serving.rerun_messages import GRPC_WEB, HEAD, SERVICE, subjects
 from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.onebot_bringup.viewer_support import START_NS, transforms
 

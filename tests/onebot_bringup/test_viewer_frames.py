@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_bringup.viewer.display_server import open_recording
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, stamps

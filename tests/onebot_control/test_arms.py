@@ -178,7 +178,7 @@ def test_motor_does_not_press_beyond_a_position_limit() -> None:
     spawn = RobotSpawn(rod(), (), commanded=("elbow",), starts={"elbow": 1.5}, fixed_base=True)
     with World([spawn]) as world:
         [robot] = world.robots
-        robot.reference = lambda ahead: [3.0]
+        robot.follow([[3.0]])
         reached = []
         for _ in range(200):
             world.step(1.0 / RATE)

@@ -20,12 +20,10 @@ from onebot_control.control_files import (
 )
 from onebot_control.controller_names import MANAGER
 from onebot_control.drive.parameters import ControlConfig
-from onebot_control.joint_controllers import (
-    ForwardController,
-    GripperController,
-    TrajectoryController,
-)
 from onebot_control.nodes.control_parameters import ControlParameters
+from onebot_control.trajectories.following import TrajectoryFollower
+from onebot_control.trajectories.forwarding import PositionForwarder
+from onebot_control.trajectories.gripping import GripperFollower
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.files import Parameters, read_sections
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -324,11 +322,11 @@ def test_a_file_names_controllers_of_several_kinds(file: Path) -> None:
     file.write_text(JOINTS)
     controllers, places, warnings = read_joint_controllers([file], "/")
     assert not warnings
-    assert [(type(each), each.name, each.joints) for each in controllers] == [
-        (TrajectoryController, "arm", ("elbow",)),
-        (ForwardController, "head", ("pan", "tilt")),
-        (ForwardController, "neck", ("yaw",)),
-        (GripperController, "hand", ("finger",)),
+    assert [(each.kind, each.name, each.config.joint_names) for each in controllers] == [
+        (TrajectoryFollower, "arm", ("elbow",)),
+        (PositionForwarder, "head", ("pan", "tilt")),
+        (PositionForwarder, "neck", ("yaw",)),
+        (GripperFollower, "hand", ("finger",)),
     ]
     assert controllers[-1].config.stall_timeout == 0.5
     assert places["hand.stall_timeout"] == f"{file}:17"
@@ -345,7 +343,7 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
     for text, joints in ((GOOD, ()), (GOOD + section, ("elbow",))):
         file.write_text(text)
         [controller], *_ = read_joint_controllers([file], "/")
-        assert (type(controller), controller.joints) == (TrajectoryController, joints)
+        assert (controller.kind, controller.config.joint_names) == (TrajectoryFollower, joints)
         assert controller.name == "joint_trajectory_controller"
 
 
@@ -465,7 +463,7 @@ def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> 
     manager = f"arm: {{{kind}, params_file: {other}, {more}}}"
     file.write_text(f"controller_manager: {{ros__parameters: {{{manager}, cpu_affinity: 3}}}}")
     [controller], places, warnings = read_joint_controllers([file], "/")
-    assert (controller.joints, places, warnings) == (
+    assert (controller.config.joint_names, places, warnings) == (
         ("a",),
         {"arm.joints": f"{other}:1", "arm": f"{file}:1"},
         [],
@@ -485,7 +483,7 @@ def test_the_managers_limits_are_the_controllers_default(file: Path, enforced: b
     manager = f"  ros__parameters:\n    enforce_command_limits: {str(enforced).lower()}\n"
     file.write_text(JOINTS.replace("  ros__parameters:\n", manager, 1))
     arm = read_joint_controllers([file], "/").controllers[0]
-    assert (arm.config.enforce_command_limits, arm.enforces_limits) == (enforced, enforced)
+    assert arm.config.enforce_command_limits is enforced
     own = JOINTS.replace("joints: [elbow]", "joints: [elbow], enforce_command_limits: true")
     file.write_text(own.replace("  ros__parameters:\n", manager, 1))
     assert read_joint_controllers([file], "/").controllers[0].config.enforce_command_limits

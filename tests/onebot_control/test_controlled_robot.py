@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
-from onebot_control.joint_controllers import TrajectoryController
+from onebot_control.joint_controllers import JointController
 from onebot_control.physics import JointStates, RobotBody
+from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
@@ -65,7 +66,8 @@ def test_what_does_not_suit_the_robot_is_refused(values: dict[str, Any], said: s
 def ignored_of(*joints: str) -> list[str]:
     """What is said of controllers of these joints, one joint each."""
     controllers = [
-        TrajectoryController(f"arm{row}", {"joints": [joint]}) for row, joint in enumerate(joints)
+        JointController(TrajectoryFollower, f"arm{row}", {"joints": [joint]})
+        for row, joint in enumerate(joints)
     ]
     prepared = PreparedRobot.from_description(robot(), config(), "", controllers)
     assert len(prepared.controllers) == len(joints) - len(prepared.ignored)
@@ -85,8 +87,10 @@ def test_a_controller_of_no_joint_is_refused() -> None:
     """If it is the only one, or has some other joints: then a name is misspelt."""
     with pytest.raises(OneBotError, match='arm0.joints: joint "caster_joint" does not move'):
         ignored_of("caster_joint")
-    wrong = TrajectoryController("arm", {"joints": ["left_wheel_joint", "left_wheel_joynt"]})
-    other = TrajectoryController("other", {"joints": ["finger"]})
+    wrong = JointController(
+        TrajectoryFollower, "arm", {"joints": ["left_wheel_joint", "left_wheel_joynt"]}
+    )
+    other = JointController(TrajectoryFollower, "other", {"joints": ["finger"]})
     with pytest.raises(OneBotError, match='arm.joints: joint "left_wheel_joynt" .*did you mean'):
         PreparedRobot.from_description(robot(), config(), "", [wrong, other])
 

@@ -14,7 +14,7 @@ JOINTS = (FollowedJoint("elbow", lower=-1.0, upper=2.0), FollowedJoint("wrist", 
 
 def forwarder() -> PositionForwarder:
     """One that holds its joints where they start."""
-    return PositionForwarder(JOINTS, [0.3, -0.4])
+    return PositionForwarder(JOINTS, ForwardConfig(("elbow", "wrist")), [0.3, -0.4])
 
 
 def measured(*positions: float) -> JointMotion:

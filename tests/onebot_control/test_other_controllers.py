@@ -21,7 +21,7 @@ from onebot_control import simulation as simulation_module
 from onebot_control.control_files import read_joint_controllers
 from onebot_control.joint_controllers import JOINT_CONTROLLERS
 from onebot_control.nodes import controller_node
-from onebot_control.nodes.joint_controller_nodes import controller_nodes
+from onebot_control.nodes.joint_controller_nodes import controller_interfaces
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_control.simulation import Simulation
 from onebot_description.description import Description
@@ -157,7 +157,7 @@ def logged(capfd: pytest.CaptureFixture[str], node: str) -> list[tuple[str, str]
 
 
 def test_each_kind_of_controller_has_its_interface() -> None:
-    assert set(controller_nodes()) == set(JOINT_CONTROLLERS.values())
+    assert set(controller_interfaces()) == set(JOINT_CONTROLLERS.values())
 
 
 def test_a_gripper_stalls_at_a_box(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

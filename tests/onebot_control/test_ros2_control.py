@@ -8,8 +8,10 @@ import pytest
 from onebot_control.controlled_robot import PreparedRobot
 from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
-from onebot_control.joint_controllers import ForwardController, TrajectoryController
+from onebot_control.joint_controllers import JointController
 from onebot_control.simulation import Simulation
+from onebot_control.trajectories.following import TrajectoryFollower
+from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError
 from tests.onebot_control.arm_models import arm, interfaces, joint, link, mimic
@@ -140,7 +142,9 @@ def test_limits_that_are_no_limits(least: object, greatest: object, said: str) -
 def test_limits_that_are_not_enforced_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     inside = limited("position", -0.1, 0.2) + limited("velocity", -0.25, 0.25)
     description = robot(listed("right", inside))
-    free = TrajectoryController("arm", {"joints": ["right"], "enforce_command_limits": False})
+    free = JointController(
+        TrajectoryFollower, "arm", {"joints": ["right"], "enforce_command_limits": False}
+    )
     member = Member(description, ControlConfig(), controllers=[free], stands=True)
     with Fleet.from_members([member]) as fleet:
         text = "joint right: min and max of <command_interface> do not limit it, because enforce_co"
@@ -158,7 +162,7 @@ def test_other_command_interfaces_are_refused_by_name(kind: str) -> None:
             Simulation(robot(inside))
     mixed = robot(other, listed("right", POSITION))
     with pytest.raises(OneBotError, match=f"joint left: {said}"):
-        named = ForwardController("arm", {"joints": ["left"]})
+        named = JointController(PositionForwarder, "arm", {"joints": ["left"]})
         PreparedRobot.from_description(mixed, ControlConfig(), controllers=[named], stands=True)
     assert positions(mixed, {"right": 0.4}) == pytest.approx([0.4, 0.0], abs=1e-6)
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import pytest
@@ -37,9 +38,13 @@ class Arm:
         positions: Sequence[float] = (0.0, 0.0),
         **values: Any,
     ) -> None:
-        self.constraints = constraints or {}
-        config = TrajectoryConfig.from_parameters(values)
-        self.follower = TrajectoryFollower(joints, config, self.constraints, positions)
+        of_joints = {
+            f"constraints.{joint}.{name}": value
+            for joint, constraint in (constraints or {}).items()
+            for name, value in asdict(constraint).items()
+        }
+        config = TrajectoryConfig.from_parameters({**values, **of_joints})
+        self.follower = TrajectoryFollower(joints, config, positions)
         self.offset = 0.0  # rad, of all joints
         self.now = NOW
         self.measured = JointMotion(tuple(positions), REST, ())

@@ -9,8 +9,6 @@ import yaml
 from onebot_control.trajectories.config import (
     JointConstraint,
     TrajectoryConfig,
-    joint_constraints,
-    unknown_trajectory_parameters,
 )
 from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
 from onebot_control.trajectories.tolerances import (
@@ -279,18 +277,16 @@ gains.elbow.antiwindup_strategy: none
 
 def test_a_file_of_the_original() -> None:
     values = yaml.safe_load(FILE)
-    assert not unknown_trajectory_parameters(values)
+    assert not TrajectoryConfig.unknown(values)
     config = TrajectoryConfig.from_parameters(values)
     assert (config.joints, config.timeout, config.constraints.goal_time) == (NAMES, 2.0, 1.0)
-    constraints = joint_constraints(values, NAMES)
-    assert constraints == {"shoulder": JointConstraint(0.2, 0.1), "elbow": JointConstraint()}
+    assert config.joint_constraints(NAMES) == [JointConstraint(0.2, 0.1), JointConstraint()]
 
 
 def problem(values: dict[str, Any]) -> str:
     """The error of wrong parameters."""
     with pytest.raises(ConfigError) as caught:
-        joint_constraints(values, NAMES)
-        TrajectoryConfig.from_parameters(values)
+        TrajectoryConfig.from_parameters(values).joint_constraints(NAMES)
     return str(caught.value)
 
 
@@ -326,5 +322,5 @@ def problem(values: dict[str, Any]) -> str:
 )
 def test_wrong_parameters(values: dict[str, Any], expected: str) -> None:
     assert problem(values) == expected
-    names = [problem.key for problem in unknown_trajectory_parameters(values)]
+    names = [problem.key for problem in TrajectoryConfig.unknown(values)]
     assert names == [name for name in values if "no such parameter" in expected]

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import rerun as rr
 
-from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import entity_path
 from onebot_bringup.viewer.core.robot_shapes import RobotShapes
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import did_you_mean, listing
+from onebot_description.ros.frame_tree import FrameTree
 
 FRAMES_ENTITY = "frames"
 ROBOT_DESCRIPTION = "robot_description"

@@ -8,7 +8,6 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, send
 from onebot_bringup.viewer.core.inbox import MessageType, message_type
 from onebot_bringup.viewer.core.shown_robot import (
@@ -20,6 +19,7 @@ from onebot_bringup.viewer.core.shown_robot import (
 from onebot_bringup.viewer.core.transform_stream import TransformStream
 from onebot_description.description import Description
 from onebot_description.errors import listing
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.wire.interface_text import full_definition
 
 _TRANSFORM_TIMEOUT_NS = 200_000_000

@@ -9,7 +9,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.introspection.frame_tree import FrameTree
 from onebot_bringup.viewer.core.columns import (
     ColumnMaker,
     ReadyColumn,
@@ -21,6 +20,7 @@ from onebot_bringup.viewer.core.inbox import OTHER_CLOCK_NS, MessageType
 from onebot_bringup.viewer.core.rerun_limits import LARGEST, is_old
 from onebot_description.arrays import Floats
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.wire.message_arrays import TfArrays, tf_arrays
 
 TF_ENTITY = "tf"

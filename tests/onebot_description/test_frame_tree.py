@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from onebot_bringup.introspection.frame_tree import FrameTree, TransformError
+from onebot_description.ros.frame_tree import FrameTree, TransformError
 from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.support import assert_time_grows_with_size
 
