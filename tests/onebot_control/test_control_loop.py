@@ -141,7 +141,7 @@ def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
 
         at = run.loop.call(stall) + 1  # the cycle of the stall is under way
         wait_for(lambda: len(run.published) > at + 1, "cycles after the stall")
-        speeds = [snapshot.command.linear for snapshot, _ in run.published]
+        speeds = [snapshot.drive.command.linear for snapshot, _ in run.published]
         assert speeds[at] == (0.6 if simulated else 0.0)
         assert max(run.missed) >= 28  # cycles
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 import pytest
 
 from onebot_control.controlled_robot import PreparedRobot
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.joint_controllers import ForwardController, TrajectoryController
 from onebot_control.simulation import Simulation
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, parse_description
 from onebot_description.errors import DescriptionError, OneBotError
 from tests.onebot_control.arm_models import arm, interfaces, joint, link, mimic
@@ -141,7 +141,7 @@ def test_limits_that_are_not_enforced_are_reported(caplog: pytest.LogCaptureFixt
     inside = limited("position", -0.1, 0.2) + limited("velocity", -0.25, 0.25)
     description = robot(listed("right", inside))
     free = TrajectoryController("arm", {"joints": ["right"], "enforce_command_limits": False})
-    member = Member(description, ControlConfig(), controllers=[free], stands=True)
+    member = Member(description, SimulationConfig(), controllers=[free])
     with Fleet.from_members([member]) as fleet:
         text = "joint right: min and max of <command_interface> do not limit it, because enforce_co"
         assert text in caplog.text
@@ -159,7 +159,7 @@ def test_other_command_interfaces_are_refused_by_name(kind: str) -> None:
     mixed = robot(other, listed("right", POSITION))
     with pytest.raises(OneBotError, match=f"joint left: {said}"):
         named = ForwardController("arm", {"joints": ["left"]})
-        PreparedRobot.from_description(mixed, ControlConfig(), controllers=[named], stands=True)
+        PreparedRobot.from_description(mixed, SimulationConfig(), controllers=[named])
     assert positions(mixed, {"right": 0.4}) == pytest.approx([0.4, 0.0], abs=1e-6)
 
 
