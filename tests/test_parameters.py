@@ -15,7 +15,7 @@ from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.control_files import default_control_file
 from onebot_control.drive_kinds import ControlConfig
-from onebot_control.nodes import control_loop
+from onebot_control.runtime import control_loop
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 from onebot_control.drive.kinematics import (
     DriveCommand,
     Kinematics,
-    PlanarTwist,
     Share,
     check_lengths,
 )
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_description.geometry.poses import Triple
 from onebot_description.parameters.reader import Problem, group, parameter
 
 if TYPE_CHECKING:
@@ -46,20 +46,21 @@ class DiffDriveKinematics(Kinematics):
         check_lengths(self, "separation", "left_radius", "right_radius")
         self.shares = Share(0.5, 0.0, -separation), Share(0.5, 0.0, separation)
 
-    def command(self, twist: PlanarTwist, steering: Sequence[float] = ()) -> DriveCommand:
-        left, right = self.paths(twist)
+    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
         linear, _, angular = twist
-        return DriveCommand(
-            linear, 0.0, angular, (left / self.left_radius, right / self.right_radius)
-        )
+        left, right = self.paths(twist)
+        wheels = left / self.left_radius, right / self.right_radius
+        return DriveCommand(linear, 0.0, angular, wheels)
 
-    def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> PlanarTwist:
-        left, right = turned[0] * self.left_radius, turned[1] * self.right_radius
-        return PlanarTwist((left + right) / 2.0, 0.0, (right - left) / self.separation)
+    def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:
+        left, right = turned
+        left, right = left * self.left_radius, right * self.right_radius
+        return (left + right) / 2.0, 0.0, (right - left) / self.separation
 
-    def paths(self, motion: PlanarTwist) -> Sequence[float]:
-        across = motion.angular * self.separation / 2.0
-        return motion.linear - across, motion.linear + across
+    def paths(self, motion: Triple) -> tuple[float, float]:
+        distance, _, turn = motion
+        across = turn * self.separation / 2.0
+        return distance - across, distance + across
 
 
 def _names() -> Any:

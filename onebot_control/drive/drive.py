@@ -25,7 +25,7 @@ Example:
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
@@ -34,12 +34,13 @@ from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimiter
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import PlanarPose, clamp
+from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import Wheels
 
 _AXES = ("linear.x", "linear.y", "angular.z")  # as in PlanarTwist
+_REST = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
 
@@ -54,26 +55,6 @@ class DriveState(NamedTuple):
     covariance: PoseCovariance  # covariance of that pose
     twist: PlanarTwist  # velocity by the wheels
     command: DriveCommand
-
-
-class WheelGroup:
-    """Treats wheels as one wheel whose positive velocity drives forward."""
-
-    def __init__(
-        self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
-    ) -> None:
-        self._rows = [(joints.index(name), directions[name]) for name in names]
-
-    def mean(self, values: Sequence[float]) -> float:
-        """Return the mean position, rad, or velocity, rad/s, of the wheels, of all joints'."""
-        mean = 0.0
-        for row, direction in self._rows:
-            mean += direction * values[row]
-        return mean / len(self._rows)
-
-    def velocities(self, speed: float) -> list[float]:
-        """Return the velocity of each joint for a forward ``speed`` of the wheels, rad/s."""
-        return [direction * speed for _, direction in self._rows]
 
 
 class Drive:
@@ -106,7 +87,11 @@ class Drive:
             OneBotError: see ``fitted``.
         """
         self.wheels, self.config = wheels, config
-        self._groups = [WheelGroup(names, wheels.directions, joints) for names in wheels.groups]
+        # Of each wheel, the rows in ``joints`` and the directions of the joints that turn as one.
+        self._groups = [
+            [(joints.index(name), wheels.directions[name]) for name in names]
+            for names in wheels.groups
+        ]
         self._steering_rows = [joints.index(name) for name in wheels.steering]
         self._steering: Sequence[float] = (0.0,) * len(wheels.steering)
         self.command = DriveCommand(0.0, 0.0, 0.0, (), self._steering)
@@ -142,7 +127,7 @@ class Drive:
             # The wheels have moved since they were last used as feedback.
             self.odometry.rereference_wheels()
         limits = config.limits
-        self._limiters = [SpeedLimiter(limits[a]) if a in limits else None for a in _AXES]
+        self._limiters = [(_AXES.index(axis), SpeedLimiter(limits[axis])) for axis in limits]
         self.odometry.set_window(config.velocity_rolling_window_size)
         self.odometry.noise = config.noise
 
@@ -161,14 +146,17 @@ class Drive:
         Returns:
             Why the command is ignored; None if it is accepted.
         """
-        twist = PlanarTwist(linear, lateral, angular)
-        if not all(map(math.isfinite, twist)):
+        if not (math.isfinite(linear) and math.isfinite(lateral) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
         timeout = self.config.cmd_vel_timeout
         age = max(0.0, age or 0.0)
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
-        self._reference = PlanarTwist(*[clamp(value, -_FASTEST, _FASTEST) for value in twist])
+        self._reference = (
+            clamp(linear, -_FASTEST, _FASTEST),
+            clamp(lateral, -_FASTEST, _FASTEST),
+            clamp(angular, -_FASTEST, _FASTEST),
+        )
         self._age, self._fresh = age, True
         return None
 
@@ -179,10 +167,10 @@ class Drive:
         if self.config.open_loop:
             return
         if self.config.position_feedback:
-            turned = [group.mean(positions) for group in self._groups]
+            turned = [_mean(group, positions) for group in self._groups]
             self.odometry.update_from_positions(turned, dt, self._steering)
         else:
-            turned = [group.mean(velocities) for group in self._groups]
+            turned = [_mean(group, velocities) for group in self._groups]
             self.odometry.update_from_velocities(turned, dt, self._steering)
 
     def decide(self, dt: float) -> DriveCommand:
@@ -199,7 +187,7 @@ class Drive:
     def velocities(self) -> list[float]:
         """The velocity of each joint of ``wheels.names`` for the command in force, rad/s."""
         pairs = zip(self._groups, self.command.wheels, strict=True)
-        return [velocity for group, speed in pairs for velocity in group.velocities(speed)]
+        return [direction * speed for group, speed in pairs for _, direction in group]
 
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
@@ -207,7 +195,7 @@ class Drive:
 
     def halt(self) -> None:
         """Stop the wheels at once; the next command starts from rest."""
-        self._reference = self._last = self._before_last = PlanarTwist()
+        self._reference = self._last = self._before_last = _REST
         self._age, self._fresh = 0.0, True
         still = (0.0,) * len(self._groups)
         self.command = DriveCommand(0.0, 0.0, 0.0, still, self.command.steering)
@@ -242,19 +230,24 @@ class Drive:
 
     def state(self, pace: float) -> DriveState:
         """Return the present state; ``pace`` is simulated seconds per second of the clock."""
-        odometry = self.odometry
-        twist = PlanarTwist(*[component * pace for component in odometry.twist])
+        odometry, twist = self.odometry, self.odometry.twist
+        if pace != 1.0:
+            twist = PlanarTwist(*[component * pace for component in twist])
         return DriveState(odometry.pose, odometry.covariance, twist, self.command)
 
-    def _limited(self, dt: float) -> PlanarTwist:
+    def _limited(self, dt: float) -> Triple:
         # A timed-out command becomes a zero reference, ramped down by the limiters.
-        wanted = PlanarTwist() if self.timed_out else self._reference
-        axes = zip(self._limiters, wanted, self._last, self._before_last, strict=True)
-        limited = PlanarTwist(
-            *[
-                limiter.limit(command, last, before_last, dt) if limiter else 0.0
-                for limiter, command, last, before_last in axes
-            ]
-        )
-        self._before_last, self._last = self._last, limited
-        return limited
+        wanted = _REST if self.timed_out else self._reference
+        last, before_last, speeds = self._last, self._before_last, [0.0, 0.0, 0.0]
+        for axis, limiter in self._limiters:
+            speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
+        self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
+        return self._last
+
+
+def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:
+    """Return the mean forward position, rad, or velocity, rad/s, of joints that turn as one."""
+    mean = 0.0
+    for row, direction in group:
+        mean += direction * values[row]
+    return mean / len(group)

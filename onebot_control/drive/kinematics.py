@@ -9,10 +9,7 @@ from onebot_description.geometry.poses import Triple
 
 
 class PlanarTwist(NamedTuple):
-    """A velocity of the body in its own frame, x forward and y to the left (REP-103).
-
-    It is also a motion along an arc of constant velocity, in m and rad.
-    """
+    """A velocity of the body in its own frame, x forward and y to the left (REP-103)."""
 
     linear: float = 0.0  # forward, m/s
     lateral: float = 0.0  # to the left, m/s
@@ -34,14 +31,20 @@ class Share(NamedTuple):
 
     forward: float  # m
     left: float  # m
-    lever: float  # m for a turn of 1 rad to the left; infinite if it turns nothing
+    lever: float  # m on the path for a turn of 1 rad to the left; infinite if it turns nothing
+
+
+PathError = tuple[float, float, float, float]
+"""By how much x (m), y (m) and yaw (rad) change with 1 m on a wheel's path; its variance, m^2."""
 
 
 class Kinematics(ABC):
     """Converts between the motion of the body and that of its wheels.
 
     Wheels and steering joints have the order of ``Wheels.groups`` and ``Wheels.steering``; wheels
-    that turn as one count as one. All positive velocities drive forward.
+    that turn as one count as one. All positive velocities drive forward. A motion of the body is
+    along an arc of constant velocity: forward and to the left, m, and turning to the left, rad;
+    per second, it is the components of a PlanarTwist.
 
     Attributes:
         shares: what each wheel contributes to the motion of the body.
@@ -50,46 +53,50 @@ class Kinematics(ABC):
     shares: Sequence[Share]
 
     @abstractmethod
-    def command(self, twist: PlanarTwist, steering: Sequence[float]) -> DriveCommand:
+    def command(self, twist: Triple, steering: Sequence[float]) -> DriveCommand:
         """Return what the joints do for a limited twist.
 
         Args:
-            twist: the wanted velocity; what the drive cannot do is left out of the result.
+            twist: the wanted motion per second; the result leaves out what the drive cannot do.
             steering: measured positions of the steering joints, rad.
         """
 
     @abstractmethod
-    def body_motion(self, turned: Sequence[float], steering: Sequence[float]) -> PlanarTwist:
+    def body_motion(self, turned: Sequence[float], steering: Sequence[float]) -> Triple:
         """Return the motion of the body.
 
         Args:
             turned: angles by which the wheels have turned, rad; for velocities in rad/s, the result
-                is the body's velocity.
+                is per second.
             steering: positions of the steering joints, rad.
         """
 
     @abstractmethod
-    def paths(self, motion: PlanarTwist) -> Sequence[float]:
+    def paths(self, motion: Triple) -> Sequence[float]:
         """Return the path of each wheel on the ground for a motion of the body, m."""
 
-    def errors(self, motion: PlanarTwist, cos: float, sin: float) -> list[Triple]:
-        """Return how an error of 1 m on each wheel's path moves x (m), y (m) and yaw (rad).
+    def errors(
+        self, motion: Triple, cos: float, sin: float, noise: Sequence[float]
+    ) -> list[PathError]:
+        """Return how errors of the wheels' paths move the body.
 
-        It moves the end of the path, and turns the path by half of the error of the heading.
+        Each moves the end of the body's path, and turns that path by half of the heading's error.
 
         Args:
             motion: the motion of the body.
             cos: cosine of the heading in the middle of the motion.
             sin: likewise its sine.
+            noise: variance of each wheel's path, m^2 per metre.
         """
         distance, aside, _ = motion
-        columns = []
-        for forward, left, lever in self.shares:
-            along, across = distance / (2.0 * lever), aside / (2.0 * lever)
+        paths, errors = self.paths(motion), []
+        for wheel, (forward, left, lever) in enumerate(self.shares):
+            twice = 2.0 * lever
+            along, across = distance / twice, aside / twice
             x = forward * cos - left * sin - along * sin - across * cos
             y = forward * sin + left * cos + along * cos - across * sin
-            columns.append((x, y, 1.0 / lever))
-        return columns
+            errors.append((x, y, 1.0 / lever, noise[wheel] * abs(paths[wheel])))
+        return errors
 
 
 LEAST = 1e-6  # m; with shorter lengths, results might not be finite

@@ -3,10 +3,11 @@
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
+from operator import sub
 from typing import TYPE_CHECKING, NamedTuple
 
-from onebot_control.drive.kinematics import Kinematics, PlanarTwist
-from onebot_description.geometry.poses import PlanarPose, Triple, total
+from onebot_control.drive.kinematics import Kinematics, PathError, PlanarTwist
+from onebot_description.geometry.poses import PlanarPose, Triple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,9 +28,7 @@ class PoseCovariance(NamedTuple):
     y_yaw: float = 0.0
     yaw_yaw: float = 0.0
 
-    def moved(
-        self, dx: float, dy: float, errors: Iterable[Triple], variances: Iterable[float]
-    ) -> "PoseCovariance":
+    def moved(self, dx: float, dy: float, errors: Iterable[PathError]) -> "PoseCovariance":
         """Propagate this covariance P over a step: return F P F' + G Q G'.
 
         Siegwart and Nourbakhsh, section 5.2.4. An error of the heading rotates the step, so F is
@@ -38,14 +37,15 @@ class PoseCovariance(NamedTuple):
         Args:
             dx: step in x, m.
             dy: step in y, m.
-            errors: columns of G, (n, 3): how each independent error acts on x, y and yaw.
-            variances: variances of these errors, (n,), the diagonal of Q.
+            errors: independent errors: columns of G, and variances, the diagonal of Q.
         """
         xx, xy, yy, xt, yt, tt = self
         # F P; its last row is the last row of P.
         left_xt, left_yt = xt - dy * tt, yt + dx * tt
-        xx, xy, yy = xx - dy * (xt + left_xt), xy - dy * yt + dx * left_xt, yy + dx * (yt + left_yt)
-        for (x, y, yaw), variance in zip(errors, variances, strict=True):
+        xx -= dy * (xt + left_xt)
+        xy = xy - dy * yt + dx * left_xt
+        yy += dx * (yt + left_yt)
+        for x, y, yaw, variance in errors:
             along, across = variance * x, variance * y
             xx += along * x
             xy += along * y
@@ -101,8 +101,7 @@ class Odometry:
         """
         self.kinematics, self.noise = kinematics, noise or (0.0,) * len(kinematics.shares)
         self._wheels: Sequence[float] | None = None
-        # The components of the last updates' twists, which are averaged.
-        self._twists = [deque[float](maxlen=window) for _ in PlanarTwist._fields]
+        self._twists = deque[Triple](maxlen=window)  # of the last updates
         self.twist = PlanarTwist()
         self.set_pose(0.0, 0.0, 0.0)
 
@@ -130,13 +129,12 @@ class Odometry:
     def forget_wheels(self) -> None:
         """Re-reference the wheel positions and set the twist to zero, as after a teleport."""
         self.rereference_wheels()
-        for component in self._twists:
-            component.clear()
+        self._twists.clear()
         self.twist = PlanarTwist()
 
     def set_window(self, window: int) -> None:
         """Average the twist over ``window`` updates from now on."""
-        self._twists = [deque(component, window) for component in self._twists]
+        self._twists = deque(self._twists, window)
 
     def update_from_positions(
         self, positions: Sequence[float], dt: float, steering: Sequence[float] = ()
@@ -144,8 +142,7 @@ class Odometry:
         """Integrate new wheel positions (rad), ``dt`` seconds after the last call."""
         last, self._wheels = self._wheels, positions
         if last is not None:
-            turned = [now - before for now, before in zip(positions, last, strict=True)]
-            self._follow(turned, dt, steering)
+            self._follow([*map(sub, positions, last)], dt, steering)
 
     def update_from_velocities(
         self, velocities: Sequence[float], dt: float, steering: Sequence[float] = ()
@@ -155,18 +152,24 @@ class Odometry:
 
     def update_open_loop(self, twist: PlanarTwist, dt: float) -> None:
         """Integrate a command over ``dt`` seconds."""
-        self._integrate(PlanarTwist(*(component * dt for component in twist)))
+        linear, lateral, angular = twist
+        self._integrate((linear * dt, lateral * dt, angular * dt))
         self.twist = twist
 
     def _follow(self, turned: Sequence[float], dt: float, steering: Sequence[float]) -> None:
         motion = self.kinematics.body_motion(turned, steering)
         self._integrate(motion)
-        for components, component in zip(self._twists, motion, strict=True):
-            components.append(component / dt)
-        count = len(self._twists[0])
-        self.twist = PlanarTwist(*[total(components) / count for components in self._twists])
+        distance, aside, turn = motion
+        self._twists.append((distance / dt, aside / dt, turn / dt))
+        linear = lateral = angular = 0.0
+        for forward, left, turning in self._twists:  # faster than three sums
+            linear += forward
+            lateral += left
+            angular += turning
+        count = len(self._twists)
+        self.twist = PlanarTwist(linear / count, lateral / count, angular / count)
 
-    def _integrate(self, motion: PlanarTwist) -> None:
+    def _integrate(self, motion: Triple) -> None:
         """Move along the arc that constant wheel velocities make.
 
         The chord has the heading in the middle of the arc, and the length 2 r sin(turn / 2) with
@@ -185,16 +188,14 @@ class Odometry:
         if distance or aside or turn:
             self._spread(motion, dx, dy, cos, sin)
 
-    def _spread(self, motion: PlanarTwist, dx: float, dy: float, cos: float, sin: float) -> None:
+    def _spread(self, motion: Triple, dx: float, dy: float, cos: float, sin: float) -> None:
         """Propagate the covariance over an arc: F P F' + G Q G'.
 
         The columns of G are how an error of each wheel's distance moves the pose; ``cos`` and
         ``sin`` are of the heading in the middle of the arc.
         """
-        paths = self.kinematics.paths(motion)
-        variances = [noise * abs(path) for noise, path in zip(self.noise, paths, strict=True)]
-        errors = self.kinematics.errors(motion, cos, sin)
-        covariance = self.covariance.moved(dx, dy, errors, variances)
+        errors = self.kinematics.errors(motion, cos, sin, self.noise)
+        covariance = self.covariance.moved(dx, dy, errors)
         # If it overflows, nothing is known of the pose any more, and the covariance stays.
         if math.isfinite(sum(covariance)):
             self.covariance = covariance
