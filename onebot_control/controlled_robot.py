@@ -438,7 +438,8 @@ class ControlledRobot:
         if self.drive:
             self.drive.decide(self.period)
             if self.ticks % self._drift_cycles == 0:
-                self.drive.compare(self.true_pose, lambda: self.body.obstructed)
+                odometry = self.drive.odometry.pose
+                self.drive.drift.update(odometry, self.true_pose, lambda: self.body.obstructed)
         for name, arm in self.arms.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())

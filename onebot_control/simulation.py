@@ -909,6 +909,7 @@ class SimulatedRobot:
 
     @property
     def _drive(self) -> Drive:
+        """The robot's drive; a robot that stands raises OneBotError."""
         if (drive := self._controlled.drive) is None:
             raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
         return drive

@@ -25,7 +25,7 @@ Example:
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
@@ -211,10 +211,6 @@ class Drive:
         self.odometry.set_pose(*pose)
         self.origin = truth.compose(pose.inverse())
         self.drift.restart()
-
-    def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
-        """Compare the odometry with the true pose, several times a second; see ``DriftCheck``."""
-        self.drift.update(self.odometry.pose, truth, obstructed)
 
     def moved(self) -> None:
         """Stop, and go on from the present pose, after the robot was moved by a teleport."""

@@ -117,11 +117,6 @@ class Odometry:
         self.x, self.y, self.heading = x, y, heading
         self.covariance = covariance
 
-    def reset(self) -> None:
-        """Set pose and twist to zero; the next wheel positions are the new reference."""
-        self.set_pose(0.0, 0.0, 0.0)
-        self.forget_wheels()
-
     def rereference_wheels(self) -> None:
         """Take the next wheel positions as those of the current pose; the twist stays."""
         self._wheels = None

@@ -49,16 +49,16 @@ class ControlParameters:
     def __init__(
         self,
         node: Node,
-        declared: type[SimulationConfig],
         arguments: RosArguments,
+        declared: type[SimulationConfig],
         given: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         """Declare the parameters, with the values of files and command line.
 
         Args:
             node: node to declare them on.
-            declared: dataclass of the parameters.
             arguments: the node's ROS arguments.
+            declared: dataclass of the parameters.
             given: values that override files and command line.
 
         Raises:

@@ -155,7 +155,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._nodes.append(node)
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
-            ControlParameters(node, type(robot.config), RosArguments(), {**values, **common})
+            ControlParameters(node, RosArguments(), type(robot.config), {**values, **common})
             for node, robot, values in zip(
                 self._nodes, fleet.robots, simulation._values, strict=True
             )

@@ -104,10 +104,8 @@ class WorldInterface:
         Raises:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
-        settings = [
-            ControlParameters(node, parameters, own)
-            for node, own in zip(nodes, arguments, strict=True)
-        ]
+        pairs = zip(nodes, arguments, strict=True)
+        settings = [ControlParameters(*pair, parameters) for pair in pairs]
         config = settings[0].config  # what concerns the world is the first robot's
         simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
