@@ -15,11 +15,16 @@ from onebot_control.controller_names import (
     DRIVE_CONTROLLER,
     MANAGER,
 )
-from onebot_control.drive.parameters import BroadcasterConfig, ControlConfig, ManagerConfig
+from onebot_control.drive_kinds import DRIVES
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
     named,
+)
+from onebot_control.simulation_parameters import (
+    BroadcasterConfig,
+    ManagerConfig,
+    SimulationConfig,
 )
 from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_description.elements.packages import package_share
@@ -41,8 +46,8 @@ from onebot_description.parameters.reader import (
     unknown_parameters,
 )
 
-CONTROLLER_TYPE = "diff_drive_controller/DiffDriveController"
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
+_DEFAULT_DRIVE = "diff_drive_controller/DiffDriveController"  # of a robot without a control file
 _OTHER_DRIVES = tuple(
     "mecanum_drive_controller omni_wheel_drive_controller ackermann_steering_controller "
     "bicycle_steering_controller tricycle_steering_controller tricycle_controller "
@@ -61,7 +66,7 @@ def default_control_file() -> Path:
 
 
 def drive_name(files: Iterable[Path]) -> str:
-    """Return the name of the first diff_drive_controller in control files, for any namespace.
+    """Return the name of the first drive in control files, for any namespace.
 
     Raises:
         ConfigError: a file is broken.
@@ -69,7 +74,7 @@ def drive_name(files: Iterable[Path]) -> str:
     for file in files:
         for section, parameters in read_sections(read_text(file), str(file)).items():
             for name, value in parameters.values.items():
-                if value == CONTROLLER_TYPE:
+                if value in DRIVES:
                     own = section.rpartition("/")[2]
                     return own if name == "type" else name.removesuffix(_TYPE)
     return DRIVE_CONTROLLER
@@ -98,16 +103,17 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         control.broadcaster, partial(unknown_parameters, BroadcasterConfig)
     )
     warnings = [*manager.warnings, *broadcaster.warnings]
+    declared = control.declared(controller)
     drive.warnings += [warning for warning in warnings if warning not in drive.warnings]
     # The controller's own section overrides the others.
     for section, prefix in ((manager, ""), (broadcaster, f"{BROADCASTER}.")):
         for name, value in section.values.items():
             own_name = prefix + name
-            if own_name not in drive.values and is_parameter(ControlConfig, own_name):
+            if own_name not in drive.values and is_parameter(declared, own_name):
                 drive.values[own_name] = value
                 drive.places[own_name] = section.places[name]
     for name in [*drive.values]:
-        if not is_parameter(ControlConfig, name) and not is_of_every_node(name):
+        if not is_parameter(declared, name) and not is_of_every_node(name):
             drive.drop(name)
     return drive
 
@@ -194,7 +200,7 @@ def unknown_by_node(
         files: control files; the joint controllers that they name are included.
         namespaces: namespaces of the nodes.
     """
-    declared = ManagerConfig if controller == MANAGER else ControlConfig
+    declared = ManagerConfig if controller == MANAGER else DRIVES[_DEFAULT_DRIVE]
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     for namespace in namespaces:
         kinds.update(_ControlFiles(files, namespace).kinds)
@@ -268,21 +274,27 @@ class _ControlFiles:
         """Return the parameters of the drive whose node is ``controller``."""
         kinds = {kind for kind, _ in self.types.values()}
         for name, (kind, place) in self.types.items():
-            if kind.partition("/")[0] in _OTHER_DRIVES and CONTROLLER_TYPE not in kinds:
+            if kind.partition("/")[0] in _OTHER_DRIVES and kinds.isdisjoint(DRIVES):
                 text = f"{kind} cannot be simulated yet, and as a differential drive, which is the "
                 text += "only one here, the robot would move wrongly"
                 raise ConfigError([Problem(f"{name}{_TYPE}", text)], {f"{name}{_TYPE}": place})
-        if self.types.get(controller, (CONTROLLER_TYPE,))[0] != CONTROLLER_TYPE:
+        if self.types.get(controller, (_DEFAULT_DRIVE,))[0] not in DRIVES:
             return Parameters()  # the section is another controller's
-        return self.section(controller, partial(unknown_parameters, ControlConfig))
+        return self.section(controller, partial(unknown_parameters, self.declared(controller)))
+
+    def declared(self, controller: str) -> type[SimulationConfig]:
+        """Return the dataclass of the parameters of the node ``controller``."""
+        kind, _ = self.types.get(controller, (_DEFAULT_DRIVE, ""))
+        drive = DRIVES.get(kind, DRIVES[_DEFAULT_DRIVE])
+        return SimulationConfig if controller == MANAGER else drive
 
     def skipped(self, controller: str) -> list[str]:
         """Return a warning for each controller whose type does not run here."""
-        used = {self.broadcaster: BROADCASTER_TYPE, controller: CONTROLLER_TYPE}
+        used = {self.broadcaster: (BROADCASTER_TYPE,), controller: DRIVES}
         return [
             self.skips(name, _reason(kind))
             for name, (kind, _) in self.types.items()
-            if kind not in JOINT_CONTROLLERS and used.get(name) != kind
+            if kind not in JOINT_CONTROLLERS and kind not in used.get(name, ())
         ]
 
     def skips(self, name: str, reason: str) -> str:
@@ -303,8 +315,8 @@ class _ControlFiles:
 
 def _reason(kind: str) -> str:
     """Return why a controller of a type does not run, beside those that do."""
-    if kind == CONTROLLER_TYPE:
-        return "is a further diff_drive_controller, or the robot stands"
+    if kind in DRIVES:
+        return f"is a further {kind.partition('/')[0]}, or the robot stands"
     if kind == BROADCASTER_TYPE:
         return "is a further joint_state_broadcaster"
     halves = {*kind.split("/")}

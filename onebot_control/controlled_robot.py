@@ -1,17 +1,15 @@
 """One simulated robot with its controllers, in control cycles. No ROS here."""
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from onebot_control.controller_names import BROADCASTER, DEFAULT_JOINT_CONTROLLER
-from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
-from onebot_control.drive.drift_check import DriftCheck
-from onebot_control.drive.odometry import DiffDriveKinematics, PoseCovariance
-from onebot_control.drive.parameters import INTERFACES, BroadcasterConfig, ControlConfig
-from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels
+from onebot_control.drive.drive import Drive, DriveState
+from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.joint_controllers import (
     JointController,
     named,
@@ -32,17 +30,21 @@ from onebot_control.physics.simulated_model import (
     simulated_model,
     without_limits,
 )
+from onebot_control.simulation_parameters import (
+    INTERFACES,
+    BroadcasterConfig,
+    SimulationConfig,
+)
 from onebot_control.trajectories.following import JointFollower, Outcome, TrajectoryFollower
 from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
-from onebot_description.geometry.poses import PlanarPose, scaled, yaw_of
+from onebot_description.geometry.poses import PlanarPose, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
 
-_STANDING = WheelGeometry(1.0, 1.0)  # placeholder for a robot without wheels: its odometry is zero
-_NO_COMMAND = WheelCommand(0.0, 0.0, 0.0, 0.0)
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
+_WINDOW = 10  # cycles over which the pace of a robot that stands is averaged
 
 
 class Snapshot(NamedTuple):
@@ -54,13 +56,10 @@ class Snapshot(NamedTuple):
 
     tick: int  # cycles done before this one
     joints: JointStates  # all joints that move, in the simulation's own time
-    odometry: PlanarPose  # the wheels' pose, in the odometry's frame
-    covariance: PoseCovariance  # covariance of that pose
-    twist: tuple[float, float]  # linear and angular velocity by the wheels, m/s and rad/s
     pose: Pose  # true pose in the world
     mass_velocity: MassVelocity  # true velocity, in the simulation's own time
     pace: float  # simulated seconds per second of the clock
-    command: WheelCommand  # the command in force, and the wheels' velocities for it
+    drive: DriveState | None  # None if it has no wheels to drive on
 
     @property
     def joint_states(self) -> JointStates:
@@ -126,27 +125,42 @@ class JointStateBroadcaster:
         return [field[row] for row in self._rows] + self._extra
 
 
-class Side:
-    """Treats the wheels of one side as one wheel whose positive velocity drives forward."""
+class CyclePace:
+    """Time of the cycles divided by the time that passed: 1, or less if cycles were late.
 
-    def __init__(
-        self, names: Sequence[str], directions: Mapping[str, float], joints: Sequence[str]
-    ) -> None:
-        self._rows = [(joints.index(name), directions[name]) for name in names]
+    A velocity times the pace is the change of position per change of stamp.
 
-    def mean(self, joints: JointStates) -> tuple[float, float]:
-        """Return the mean position, rad, and velocity, rad/s, of the wheels."""
-        position = velocity = 0.0
-        positions, velocities, _ = joints
-        for row, direction in self._rows:
-            position += direction * positions[row]
-            velocity += direction * velocities[row]
-        count = len(self._rows) or 1
-        return position / count, velocity / count
+    Attributes:
+        value: the average over some cycles.
+    """
 
-    def velocities(self, speed: float) -> list[float]:
-        """Return the velocity of each joint for a forward ``speed`` of the wheels, rad/s."""
-        return [direction * speed for _, direction in self._rows]
+    def __init__(self, window: int) -> None:
+        """Average over ``window`` cycles."""
+        # Pairs: seconds of a cycle, and seconds that passed (as many, or more).
+        self._passed: deque[tuple[float, float]] = deque(maxlen=window)
+        self.value, self._stalled = 1.0, 0.0
+
+    def set_window(self, window: int) -> None:
+        """Average over ``window`` cycles from now on."""
+        self._passed = deque(self._passed, window)
+
+    def cycle(self, seconds: float) -> None:
+        """Record a control cycle."""
+        self._pass(seconds + self._stalled, seconds)
+        self._stalled = 0.0
+
+    def wait(self, seconds: float, *, stalled: bool = False) -> None:
+        """Record that ``seconds`` passed without a cycle; those of a stall are the next cycle's."""
+        if stalled:
+            self._stalled += seconds
+        else:
+            self._pass(seconds, 0.0)
+
+    def _pass(self, seconds: float, cycle: float) -> None:
+        self._passed.append((cycle, seconds))
+        if self.value < 1.0 or cycle < seconds:
+            cycles, durations = zip(*self._passed, strict=True)
+            self.value = total(cycles) / total(durations)
 
 
 DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
@@ -168,11 +182,9 @@ class PreparedRobot(NamedTuple):
     def from_description(
         cls,
         description: Description,
-        config: ControlConfig,
+        config: SimulationConfig,
         name: str = "",
         controllers: Sequence[JointController[Any]] = (),
-        *,
-        stands: bool = False,
     ) -> "PreparedRobot":
         """Prepare a robot for a world.
 
@@ -181,15 +193,15 @@ class PreparedRobot(NamedTuple):
             config: its parameters.
             name: prefix of error messages.
             controllers: controllers of joints other than wheels; none for the default controller.
-            stands: whether its base stands still.
 
         Raises:
             OneBotError: config and description do not suit each other.
         """
         description = independent(description)
-        wheels = None if stands else wheels_of(description, config)
-        if wheels:
-            wheels.geometry(config.wheel_separation, config.wheel_radius)
+        wheels = None
+        if config.drive is not None:
+            wheels = config.drive.wheels(description)
+            config.drive.geometry(wheels)
         candidates = controllers or [DEFAULT_CONTROLLER]
         joints = {arm.name: joints_of(arm, description, wheels) for arm in candidates}
         candidates = [arm for arm in candidates if joints[arm.name]]
@@ -198,10 +210,11 @@ class PreparedRobot(NamedTuple):
         controllers = [arm for arm in candidates if arm.name not in names]
         controlled = {arm.name: joints[arm.name] for arm in controllers}
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
-        check_interfaces(description, commanded, stands=stands)
+        check_interfaces(description, commanded, stands=wheels is None)
         unlimited = [arm.name for arm in controllers if not arm.config.enforce_command_limits]
         free = {joint for name in unlimited for joint in controlled[name]}
         description = without_limits(description, free)
+        commanded += tuple(wheels.steering) if wheels else ()
         simulated, held, followers, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
         )
@@ -217,7 +230,7 @@ class PreparedRobot(NamedTuple):
             commanded,
             gears,
             starts,
-            fixed_base=stands,
+            fixed_base=wheels is None,
             links=description.links,
         )
         ignored = [
@@ -246,7 +259,7 @@ def _inactive(
     Raises:
         ConfigError: only some joints of a controller move, or it is the only one and none moves.
     """
-    owners = dict.fromkeys(wheels.names if wheels else (), "the controller of the wheels")
+    owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
     moving = [joint.name for joint in description.moving_joints]
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
@@ -275,11 +288,12 @@ def _inactive(
 
 
 class ControlledRobot:
-    """A simulated robot with its controllers and odometry.
+    """A simulated robot with its controllers.
 
     Attributes:
         config: the parameters in force.
-        geometry: separation and radius of the wheels, before multipliers.
+        drive: drives it on its wheels; None if its base stands still.
+        pace: the pace of its cycles.
         body: the simulated robot.
         arms: the followers that move joints, by the names of their controllers.
         joints: names of the moving joints: the body's, then those that mimic them.
@@ -293,7 +307,7 @@ class ControlledRobot:
         self,
         prepared: PreparedRobot,
         description: Description,
-        config: ControlConfig,
+        config: SimulationConfig,
         body: RobotBody,
     ) -> None:
         """Start at rest where the body is, with odometry at zero.
@@ -307,16 +321,12 @@ class ControlledRobot:
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.wheels, self.body, self.held = prepared.wheels, body, prepared.held
+        self._wheels, self.body, self.held = prepared.wheels, body, prepared.held
         self.joints = (*body.joints, *(follower.name for follower in prepared.followers))
         self._followers = [
             (self.joints.index(follower.mimic.joint), follower) for follower in prepared.followers
         ]
         self.description, self._starts = description, prepared.spawn.starts
-        self._left, self._right = (
-            Side(names, self.wheels.directions if self.wheels else {}, body.joints)
-            for names in ((self.wheels.left, self.wheels.right) if self.wheels else ((), ()))
-        )
         self.joint_controllers = {
             controller.name: controller for controller in prepared.controllers
         }
@@ -325,18 +335,18 @@ class ControlledRobot:
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
 
-    def start(self, config: ControlConfig) -> None:
+    def start(self, config: SimulationConfig) -> None:
         """Start again with these parameters, at rest, with odometry and time at zero.
 
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.geometry, kinematics, self.broadcaster = self.fitted(config)
-        self.diff_drive = DiffDriveController(config, kinematics)
+        self.drive: Drive | None = None
+        if self._wheels and config.drive:
+            self.drive = Drive(self._wheels, self.body.joints, config.drive)
+        self.broadcaster, self.pace = self.fitted(config), CyclePace(_WINDOW)
         self._use(config)
         self.ticks, self._observed = 0, -1
-        self._command = _NO_COMMAND
-        self.drift = DriftCheck(skids=self.wheels is not None and len(self.wheels.names) > 2)
         self._reset_arms()
         self.arms = {
             name: self._follower(controller) for name, controller in self.joint_controllers.items()
@@ -374,49 +384,61 @@ class ControlledRobot:
         (x, y, _), rotation = self._pose
         return PlanarPose(x, y, yaw_of(*rotation))
 
-    def fitted(
-        self, config: ControlConfig
-    ) -> tuple[WheelGeometry, DiffDriveKinematics, JointStateBroadcaster]:
-        """Return geometry, kinematics and broadcaster that ``config`` gives this robot.
-
-        Separation and radius come from ``config``, or from the description where they are 0 there.
+    def fitted(self, config: SimulationConfig) -> JointStateBroadcaster:
+        """Check ``config``, and return the broadcaster that it gives this robot.
 
         Raises:
-            OneBotError: the description does not determine the geometry, the geometry is unusable,
-                or a joint to publish is not among the robot's.
+            OneBotError: the parameters do not suit the drive, or a joint to publish is not among
+                the robot's.
         """
-        geometry = _STANDING
-        if self.wheels:
-            geometry = self.wheels.geometry(config.wheel_separation, config.wheel_radius)
-        try:
-            kinematics = config.kinematics(geometry)
-        except ValueError as error:
-            raise OneBotError(f"wheels, with their multipliers: {error}") from None
-        broadcaster = JointStateBroadcaster(config.broadcaster, self.joints, self.held)
-        return geometry, kinematics, broadcaster
+        if self.drive and config.drive:
+            self.drive.fitted(config.drive)
+        return JointStateBroadcaster(config.broadcaster, self.joints, self.held)
 
-    def configure(self, config: ControlConfig) -> None:
+    def configure(self, config: SimulationConfig) -> None:
         """Apply changed parameters, from the next cycle on.
 
         Raises:
             OneBotError: they do not suit the robot; then nothing has changed.
         """
-        self.geometry, kinematics, self.broadcaster = self.fitted(config)
-        self.diff_drive.configure(config, kinematics)
+        self.broadcaster = self.fitted(config)
+        if self.drive and config.drive:
+            self.drive.configure(config.drive)
         self._use(config)
 
-    def _use(self, config: ControlConfig) -> None:
+    def _use(self, config: SimulationConfig) -> None:
         self.config, self.period = config, 1.0 / config.update_rate
+        self.pace.set_window(config.drive.velocity_rolling_window_size if config.drive else _WINDOW)
         self._drift_cycles = math.ceil(_DRIFT_PERIOD * config.update_rate)
 
-    def accept(self, linear: float, angular: float, age: float | None = None) -> str | None:
-        """Command a velocity; see ``DiffDriveController.accept``."""
-        return self.diff_drive.accept(linear, angular, age)
+    def accept(
+        self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
+    ) -> str | None:
+        """Command a velocity; see ``Drive.accept``. A robot that stands does nothing."""
+        if self.drive is None:
+            return None
+        return self.drive.accept(linear, angular, age, lateral=lateral)
+
+    def wait(self, seconds: float, *, stalled: bool = False) -> None:
+        """Let time pass without a control cycle, as in a pause.
+
+        Args:
+            seconds: how long.
+            stalled: whether this process did not run.
+        """
+        self.pace.wait(seconds, stalled=stalled)
+        if self.drive:
+            self.drive.wait(seconds)
 
     def begin(self, stamp: int = 0) -> Snapshot:
         """Read the robot's state and update the controllers with it, at a ``stamp`` in ns."""
         self.observe()
-        self._command = self.diff_drive.decide(self.period)
+        self.pace.cycle(self.period)
+        if self.drive:
+            self.drive.decide(self.period)
+            if self.ticks % self._drift_cycles == 0:
+                odometry = self.drive.odometry.pose
+                self.drive.drift.update(odometry, self.true_pose, lambda: self.body.obstructed)
         for name, arm in self.arms.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
@@ -426,10 +448,7 @@ class ControlledRobot:
                 self._motor_limits[name] = limits
                 for joint in arm.names:
                     self.body.limit(joint, *limits)
-        snapshot = self.snapshot()
-        if self.wheels and self.ticks % self._drift_cycles == 0:
-            self.drift.update(snapshot.odometry, self.true_pose, lambda: self.body.obstructed)
-        return snapshot
+        return self.snapshot()
 
     def observe(self) -> None:
         """Read the robot's state and update the odometry, unless done already in this cycle."""
@@ -437,17 +456,14 @@ class ControlledRobot:
             return
         self._observed = self.ticks
         self._read_state()
-        left, left_velocity = self._left.mean(self._joints)
-        right, right_velocity = self._right.mean(self._joints)
-        wheels = WheelStates(left, right, left_velocity, right_velocity)
-        self.diff_drive.observe(wheels, self.period)
+        if self.drive:
+            self.drive.observe(self._joints.positions, self._joints.velocities, self.period)
 
     def turn(self) -> None:
         """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
-        left, right = self._command.left, self._command.right
-        # ``Wheels.names`` are the driven joints.
-        self.body.turn(self._left.velocities(left) + self._right.velocities(right))
-        if self.arms:
+        if self.drive:
+            self.body.turn(self.drive.velocities)
+        if self.body.commanded:
             self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
         self.ticks += 1
 
@@ -477,22 +493,14 @@ class ControlledRobot:
 
     def _reference(self, ahead: float) -> list[float]:
         """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""
-        return [position for arm in self.arms.values() for position in arm.reference(ahead)]
+        positions = [position for arm in self.arms.values() for position in arm.reference(ahead)]
+        return [*positions, *self.drive.command.steering] if self.drive else positions
 
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""
-        odometry, pace = self.diff_drive.odometry, self.diff_drive.pace
-        return Snapshot(
-            self.ticks,
-            self._joints,
-            odometry.pose,
-            odometry.covariance,
-            (odometry.linear * pace, odometry.angular * pace),
-            self._pose,
-            self._mass_velocity,
-            pace,
-            self._command,
-        )
+        pace = self.pace.value
+        drive = self.drive.state(pace) if self.drive else None
+        return Snapshot(self.ticks, self._joints, self._pose, self._mass_velocity, pace, drive)
 
     def reset(self) -> None:
         """Move the robot back to its start, with odometry at zero; time and parameters stay."""
@@ -501,19 +509,19 @@ class ControlledRobot:
 
     def begin_at_rest(self) -> None:
         """Begin with odometry at zero where the body was placed at rest, as after ``reset``."""
-        self._halt()
         self._reset_arms()
-        self._read_state()
-        self.diff_drive.odometry.reset()
+        self._begin_here()
         self.place_odometry(PlanarPose())
-        self._observed = -1
 
     def teleport(self, pose: PlanarPose) -> None:
         """Move the robot to another pose in the world, at rest; its odometry does not change."""
         self.body.teleport(*pose)
-        self._halt()
-        self.diff_drive.odometry.forget_wheels()
-        self.drift.restart()
+        self._begin_here()
+
+    def _begin_here(self) -> None:
+        """Stop the drive, also what it has decided for ``turn``, where the body was placed."""
+        if self.drive:
+            self.drive.moved()
         self._read_state()
         self._observed = -1
 
@@ -553,31 +561,27 @@ class ControlledRobot:
                 held = {name: positions.get(name, at) for name, at in present.items()}
                 self.finish(name, [arm.reset([*held.values()])])
         self._read_state()
-        if not positions.keys().isdisjoint(self.body.driven):
-            self.diff_drive.odometry.forget_wheels()
+        if self.drive and not positions.keys().isdisjoint(self.body.driven):
+            self.drive.odometry.forget_wheels()
             self._observed = -1
-
-    def _halt(self) -> None:
-        """Drop the command, and what ``begin`` decided if ``turn`` is still to come."""
-        self.diff_drive.halt()
-        self._command = _NO_COMMAND
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry's current pose to ``pose``, with zero covariance."""
-        self.diff_drive.odometry.set_pose(*pose)
-        self._odom_placed = self.true_pose.compose(pose.inverse())
-        self.drift.restart()
+        if self.drive:
+            self.drive.place(pose, self.true_pose)
 
     @property
     def odom_in_world(self) -> PlanarPose:
-        """The pose of the odometry frame in the world.
+        """The pose of the odometry frame in the world; of a robot that stands, the world's origin.
 
         On bare ground it changes only when the odometry is set; in a scene, where wheels slip, it
         changes all the time.
         """
+        if self.drive is None:
+            return PlanarPose()
         if self.body.world.scene is None:
-            return self._odom_placed
-        return self.true_pose.compose(self.diff_drive.odometry.pose.inverse())
+            return self.drive.origin
+        return self.true_pose.compose(self.drive.odometry.pose.inverse())
 
     @property
     def world_frame(self) -> str:
@@ -586,10 +590,9 @@ class ControlledRobot:
 
     def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and arms of the robot that this one replaces."""
-        odometry = other.diff_drive.odometry
-        self.diff_drive.odometry.set_pose(*odometry.pose, odometry.covariance)
-        self._odom_placed, self.ticks = other._odom_placed, other.ticks
-        self.drift.restart()
+        self.ticks = other.ticks
+        if self.drive and other.drive:
+            self.drive.continue_from(other.drive)
         self._continue_arms(other)
 
     def _continue_arms(self, other: "ControlledRobot") -> None:
@@ -620,8 +623,3 @@ class ControlledRobot:
             velocities.append(follower.mimic.multiplier * velocities[leader] if moves else 0.0)
             efforts.append(0.0)
         return JointStates(tuple(positions), tuple(velocities), tuple(efforts))
-
-
-def wheels_of(description: Description, config: ControlConfig) -> Wheels:
-    """Return the driven wheels: those that the parameters name, or those found in the URDF."""
-    return Wheels(description, config.left_wheel_names, config.right_wheel_names)

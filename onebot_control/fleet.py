@@ -2,7 +2,7 @@
 
 Example:
     >>> from onebot_control.fleet import Fleet, Member
-    >>> from onebot_control.drive.parameters import ControlConfig
+    >>> from onebot_control.drive_kinds import ControlConfig
     >>> from onebot_description.description import load_description
     >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
@@ -20,10 +20,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.joint_controllers import JointController
 from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
 from onebot_control.physics.engine import logger
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
@@ -42,11 +42,10 @@ class Member(NamedTuple):
     """
 
     description: Description
-    config: ControlConfig
+    config: SimulationConfig  # if it has a drive, the drive's parameters, too
     name: str = ""  # prefix of error messages; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
     controllers: Sequence[JointController[Any]] = ()  # controllers of joints that are no wheels
-    stands: bool = False  # whether its base stands still
 
 
 class Fleet(AbstractContextManager["Fleet"]):
@@ -174,7 +173,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         """
         old = self.robots[row]
         controllers = [*old.joint_controllers.values()]
-        member = Member(description, old.config, controllers=controllers, stands=old.wheels is None)
+        member = Member(description, old.config, controllers=controllers)
         prepared = _prepared(member)
         here = prepared.spawn._replace(**old.true_pose._asdict())
         spawns = [robot.body.spawn for robot in self.robots]
@@ -231,11 +230,7 @@ def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> Settings:
 def _prepared(member: Member) -> PreparedRobot:
     with located(member):
         prepared = PreparedRobot.from_description(
-            member.description,
-            member.config,
-            member.name,
-            member.controllers,
-            stands=member.stands,
+            member.description, member.config, member.name, member.controllers
         )
     for problem in prepared.ignored:
         logger.warning(problem.message(member.places))

@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.controller_names import DRIVE_CONTROLLER
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive.drive import Drive
 from onebot_control.drive.wheels.finding import has_wheels
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.joint_controllers import named
 from onebot_control.physics.contacts import Contact
@@ -326,7 +327,8 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._configure(row, {**self._values[row], **given})
 
     def _configure(self, row: int, values: dict[str, Any]) -> None:
-        self._fleet.robots[row].configure(ControlConfig.from_parameters(values))
+        config, robot = ControlConfig.from_parameters(values), self._fleet.robots[row]
+        robot.configure(config if robot.drive else config.standing)
         self._values[row] = values
 
     def step(self, cycles: _Cycles = 1) -> None:
@@ -630,9 +632,8 @@ class SimulatedRobot:
             ValueError: a velocity is not finite.
             OneBotError: the robot has no wheels.
         """
-        if not self.has_wheels:
-            raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
-        self._command = linear, angular
+        if self._drive:
+            self._command = linear, angular
 
     def move_to(self, positions: _Positions, *, seconds: _Positive) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
@@ -792,17 +793,17 @@ class SimulatedRobot:
     @property
     def has_wheels(self) -> bool:
         """Whether the robot drives on wheels; otherwise its base stands still."""
-        return self._controlled.wheels is not None
+        return self._controlled.drive is not None
 
     @property
     def wheel_separation(self) -> float:
         """Distance between the wheels, m: the parameter, or the value from the URDF."""
-        return self._controlled.geometry.separation
+        return float(self._drive.geometry.separation)
 
     @property
     def wheel_radius(self) -> float:
         """Radius of the driven wheels, m: the parameter, or the value from the URDF."""
-        return self._controlled.geometry.radius
+        return float(self._drive.geometry.radius)
 
     @property
     def pose(self) -> RobotPose:
@@ -818,16 +819,17 @@ class SimulatedRobot:
     @property
     def odometry(self) -> OdometryReading:
         """Pose and velocity by the wheels' odometry."""
-        snapshot = self._controlled.snapshot()
-        x, y, yaw = snapshot.odometry
-        xx, xy, yy, xt, yt, tt = snapshot.covariance
+        (x, y, yaw), covariances, (linear, _, angular), _ = self._drive.state(
+            self._controlled.pace.value
+        )
+        xx, xy, yy, xt, yt, tt = covariances
         covariance = ((xx, xy, xt), (xy, yy, yt), (xt, yt, tt))
-        return OdometryReading(x, y, math.remainder(yaw, math.tau), *snapshot.twist, covariance)
+        return OdometryReading(x, y, math.remainder(yaw, math.tau), linear, angular, covariance)
 
     @property
     def command(self) -> PlanarVelocity:
         """The limited velocity that the controller set in the last cycle, as in ~/cmd_vel_out."""
-        command = self._controlled.snapshot().command
+        command = self._drive.command
         return PlanarVelocity(command.linear, command.angular)
 
     @property
@@ -904,6 +906,13 @@ class SimulatedRobot:
         pose = self.pose
         x, y, yaw = (round(value, 3) + 0.0 for value in (pose.x, pose.y, pose.yaw))
         return f"{self._name or 'robot'} at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
+
+    @property
+    def _drive(self) -> Drive:
+        """The robot's drive; a robot that stands raises OneBotError."""
+        if (drive := self._controlled.drive) is None:
+            raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
+        return drive
 
     @property
     def _controlled(self) -> ControlledRobot:
@@ -995,7 +1004,7 @@ def _config(robot: str, values: Mapping[str, Any]) -> ControlConfig:
 
 def _member(name: str, description: Description, config: ControlConfig) -> Member:
     has_drive = bool(config.left_wheel_names) or has_wheels(description)
-    return Member(description, config, name, stands=not has_drive)
+    return Member(description, config if has_drive else config.standing, name)
 
 
 def _loaded_scene(world: "str | Path | Description") -> Description | None:

@@ -86,7 +86,8 @@ from rclpy.node import Node
 
 from onebot_control.control_files import default_control_file, drive_name, read_control_files
 from onebot_control.controller_names import DRIVE_CONTROLLER
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots
 from onebot_description.ros.run_node import at_stop, run_described_node
 
@@ -113,6 +114,7 @@ class SimulationNode(Node):
 
 def simulation_nodes(
     name: str,
+    parameters: type[SimulationConfig],
     robots: Sequence[Sequence[str]] = (),
     file: str | None = None,
     arguments: RosArguments = RosArguments(),  # noqa: B008 - it is a tuple
@@ -122,6 +124,7 @@ def simulation_nodes(
     Args:
         name: name of the nodes: velocity_controller, for which a control file may have another
             name, or controller_manager for robots that stand.
+        parameters: dataclass of the nodes' parameters.
         robots: the ROS arguments of each robot's node; empty for a single robot.
         file: URDF or xacro file; None for each node's parameter or topic robot_description.
         arguments: ROS arguments of all nodes.
@@ -135,7 +138,7 @@ def simulation_nodes(
     # Imported only now: DDS discovery runs meanwhile.
     from onebot_control.nodes.world_interface import WorldInterface
 
-    interface = WorldInterface.from_descriptions(nodes, file, node_arguments)
+    interface = WorldInterface.from_descriptions(nodes, parameters, file, node_arguments)
     at_stop(interface.stop)
     for node in nodes:
         node.interface = interface
@@ -151,7 +154,7 @@ def run_simulation(
     program: str,
     explanation: str | None,
     node: str,
-    parameters: type,
+    parameters: type[SimulationConfig],
     args: list[str] | None,
     default_file: Callable[[], Path] | None = None,
 ) -> int:
@@ -178,7 +181,7 @@ def run_simulation(
         program,
         explanation,
         parameters,
-        partial(simulation_nodes, node, robots),
+        partial(simulation_nodes, node, parameters, robots),
         check,
         common_arguments,
         default_file=default_file,

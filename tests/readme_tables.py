@@ -18,7 +18,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
 from onebot_control.trajectories.gripping import GripperConfig

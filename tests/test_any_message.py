@@ -25,6 +25,7 @@ from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
@@ -137,7 +138,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
     """Commands, poses and descriptions, without any limit; then the robot still drives."""
     urdf = re.sub(r'velocity="[^"]*"', 'velocity="1e300"', load_description(ONEBOT).urdf)
     node = start_node(
-        lambda: simulation_nodes("velocity_controller")[0],
+        lambda: simulation_nodes("velocity_controller", ControlConfig)[0],
         robot_description=json.dumps(urdf),
         left_wheel_names="[left_wheel_joint]",
         right_wheel_names="[right_wheel_joint]",

@@ -14,7 +14,8 @@ from onebot_bringup.bags.bag_recorder import BagRecorder
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
 from onebot_control.control_files import default_control_file
-from onebot_control.nodes import control_loop
+from onebot_control.drive_kinds import ControlConfig
+from onebot_control.runtime import control_loop
 from onebot_control.velocity_controller import simulation_nodes
 from onebot_description.description import load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
@@ -92,7 +93,10 @@ def test_velocity_controller(
     """What is read at the start only is read-only; no range where NaN is "no limit"."""
     arguments = RosArguments((default_control_file(),))
     node = start_node(
-        lambda: simulation_nodes("velocity_controller", (), str(ONEBOT), arguments)[0], x=1
+        lambda: simulation_nodes("velocity_controller", ControlConfig, (), str(ONEBOT), arguments)[
+            0
+        ],
+        x=1,
     )
     descriptors = described(node)
     read_only = {name for name, one in descriptors.items() if one.read_only}

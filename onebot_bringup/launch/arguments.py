@@ -404,7 +404,7 @@ def description_arguments(model: str, joints: str, view: str) -> list[Argument]:
 
 def simulation_arguments(control: str) -> list[Argument]:
     """Return the arguments of simulation; ``control`` is the default of ``params_file``."""
-    from onebot_control.drive.parameters import ControlConfig  # slow to import
+    from onebot_control.drive_kinds import ControlConfig  # slow to import
 
     of_controller = _arguments_of(DRIVE_CONTROLLER, ControlConfig)
     return [
@@ -427,7 +427,7 @@ def simulation_arguments(control: str) -> list[Argument]:
 
 def standing_arguments() -> list[Argument]:
     """Return the arguments of simulation for a standing robot, such as an arm."""
-    from onebot_control.drive.parameters import SimulationConfig  # slow to import
+    from onebot_control.simulation_parameters import SimulationConfig  # slow to import
 
     of_simulation = _arguments_of(MANAGER, SimulationConfig)
     return [

@@ -301,13 +301,13 @@ def with_view(
 def _apply_params_file(values: dict[str, str], given: Mapping[str, str], controller: str) -> float:
     """Update the launch arguments from the ``params_file``; return its real_time_factor."""
     from onebot_control.control_files import read_control_files
-    from onebot_control.drive.parameters import ControlConfig
+    from onebot_control.simulation_parameters import SimulationConfig
     from onebot_description.parameters.reader import read
 
     space = absolute(values["namespace"])
     written = read_control_files([Path(values["params_file"])], space, controller)
     names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
-    config = read(ControlConfig, {name: written.values[name] for name in names}, written.places)
+    config = read(SimulationConfig, {name: written.values[name] for name in names}, written.places)
     if names - {_FACTOR} and "frame_prefix" not in given and not values.get("robots"):
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         values["frame_prefix"] = prefixed("", enabled, prefix, space)

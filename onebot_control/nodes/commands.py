@@ -42,6 +42,7 @@ class Command(NamedTuple):
     """A velocity command, as received."""
 
     linear: float  # forward, m/s
+    lateral: float  # to the left, m/s
     angular: float  # left turn, rad/s
     stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
@@ -184,7 +185,8 @@ class CommandSubscription:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
         fault = _not_finite(linear=twist.linear, angular=twist.angular)
-        self._received(Command(twist.linear.x, twist.angular.z, stamp, self._age, fault))
+        linear, angular = twist.linear, twist.angular
+        self._received(Command(linear.x, linear.y, angular.z, stamp, self._age, fault))
 
 
 class CommandGate:
@@ -196,20 +198,20 @@ class CommandGate:
         answered: stamp of the newest command, ns.
     """
 
-    def __init__(self, node: Node, slot: LoopSlot, warn: Throttled, *, stands: bool) -> None:
+    def __init__(self, node: Node, slot: LoopSlot, warn: Throttled, *, drives: bool) -> None:
         """Subscribe.
 
         Args:
             node: node of the robot.
             slot: slot of the robot, which gets the commands.
             warn: logs warnings.
-            stands: whether the robot stands, and receives no commands.
+            drives: whether the robot has a drive; else it receives no commands.
         """
         self._node, self._slot, self._warn, self.answered = node, slot, warn, 0
         # Created before the commands: an unlock sent with a command is then received first.
         self.lock = CommandLock(node, _TOPIC, self._brake)
         self.subscription: CommandSubscription | None = None
-        if not stands:
+        if drives:
             self.subscription = CommandSubscription(node, self._receive, warn)
 
     @cached_property
@@ -246,7 +248,8 @@ class CommandGate:
             return
         else:
             age = _age(loop, command, given)
-            refused = self._slot.robot.accept(command.linear, command.angular, age)
+            linear, lateral, angular = command[:3]
+            refused = self._slot.robot.accept(linear, angular, age, lateral=lateral)
         if refused:
             self._warn("command", f"~/cmd_vel is ignored: {refused}")
 

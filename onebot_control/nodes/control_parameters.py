@@ -13,8 +13,7 @@ from onebot_control.control_files import (
     read_control_files,
     read_joint_controllers,
 )
-from onebot_control.controller_names import MANAGER
-from onebot_control.drive.parameters import ControlConfig, SimulationConfig
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.parameters.reader import (
     ConfigError,
     Problem,
@@ -38,8 +37,7 @@ class ControlParameters:
     """The parameters of a controller's node: declared on it, checked, and kept up to date.
 
     Attributes:
-        stands: whether the robot has no wheels to drive on.
-        declared: dataclass of the parameters.
+        declared: dataclass of the parameters; it has those of a drive, or the robot stands.
         values: the values in force, by name.
         config: the same values, checked.
         places: file and line of each value from a file.
@@ -52,23 +50,22 @@ class ControlParameters:
         self,
         node: Node,
         arguments: RosArguments,
+        declared: type[SimulationConfig],
         given: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         """Declare the parameters, with the values of files and command line.
 
-        A node named controller_manager has only the simulation's parameters: its robot stands.
-
         Args:
             node: node to declare them on.
             arguments: the node's ROS arguments.
+            declared: dataclass of the parameters.
             given: values that override files and command line.
 
         Raises:
             ConfigError: values are wrong; it names each of them.
         """
         namespace, name = node.get_namespace(), node.get_name()
-        self.stands = name == MANAGER
-        self.declared = SimulationConfig if self.stands else ControlConfig
+        self.declared = declared
         file = read_control_files(arguments.files, namespace, name)
         self.joints = read_joint_controllers(arguments.files, namespace, name)
         self.foreign_sections = foreign_sections(arguments.files, namespace, name)
@@ -84,12 +81,12 @@ class ControlParameters:
         self.places = {
             k: at for k, at in file.places.items() if self.values.get(k) == file.values[k]
         }
-        self.config = read(ControlConfig, self.values, self.places)
+        self.config = read(declared, self.values, self.places)
 
     @property
     def warnings(self) -> list[str]:
         """Warnings of what the files have in vain, and of older names, each with its place."""
-        limits = {"linear.x": self.config.linear, "angular.z": self.config.angular}
+        limits = self.config.drive.limits if self.config.drive else {}
         problems = [
             Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}")
             for axis, limit in limits.items()
@@ -103,7 +100,7 @@ class ControlParameters:
         ]
         return [*self._ignored, *(problem.message(self.places) for problem in problems)]
 
-    def changed(self, parameters: Sequence[Parameter], simulated: bool) -> ControlConfig:
+    def changed(self, parameters: Sequence[Parameter], simulated: bool) -> SimulationConfig:
         """Return the configuration with these parameters set; nothing changes yet.
 
         Args:
@@ -115,17 +112,16 @@ class ControlParameters:
         """
         if problems := _clock_problems(parameters, simulated):
             raise ConfigError(problems)
-        return read(ControlConfig, {**self.values, **_own(parameters)})
+        return read(self.declared, {**self.values, **self._own(parameters)})
 
     def accept(self, parameters: Sequence[Parameter]) -> None:
         """Apply parameters that ``changed`` has accepted."""
-        self.values.update(_own(parameters))
-        self.config = read(ControlConfig, self.values)
+        self.values.update(self._own(parameters))
+        self.config = read(self.declared, self.values)
 
-
-def _own(parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """Return the values of those ``parameters`` that are ours, by name."""
-    return {p.name: plain(p.value) for p in parameters if is_parameter(ControlConfig, p.name)}
+    def _own(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        """Return the values of those ``parameters`` that are ours, by name."""
+        return {p.name: plain(p.value) for p in parameters if is_parameter(self.declared, p.name)}
 
 
 def _clock_problems(parameters: Sequence[Parameter], simulated: bool) -> list[Problem]:

@@ -155,8 +155,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._nodes.append(node)
         common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
         settings = [
-            ControlParameters(node, RosArguments(), {**values, **common})
-            for node, values in zip(self._nodes, simulation._values, strict=True)
+            ControlParameters(node, RosArguments(), type(robot.config), {**values, **common})
+            for node, robot, values in zip(
+                self._nodes, fleet.robots, simulation._values, strict=True
+            )
         ]
         interface = WorldInterface(
             self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed

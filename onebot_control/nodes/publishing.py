@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
+from onebot_control.drive.drive import DriveState
 from onebot_control.fleet import Divider
 from onebot_control.physics import SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
@@ -48,18 +49,18 @@ class Publishers:
         truths: parents, stamps in ns and poses of odom that were published lately.
     """
 
-    def __init__(self, node: Node, *, clock: bool, stands: bool = False) -> None:
+    def __init__(self, node: Node, *, clock: bool, drives: bool = True) -> None:
         """Create the publishers.
 
         Args:
             node: node of the robot.
             clock: whether to publish /clock, too.
-            stands: whether the robot does not drive: then there is no odometry.
+            drives: whether the robot has a drive; else there is no odometry.
         """
-        self._node, self._stands = node, stands
+        self._node = node
         self._joint_states = node.create_publisher(JointState, "joint_states", DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        if not stands:
+        if drives:
             self._odom = node.create_publisher(Odometry, "~/odom", DEPTH)
             self._truth = node.create_publisher(Odometry, "~/ground_truth", DEPTH)
             self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
@@ -75,20 +76,23 @@ class Publishers:
     def use(self, robot: ControlledRobot, frames: Frames) -> None:
         """Publish this robot from now on, with its current parameters and ``frames``."""
         self._robot, config = robot, robot.config
+        drive = config.drive
         self._in_scene = robot.body.world.scene is not None  # there, odom drifts from the truth
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self.localized = self.localized and config.ground_truth_tf
         self._stamp = Time()  # shared by all messages of a cycle
         self._clock_message = Clock(clock=self._stamp)
-        self._constant = any(config.pose_covariance_diagonal)
         self._odom_message = self._odometry(odom, base)
-        fill_diagonal(self._odom_message.pose.covariance, config.pose_covariance_diagonal)
-        fill_diagonal(self._odom_message.twist.covariance, config.twist_covariance_diagonal)
+        if drive is not None:
+            self._odom_tf = drive.enable_odom_tf
+            self._constant = any(drive.pose_covariance_diagonal)
+            fill_diagonal(self._odom_message.pose.covariance, drive.pose_covariance_diagonal)
+            fill_diagonal(self._odom_message.twist.covariance, drive.twist_covariance_diagonal)
         self._truth_message = self._odometry(self.world_frame or odom, base)
         self._transform = TransformStamped(child_frame_id=base)
         self._tf_message = TFMessage(transforms=[self._transform])
-        self._placed_frame = base if self._stands else odom  # child of world_frame
+        self._placed_frame = odom or base  # child of world_frame
         self._origin_transform = TransformStamped(child_frame_id=self._placed_frame)
         self._origin_message = TFMessage(transforms=[self._origin_transform])
         self._limited_message = TwistStamped()
@@ -100,7 +104,7 @@ class Publishers:
             (self._joint_message, robot.broadcaster.frame_id),
         ):
             message.header.frame_id, message.header.stamp = frame, self._stamp
-        limited = config.publish_limited_velocity and not self._stands
+        limited = drive is not None and drive.publish_limited_velocity
         if limited and self._limited is None:
             self._limited = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
         elif not limited and self._limited is not None:
@@ -143,38 +147,38 @@ class Publishers:
             joints, values = self._joint_message, robot.broadcaster.values(snapshot.joint_states)
             joints.position, joints.velocity, joints.effort = values
             self._joint_states.publish(joints)
-        if self._stands:
+        if snapshot.drive is not None:
+            self._publish_drive(snapshot, snapshot.drive, stamp_ns, sensed=sensed)
+        if snapshot.drive is None or not self._in_scene:
             self._publish_origin(snapshot, stamp_ns)
-            return
+
+    def _publish_drive(
+        self, snapshot: Snapshot, drive: DriveState, stamp_ns: int, *, sensed: bool
+    ) -> None:
         if self._limited is not None and _is_subscribed(self._limited):
-            command = snapshot.command
-            _fill_planar(self._limited_message.twist, command.linear, command.angular)
+            _fill_planar(self._limited_message.twist, *drive.command[:3])
             self._limited.publish(self._limited_message)
         due = self._due.due()
         if due or sensed:
-            pose = snapshot.odometry.transform
-            self._publish_transforms(snapshot, stamp_ns, pose)
-            if due:
-                self._publish_odometry(snapshot, pose)
-        if not self._in_scene:
-            self._publish_origin(snapshot, stamp_ns)
+            pose = drive.odometry.transform
+            if self._odom_tf and _is_subscribed(self._tf):
+                _fill_transform(self._transform.transform, pose)
+                self._tf.publish(self._tf_message)
+            if self._in_scene and self.publishes_truth:
+                self._publish_true_origin(snapshot, pose, stamp_ns)
+        if due:
+            self._publish_odometry(drive, pose)
+            if _is_subscribed(self._truth):
+                self._publish_ground_truth(snapshot)
 
-    def _publish_transforms(self, snapshot: Snapshot, stamp_ns: int, pose: Transform) -> None:
-        if self._robot.config.enable_odom_tf and _is_subscribed(self._tf):
-            _fill_transform(self._transform.transform, pose)
-            self._tf.publish(self._tf_message)
-        if self._in_scene and self.publishes_truth:
-            self._publish_true_origin(snapshot, stamp_ns)
-
-    def _publish_odometry(self, snapshot: Snapshot, pose: Transform) -> None:
-        if _is_subscribed(self._odom):
-            _fill_pose(self._odom_message.pose.pose, pose)
-            if not self._constant:
-                snapshot.covariance.fill(self._odom_message.pose.covariance)
-            _fill_planar(self._odom_message.twist.twist, *snapshot.twist)
-            self._odom.publish(self._odom_message)
-        if _is_subscribed(self._truth):
-            self._publish_ground_truth(snapshot)
+    def _publish_odometry(self, drive: DriveState, pose: Transform) -> None:
+        if not _is_subscribed(self._odom):
+            return
+        _fill_pose(self._odom_message.pose.pose, pose)
+        if not self._constant:
+            drive.covariance.fill(self._odom_message.pose.covariance)
+        _fill_planar(self._odom_message.twist.twist, *drive.twist)
+        self._odom.publish(self._odom_message)
 
     def _publish_ground_truth(self, snapshot: Snapshot) -> None:
         truth: Transform = snapshot.pose
@@ -192,7 +196,7 @@ class Publishers:
         """
         origin: tuple[str, str, Transform] | None = None
         if self._placed_frame and self.publishes_truth:
-            pose = snapshot.pose if self._stands else self._robot.odom_in_world.transform
+            pose = self._robot.odom_in_world.transform if self.odom_frame else snapshot.pose
             origin = self.world_frame, self._placed_frame, pose
         if origin == self._origin:
             return
@@ -203,12 +207,12 @@ class Publishers:
             self._fill_origin(pose, stamp_ns)
             self._tf_static.publish(self._origin_message)
 
-    def _publish_true_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
+    def _publish_true_origin(self, snapshot: Snapshot, odometry: Transform, stamp_ns: int) -> None:
         """Publish the pose of odom in the world with which the robot is at its true pose.
 
         Wheels slip at a wall, and a ramp tilts the robot; odometry shows neither.
         """
-        self._fill_origin(compose(snapshot.pose, inverse(snapshot.odometry.transform)), stamp_ns)
+        self._fill_origin(compose(snapshot.pose, inverse(odometry)), stamp_ns)
         if _is_subscribed(self._tf):
             self._tf.publish(self._origin_message)
 
@@ -288,6 +292,6 @@ def _fill_twist(message: TwistMessage, twist: Twist) -> None:
     angular.x, angular.y, angular.z = twist.angular
 
 
-def _fill_planar(message: TwistMessage, linear: float, angular: float) -> None:
-    """Write a twist forward and to the left; the rest stays zero."""
-    message.linear.x, message.angular.z = linear, angular
+def _fill_planar(message: TwistMessage, linear: float, lateral: float, angular: float) -> None:
+    """Write a twist in the plane; the rest stays zero."""
+    message.linear.x, message.linear.y, message.angular.z = linear, lateral, angular

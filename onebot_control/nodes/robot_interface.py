@@ -8,8 +8,7 @@ from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of, wheels_of
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_parameters import ControlParameters
@@ -22,6 +21,7 @@ from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_control.runtime.frames import Frames
 from onebot_control.runtime.sensing import Channel, Sensing
 from onebot_control.sensing.surroundings import SensedRobot
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
@@ -87,13 +87,14 @@ class RobotInterface:
         self._arms: JointControllerNodes | None = None
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
-        self.slot, config, stands = LoopSlot(row), settings.config, settings.stands
-        self.publishing = Publishers(node, clock=world.simulated and row == 0, stands=stands)
+        self.slot, config = LoopSlot(row), settings.config
+        drives = config.drive is not None
+        self.publishing = Publishers(node, clock=world.simulated and row == 0, drives=drives)
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        self.commands = CommandGate(node, self.slot, self._warn, stands=stands)
+        self.commands = CommandGate(node, self.slot, self._warn, drives=drives)
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
-        odom = None if stands else lambda: self.publishing.odom_frame
+        odom = (lambda: self.publishing.odom_frame) if drives else None
         RobotServices(node, self.slot, odom, self._warn)
         refuse_undeclared(node, settings.declared)
         follow_changes(node, self._check, self._apply)
@@ -104,7 +105,7 @@ class RobotInterface:
         return str(self.node.get_fully_qualified_name())
 
     def frames(
-        self, config: ControlConfig | None = None, description: Description | None = None
+        self, config: SimulationConfig | None = None, description: Description | None = None
     ) -> Frames:
         """Return the robot's frames, now or with another config or description."""
         robot = description or self.description
@@ -114,7 +115,6 @@ class RobotInterface:
             robot,
             self.node.get_namespace(),
             in_scene=self._world.scene is not None,
-            stands=self.settings.stands,
         )
 
     def member(self, name: str) -> Member:
@@ -127,7 +127,6 @@ class RobotInterface:
             name,
             {**settings.places, **settings.joints.places},
             settings.joints.controllers,
-            stands=settings.stands,
         )
 
     @property
@@ -178,8 +177,9 @@ class RobotInterface:
         """Look for publishers of commands, drift and edited files, several times a second."""
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
-            if self.slot.loop is not None and (text := self.slot.robot.drift.warning):
-                self._warn.once(text)
+        drive = self.slot.robot.drive if self.slot.loop is not None else None
+        if drive is not None and drive.drift.warning:
+            self._warn.once(drive.drift.warning)
         if self._arms is not None and self.slot.running.paused:
             # No cycle passes on the goals that a lock or a reset has ended.
             self.slot.running.post(self._arms.finish)
@@ -243,7 +243,7 @@ class RobotInterface:
                 load_sensors(config.sensors, self.slot.robot.description)
             self._world.check_frames(self.slot.row, self.frames(config))
 
-    def _check_effect(self, config: ControlConfig) -> None:
+    def _check_effect(self, config: SimulationConfig) -> None:
         """Refuse changes of TF parameters that would have no effect.
 
         Raises:
@@ -276,7 +276,7 @@ class RobotInterface:
         if replace(config, real_time_factor=previous.real_time_factor) != previous:
             self.sense_again()
 
-    def _configure(self, config: ControlConfig) -> None:
+    def _configure(self, config: SimulationConfig) -> None:
         """Apply parameters in the control thread."""
         self.slot.robot.configure(config)
         self.slot.running.set_factor(config.real_time_factor)
@@ -309,7 +309,8 @@ class RobotInterface:
 
 def _check_joints(robot: ControlledRobot, description: Description) -> None:
     """Raise OneBotError if a joint controller would have no joint in another description."""
-    wheels = wheels_of(description, robot.config) if robot.wheels else None
+    drive = robot.config.drive
+    wheels = drive.wheels(description) if drive else None
     for name, controller in robot.joint_controllers.items():
         if not joints_of(controller, description, wheels):
             raise OneBotError(f"{name} would have no joint to move; restart the node")

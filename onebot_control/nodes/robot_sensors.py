@@ -6,12 +6,12 @@ from dataclasses import replace
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
 from onebot_control.nodes.sensor_messages import MESSAGES, SensorPublisher
 from onebot_control.runtime.sensing import Channel
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_control.sensing.sensors import INSTRUMENTS
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.description.loading import SensorFile, load_sensors
 from onebot_description.description.sensors.kind_table import clashes
@@ -49,7 +49,7 @@ class RobotSensors:
         if self._watch.poll():
             self._changed()
 
-    def update(self, row: int, description: Description, config: ControlConfig) -> list[Channel]:
+    def update(self, row: int, description: Description, config: SimulationConfig) -> list[Channel]:
         """Read the sensors, update the publishers, and return a channel for each sensor.
 
         A sensor whose block has a fault stays as it was.
@@ -81,7 +81,7 @@ class RobotSensors:
         self._announce()
         return [self._channel(row, sensor, config) for sensor in self._sensors]
 
-    def _channel(self, row: int, sensor: Sensor, config: ControlConfig) -> Channel:
+    def _channel(self, row: int, sensor: Sensor, config: SimulationConfig) -> Channel:
         space, cycles = self._node.get_namespace(), config.update_rate
         instrument = INSTRUMENTS[type(sensor.model)](
             sensor, row, space, cycles, config.sensor_noise, self._seed

@@ -23,6 +23,7 @@ from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.frames import Frames, check_frames
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments
@@ -86,19 +87,25 @@ class WorldInterface:
 
     @classmethod
     def from_descriptions(
-        cls, nodes: Sequence[Node], file: str | None, arguments: Sequence[RosArguments]
+        cls,
+        nodes: Sequence[Node],
+        parameters: type[SimulationConfig],
+        file: str | None,
+        arguments: Sequence[RosArguments],
     ) -> "WorldInterface":
         """Return a WorldInterface that starts in real time when all descriptions are known.
 
         Args:
             nodes: the node of each robot, in the robot's namespace.
+            parameters: dataclass of the nodes' parameters.
             file: URDF or xacro file; None to use each node's parameter or topic.
             arguments: the ROS arguments of each node.
 
         Raises:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
-        settings = list(map(ControlParameters, nodes, arguments))
+        pairs = zip(nodes, arguments, strict=True)
+        settings = [ControlParameters(*pair, parameters) for pair in pairs]
         config = settings[0].config  # what concerns the world is the first robot's
         simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
@@ -270,11 +277,10 @@ def _moved_text(fleet: Fleet) -> str:
     if len(fleet.robots) > 1:
         return f"driving {len(fleet.robots)} robots in one world"
     robot, parts = fleet.robots[0], []
-    if robot.wheels is not None:
-        separation, radius = robot.geometry
-        parts.append(f"wheels {separation:g} m apart, of radius {radius:g} m")
+    if robot.drive is not None:
+        parts.append(str(robot.drive.geometry))
     for name, arm in robot.arms.items():
         parts.append(f"{name} moves {listing(arm.names)}")
-    verb = "driving" if robot.wheels is not None else "moving"
+    verb = "driving" if robot.drive is not None else "moving"
     moved = "; ".join(parts) or "no joint of it moves"
     return f'{verb} robot "{printable(robot.description.robot_name)}": {moved}'

@@ -106,7 +106,7 @@ def simulated_model(
             joint = _fixed(joint, roles.fixed[joint.name])
         elif joint.name in tyres:
             joint = _motor(joint, weight, tyres[joint.name])
-            if len(tyres) > 2:
+            if wheels and wheels.skids:
                 joint = SkidAxle(**vars(joint))
         elif joint.name in roles.starts:
             interfaces = description.interfaces.get(joint.name)
@@ -186,7 +186,7 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     Mimic joints are never among them.
     """
     joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
-    positioned = _positioned_names(description) - {*(wheels.names if wheels else ())}
+    positioned = _positioned_names(description) - {*(wheels.joints if wheels else ())}
     named = [joint for joint in joints if joint in positioned]
     excluded_names = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
     return named or [joint for joint in joints if joint not in excluded_names]

@@ -192,7 +192,7 @@ class ControlLoop:
                 self._pacer.next(self._wait)
                 if self._pacer.lag and not self.simulated:  # simulated time has lost nothing
                     for robot in self.fleet.robots:
-                        robot.diff_drive.stalled(self._pacer.lag)
+                        robot.wait(self._pacer.lag, stalled=True)
                 if paused:
                     self._meter.skip(self._pacer.due)
                 else:
@@ -205,7 +205,7 @@ class ControlLoop:
     def _publish_paused(self) -> None:
         """Publish while paused: system time continues, and transforms have to be current."""
         for robot in self.fleet.robots:
-            robot.diff_drive.wait(robot.period)
+            robot.wait(robot.period)
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
 
     def _cycle(self, stamp: int) -> None:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.frame_names import prefixed
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.parameters.reader import ConfigError, Problem
 
@@ -20,21 +20,21 @@ class Frames(NamedTuple):
     @classmethod
     def from_parameters(
         cls,
-        config: ControlConfig,
+        config: SimulationConfig,
         description: Description,
         namespace: str,
         *,
         in_scene: bool,
-        stands: bool = False,
     ) -> "Frames":
-        """Return the frames of a robot.
+        """Return the frames of a robot; one that stands has no odometry.
+
+        Then its root link may be the world's frame.
 
         Args:
             config: its parameters.
             description: the robot.
             namespace: namespace of its node.
             in_scene: whether there is a scene around it.
-            stands: whether it has no odometry; then its root link may be the world's frame.
         """
 
         def name(frame: str) -> str:
@@ -42,11 +42,11 @@ class Frames(NamedTuple):
             return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
 
         world = config.world_frame(in_scene=in_scene)
-        base = name(config.base_frame_id or description.root_link)
-        links = frozenset(map(name, description.link_names))
-        if stands:
-            return cls(world, "", "" if base == world else base, links - {world})
-        return cls(world, name(config.odom_frame_id), base, links)
+        root, links = name(description.root_link), frozenset(map(name, description.link_names))
+        if config.drive is None:
+            return cls(world, "", "" if root == world else root, links - {world})
+        base = name(config.drive.base_frame_id or description.root_link)
+        return cls(world, name(config.drive.odom_frame_id), base, links)
 
     def problems(
         self, others: Mapping[str, "Frames"], scene: Description | None = None

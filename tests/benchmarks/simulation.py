@@ -84,7 +84,7 @@ def _step(fleet: Fleet) -> None:
 def _check_odometry(fleet: Fleet) -> None:
     for robot in fleet.robots:
         snapshot = robot.begin()
-        expected = robot.odom_in_world.compose(snapshot.odometry)
+        expected = robot.odom_in_world.compose(snapshot.drive.odometry)
         # Over a long drive it may be off by more.
         scale = max(1.0, robot.ticks * robot.period / _DRIVEN)
         (x, y, _), rotation = snapshot.pose

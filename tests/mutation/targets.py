@@ -30,7 +30,9 @@ _READER = ("parameters_reader", "parameters_values")
 TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/drive/speed_limiter.py": _control("speed_limiter"),
     "onebot_control/drive/odometry.py": _control("odometry"),
-    "onebot_control/drive/diff_drive.py": _control("diff_drive"),
+    "onebot_control/drive/drive.py": _control("diff_drive"),
+    "onebot_control/drive/kinematics.py": _control("odometry"),
+    "onebot_control/drive/diff_drive.py": _control("odometry", "control_config"),
     "onebot_control/controlled_robot.py": _control(
         "controlled_robot", "fleet", "joint_state_broadcaster", "drift_check"
     ),
@@ -40,7 +42,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/runtime/pacing.py": _control("pacing"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
     "onebot_control/drive/wheels/geometry.py": _control("wheels_geometry"),
-    "onebot_control/drive/parameters.py": (
+    "onebot_control/simulation_parameters.py": (
         *_control("control_config"),
         "tests/test_readme_tables.py",
     ),

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
-from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive.diff_drive import DiffDriveKinematics
+from onebot_control.drive.odometry import Odometry
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_description.description import Description, parse_description
@@ -94,7 +95,7 @@ class IdealPlant:
         self.speeds = (left, right)
         self.left += left * duration
         self.right += right * duration
-        self._truth.update_from_velocities(left, right, duration)
+        self._truth.update_from_velocities((left, right), duration)
 
     def state(self) -> tuple[JointStates, Pose, MassVelocity]:
         pose, (linear, angular) = self.base_pose(), self.base_twist()
@@ -110,7 +111,7 @@ class IdealPlant:
         return Pose((self._truth.x, self._truth.y, RADIUS), rotation)
 
     def base_twist(self) -> Twist:
-        linear, angular = self._truth.kinematics.body_motion(*self.speeds)
+        linear, _, angular = self._truth.kinematics.body_motion(self.speeds, ())
         return Twist((linear, 0.0, 0.0), (0.0, 0.0, angular))
 
     def reset(self) -> None:

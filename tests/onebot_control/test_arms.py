@@ -18,6 +18,7 @@ from onebot_control.controlled_robot import DEFAULT_CONTROLLER
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import RobotSpawn, World
 from onebot_control.sensing.readings import JointState
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
@@ -509,8 +510,7 @@ def test_a_base_that_hangs_from_the_world_may_be_in_a_wall() -> None:
 
 def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are() -> None:
     """Where its hand would be in a table with the joint at its start, which is 0."""
-    setup = control_support.config()
-    member = Member(on_post("base_link"), setup, controllers=[DEFAULT_CONTROLLER], stands=True)
+    member = Member(on_post("base_link"), SimulationConfig(), controllers=[DEFAULT_CONTROLLER])
     with Fleet.from_members([member], scene=table(-0.8)) as fleet:
         [follower] = fleet.robots[0].arms.values()
         follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (-1.5,)),)))

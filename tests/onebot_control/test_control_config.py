@@ -4,9 +4,8 @@ from typing import Any
 
 import pytest
 
-from onebot_control.drive.odometry import DiffDriveKinematics
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels.geometry import WheelGeometry
+from onebot_control.drive_kinds import ControlConfig
 from onebot_description.parameters.reader import ConfigError, defaults, leaves
 from tests.onebot_control.control_support import WHEELS
 
@@ -57,7 +56,8 @@ def test_the_multipliers_scale_the_geometry() -> None:
     kinematics = ControlConfig.from_parameters({**WHEELS, **factors}).kinematics(
         WheelGeometry(0.25, 0.125)
     )
-    assert kinematics == DiffDriveKinematics(0.375, 0.0625, 0.25)
+    lengths = kinematics.separation, kinematics.left_radius, kinematics.right_radius
+    assert lengths == (0.375, 0.0625, 0.25)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from onebot_control.control_files import (
     unknown_by_node,
 )
 from onebot_control.controller_names import MANAGER
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
@@ -240,7 +240,7 @@ def node(*arguments: str) -> Iterator[Node]:
 def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> None:
     """Checked first, and then in force; the pace and its clock only where time is simulated."""
     with node() as mine:
-        parameters = ControlParameters(mine, RosArguments((file,)))
+        parameters = ControlParameters(mine, RosArguments((file,)), ControlConfig)
         assert parameters.config == read(file) and parameters.values["wheel_radius"] == 0.1
         new = _set(wheel_radius=0.2, publish_rate=25, nothing_of_ours=1)
         for simulated in (True, False):
@@ -274,7 +274,7 @@ def test_the_lines_of_what_the_command_line_overrides_are_not_named(
     """A mistake there is none of the file's, whether it is more or less than the file has."""
     with node(*ros_args(wheel_radius=0.3, **{"linear.x.max_velocity": 0.5})) as mine:
         given = (("", "wheel_radius"), ("velocity_controller", "linear.x.max_velocity"))
-        parameters = ControlParameters(mine, RosArguments((file,), given))
+        parameters = ControlParameters(mine, RosArguments((file,), given), ControlConfig)
         assert (parameters.config.wheel_radius, parameters.config.linear.max_velocity) == (0.3, 0.5)
         names = ("wheel_radius", "linear.x.max_velocity", "update_rate")
         error = ConfigError((Problem(name, "is odd") for name in names), parameters.places)
@@ -291,8 +291,8 @@ def test_unknown_names_on_the_command_line(ros_domain: int, file: Path) -> None:
     with node() as mine:
         for to in ("", "velocity_controller"):
             with pytest.raises(ConfigError, match=f"{name}: no such parameter .did you mean"):
-                ControlParameters(mine, RosArguments((file,), ((to, name),)))
-        assert ControlParameters(mine, RosArguments((file,), (("other", name),)))
+                ControlParameters(mine, RosArguments((file,), ((to, name),)), ControlConfig)
+        assert ControlParameters(mine, RosArguments((file,), (("other", name),)), ControlConfig)
 
 
 # Controllers of joints --------------------------------------------------------------------------

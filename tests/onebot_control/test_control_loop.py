@@ -141,7 +141,7 @@ def test_a_command_ages_by_the_clock_in_force(simulated: bool) -> None:
 
         at = run.loop.call(stall) + 1  # the cycle of the stall is under way
         wait_for(lambda: len(run.published) > at + 1, "cycles after the stall")
-        speeds = [snapshot.command.linear for snapshot, _ in run.published]
+        speeds = [snapshot.drive.command.linear for snapshot, _ in run.published]
         assert speeds[at] == (0.6 if simulated else 0.0)
         assert max(run.missed) >= 28  # cycles
 
@@ -151,13 +151,15 @@ def test_a_command_ends_when_the_process_wakes(simulated: bool) -> None:
     """Also one without a timeout, in simulated time and in a suspended computer's, which jumps."""
     with Run(simulated=simulated, cmd_vel_timeout=0.0) as run:
         run.loop.call(lambda: run.drive.accept(0.6, 0.0))
-        wait_for(lambda: run.published[-1][0].command.linear == 0.6, "the robot to drive")
+        wait_for(lambda: run.published[-1][0].drive.command.linear == 0.6, "the robot to drive")
         run.now += 3600.0
-        wait_for(lambda: run.published[-1][0].command[:2] == (0.0, 0.0), "the robot to stop")
+        wait_for(
+            lambda: run.published[-1][0].drive.command.wheels == (0.0, 0.0), "the robot to stop"
+        )
         run.loop.call(lambda: run.drive.accept(0.5, 0.0))
         count = len(run.published)
         wait_for(lambda: len(run.published) > count + 20, "cycles")
-        assert run.published[-1][0].command.linear == 0.5
+        assert run.published[-1][0].drive.command.linear == 0.5
 
 
 def test_a_command_ages_while_paused_on_the_systems_time() -> None:
@@ -168,19 +170,19 @@ def test_a_command_ages_while_paused_on_the_systems_time() -> None:
         wait_for(lambda: len(run.published) > count + 30, "0.3 s of pause")
         at = run.loop.call(lambda: setattr(run.loop, "paused", False) or len(run.published))
         wait_for(lambda: len(run.published) > at, "a cycle")
-        assert run.published[at][0].command.linear == 0.0
+        assert run.published[at][0].drive.command.linear == 0.0
 
 
 def test_paused_on_the_systems_time_it_publishes_the_standing_robot() -> None:
     """With stamps of now, and 10 ms apart, however fast it would be."""
     with Run(factor=0.0, cmd_vel_timeout=0.0) as run:
         run.loop.call(lambda: run.drive.accept(0.6, 0.2))
-        wait_for(lambda: run.published[-1][0].twist[0] > 0.1, "the robot to drive")
+        wait_for(lambda: run.published[-1][0].drive.twist.linear > 0.1, "the robot to drive")
         run.loop.call(lambda: setattr(run.loop, "paused", True))
         count, ticks = len(run.published), run.loop.fleet.ticks
         wait_for(lambda: len(run.published) > count + 15, "messages while paused")
         assert run.loop.fleet.ticks == ticks
-        assert run.published[-1][0].twist == (0.0, 0.0)
+        assert run.published[-1][0].drive.twist == (0.0, 0.0, 0.0)
         assert not any(run.published[-1][0].joint_states.velocities)
     stamps = [stamp for _, stamp in run.published[count:]]
     # The first may have been under way as it was paused.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
+from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
 from onebot_control.joint_controllers import JointController
 from onebot_control.physics import JointStates, RobotBody
 from onebot_control.trajectories.following import TrajectoryFollower
@@ -27,6 +28,7 @@ from tests.onebot_control.control_support import (
     wheel,
 )
 
+NO_COMMAND = DriveCommand(0.0, 0.0, 0.0, (0.0, 0.0))
 LIMITS = {"linear_x_max_acceleration": 0.5, "angular_z_max_acceleration": 1.0}
 
 
@@ -98,11 +100,11 @@ def test_a_controller_of_no_joint_is_refused() -> None:
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:
     wrong = {"linear_x_max_velocity": 0.1, "joint_state_broadcaster.joints": ["arm"]}
     drive = ideal_drive()
-    before = drive.config, drive.geometry, drive.broadcaster
+    before = drive.config, drive.drive.geometry, drive.broadcaster
     with pytest.raises(OneBotError, match='no joint "arm"'):
         drive.configure(config(**wrong))
-    assert (drive.config, drive.geometry, drive.broadcaster) == before
-    assert run(drive, 0.5, 0.0, 1).command.linear == 0.5
+    assert (drive.config, drive.drive.geometry, drive.broadcaster) == before
+    assert run(drive, 0.5, 0.0, 1).drive.command.linear == 0.5
 
 
 def test_configure_takes_effect_at_once_and_disturbs_nothing_else() -> None:
@@ -117,14 +119,14 @@ def test_configure_takes_effect_at_once_and_disturbs_nothing_else() -> None:
     )
     drive.configure(chosen)
     assert drive.config is chosen
-    assert drive.geometry == pytest.approx((0.3, 0.12))
+    assert drive.drive.geometry == pytest.approx((0.3, 0.12))
     assert drive.broadcaster.names == ("right_wheel_joint",)
     assert drive.period == 0.02
     assert drive.snapshot() == before
     snapshot = drive.begin()
     assert snapshot.tick == before.tick
-    assert snapshot.command[2:4] == (0.25, 0.2)
-    assert snapshot.command.left == pytest.approx((0.25 - 0.03) / 0.12)
+    assert snapshot.drive.command[:3] == (0.25, 0.0, 0.2)
+    assert snapshot.drive.command.wheels[0] == pytest.approx((0.25 - 0.03) / 0.12)
 
 
 class Jumpy(IdealPlant):
@@ -153,17 +155,17 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
     drive.reset()
     snapshot = drive.snapshot()
     assert (drive.true_pose, drive.odom_in_world) == (PlanarPose(), PlanarPose())
-    assert (snapshot.odometry, snapshot.twist) == (PlanarPose(), (0.0, 0.0))
+    assert (snapshot.drive.odometry, snapshot.drive.twist) == (PlanarPose(), PlanarTwist())
     assert not any(snapshot.joints.velocities)
     assert (drive.ticks, drive.config) == (120, chosen)
     for _ in range(3):
         mine, fresh = cycle(drive), cycle(new)
-        assert mine.command == fresh.command == (0.0, 0.0, 0.0, 0.0)
+        assert mine.drive.command == fresh.drive.command == NO_COMMAND
     for _ in range(60):
         mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
-        assert mine.command == fresh.command
-        assert mine.odometry == pytest.approx(fresh.odometry, abs=1e-12)
-        assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
+        assert mine.drive.command == fresh.drive.command
+        assert mine.drive.odometry == pytest.approx(fresh.drive.odometry, abs=1e-12)
+        assert mine.drive.twist == pytest.approx(fresh.drive.twist, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -193,15 +195,15 @@ def test_after_a_teleport_it_starts_from_rest() -> None:
     assert drive.true_pose == pytest.approx((5.0, 6.0, 1.0))
     assert (drive.odom_in_world, drive.ticks) == (origin, 101)
     snapshot = drive.snapshot()
-    assert (snapshot.odometry, snapshot.twist) == (before.odometry, (0.0, 0.0))
+    assert (snapshot.drive.odometry, snapshot.drive.twist) == (before.drive.odometry, PlanarTwist())
     for _ in range(3):
         mine, fresh = cycle(drive), cycle(new)
-        assert mine.odometry == before.odometry
-        assert mine.command == fresh.command == (0.0, 0.0, 0.0, 0.0)
+        assert mine.drive.odometry == before.drive.odometry
+        assert mine.drive.command == fresh.drive.command == NO_COMMAND
     for _ in range(30):
         mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
-        assert mine.command == fresh.command
-        assert mine.twist == pytest.approx(fresh.twist, abs=1e-12)
+        assert mine.drive.command == fresh.drive.command
+        assert mine.drive.twist == pytest.approx(fresh.drive.twist, abs=1e-12)
 
 
 @pytest.mark.parametrize("pose", [PlanarPose(), PlanarPose(3.0, -1.0, 2.0)])
@@ -210,16 +212,16 @@ def test_set_odometry_moves_only_the_origin(pose: PlanarPose) -> None:
     drive, twin = ideal_drive(**JERKY), ideal_drive(**JERKY)
     for one in (drive, twin):
         run(one, 0.5, 0.3, 50)
-    truth, twist = drive.true_pose, drive.snapshot().twist
+    truth, twist = drive.true_pose, drive.snapshot().drive.twist
     drive.place_odometry(pose)
     assert drive.true_pose == truth
-    assert (drive.snapshot().odometry, drive.snapshot().twist) == (pose, twist)
+    assert (drive.snapshot().drive.odometry, drive.snapshot().drive.twist) == (pose, twist)
     assert drive.odom_in_world.compose(pose) == pytest.approx(truth)
     for _ in range(40):
         mine, other = cycle(drive), cycle(twin)
-        assert (mine.command, mine.tick) == (other.command, other.tick)
-        assert mine.twist == other.twist
-    assert drive.odom_in_world.compose(drive.begin().odometry) == pytest.approx(
+        assert (mine.drive.command, mine.tick) == (other.drive.command, other.tick)
+        assert mine.drive.twist == other.drive.twist
+    assert drive.odom_in_world.compose(drive.begin().drive.odometry) == pytest.approx(
         drive.true_pose, abs=1e-9
     )
 
@@ -227,11 +229,11 @@ def test_set_odometry_moves_only_the_origin(pose: PlanarPose) -> None:
 def test_a_cycle_is_seen_as_it_begins() -> None:
     """The state is that of before the wheels turn, the command that of from then on."""
     drive = ideal_drive()
-    assert drive.snapshot().command == (0.0, 0.0, 0.0, 0.0)
+    assert drive.snapshot().drive.command == NO_COMMAND
     drive.accept(0.6, 0.0)
     first, second = cycle(drive), cycle(drive)
     assert (first.tick, second.tick, drive.ticks) == (0, 1, 2)
-    assert not any(first.joints.positions) and first.command.left == pytest.approx(10.0)
+    assert not any(first.joints.positions) and first.drive.command.wheels[0] == pytest.approx(10.0)
     assert second.joints.positions == pytest.approx([0.1, 0.1])
     assert second.pose.translation[0] == pytest.approx(0.006)
     assert drive.true_pose.x == pytest.approx(0.006)
@@ -243,9 +245,12 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     """After a stall as long as a cycle they are half of those in the simulation's time."""
     drive = ideal_drive(position_feedback=False, velocity_rolling_window_size=1)
     full = run(drive, 0.6, 0.3, 5)
-    drive.diff_drive.stalled(drive.period)
+    drive.wait(drive.period, stalled=True)
     half = drive.begin()
-    assert (full.twist, half.twist) == (pytest.approx((0.6, 0.3)), pytest.approx((0.3, 0.15)))
+    assert (full.drive.twist, half.drive.twist) == (
+        pytest.approx((0.6, 0.0, 0.3)),
+        pytest.approx((0.3, 0.0, 0.15)),
+    )
     assert half.joint_states.velocities == pytest.approx(
         [speed / 2.0 for speed in full.joints.velocities]
     )
@@ -253,30 +258,42 @@ def test_velocities_are_by_the_clock_that_stamps_them() -> None:
     assert half.velocity.angular == pytest.approx([0.0, 0.0, 0.15])
 
 
+def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
+    """Over the window: of a stall's time its next cycle has none, of a pause nothing has."""
+    drive = ideal_drive(velocity_rolling_window_size=2, update_rate=10.0)
+    paces = [drive.pace.value]
+    run(drive, 0.0, 0.0, 3)
+    paces.append(drive.pace.value)
+    drive.wait(0.3, stalled=True)
+    paces += [cycle(drive).pace for _ in range(3)]
+    drive.wait(0.3)
+    assert [*paces, drive.snapshot().pace] == pytest.approx([1.0, 1.0, 0.4, 0.4, 1.0, 0.25])
+
+
 @pytest.mark.parametrize("rate", [5.0, 100.0])
 def test_drift_is_found_at_any_rate(rate: float) -> None:
     drive = ideal_drive(wheel_radius=2.0 * RADIUS, update_rate=rate, cmd_vel_timeout=0.0)
     run(drive, 0.5, 0.0, round(2.5 * rate))
-    assert "by its wheels the robot drove 1." in drive.drift.warning
+    assert "by its wheels the robot drove 1." in drive.drive.drift.warning
 
 
 def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
     """It grows on the way, not by a teleport; where the pose is set it is zero."""
     drive = ideal_drive(left_wheel_noise=0.01, right_wheel_noise=0.02)
-    grown = run(drive, 0.5, 0.3, 100).covariance
+    grown = run(drive, 0.5, 0.3, 100).drive.covariance
     assert grown.yaw_yaw == pytest.approx(
         (0.01**2 * (0.5 - 0.045) + 0.02**2 * (0.5 + 0.045)) / 0.3**2, rel=0.02
     )
     drive.teleport(PlanarPose(5.0, 6.0, 1.0))
-    assert cycle(drive).covariance == grown
+    assert cycle(drive).drive.covariance == grown
     drive.place_odometry(PlanarPose(1.0, 2.0, 3.0))
-    assert cycle(drive).covariance == (0.0,) * 6
-    assert run(drive, 0.5, 0.3, 10).covariance.xx > 0.0
+    assert cycle(drive).drive.covariance == (0.0,) * 6
+    assert run(drive, 0.5, 0.3, 10).drive.covariance.xx > 0.0
     drive.configure(config(left_wheel_noise=0.0, right_wheel_noise=0.0))
-    kept = cycle(drive).covariance.yaw_yaw
-    assert run(drive, 0.5, 0.3, 10).covariance.yaw_yaw == kept
+    kept = cycle(drive).drive.covariance.yaw_yaw
+    assert run(drive, 0.5, 0.3, 10).drive.covariance.yaw_yaw == kept
     drive.reset()
-    assert cycle(drive).covariance == (0.0,) * 6
+    assert cycle(drive).drive.covariance == (0.0,) * 6
 
 
 class FourWheels(IdealPlant):
@@ -309,9 +326,9 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     chosen = config(position_feedback=by_position, **names)
     drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
     snapshot = run(drive, 0.5, 0.3, 20)
-    assert snapshot.twist == pytest.approx((0.5, 0.3))
+    assert snapshot.drive.twist == pytest.approx((0.5, 0.0, 0.3))
     # In turns, they skid.
-    assert drive.drift._most_turn > ideal_drive().drift._most_turn
+    assert drive.drive.drift._most_turn > ideal_drive().drive.drift._most_turn
 
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:

@@ -1,27 +1,40 @@
 """The controller without ROS, on an ideal plant: diff_drive_controller's own checklist."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 
-from onebot_control.drive.diff_drive import DiffDriveController, WheelCommand, WheelStates
+from onebot_control.drive.drive import Drive
+from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.drive.speed_limiter import SpeedLimiter
-from onebot_control.drive.wheels.geometry import WheelGeometry
-from tests.onebot_control.control_support import RADIUS, SEPARATION, config
+from tests.onebot_control.control_support import RADIUS, SEPARATION, config, robot
 
-REST = WheelStates(0.0, 0.0, 0.0, 0.0)
-
-
-def controller(**values: Any) -> DiffDriveController:
-    """A controller of wheels 0.3 m apart, of radius 0.06 m."""
-    chosen = config(**values)
-    return DiffDriveController(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+REST = (0.0, 0.0)
 
 
-def updates(drive: DiffDriveController, count: int, dt: float = 0.01) -> WheelCommand:
+def controller(**values: Any) -> Drive:
+    """A drive with wheels 0.3 m apart, of radius 0.06 m."""
+    chosen = config(wheel_separation=SEPARATION, **values)
+    wheels = chosen.wheels(robot())
+    return Drive(wheels, wheels.names, chosen)
+
+
+def update(
+    drive: Drive,
+    positions: Sequence[float] = REST,
+    dt: float = 0.01,
+    velocities: Sequence[float] = REST,
+) -> DriveCommand:
+    """One cycle with these states of the wheels."""
+    drive.observe(positions, velocities, dt)
+    return drive.decide(dt)
+
+
+def updates(drive: Drive, count: int, dt: float = 0.01) -> DriveCommand:
     """The last of several cycles at rest."""
-    return [drive.update(REST, dt) for _ in range(count)][-1]
+    return [update(drive, dt=dt) for _ in range(count)][-1]
 
 
 def test_timeout_brakes_through_the_limiter() -> None:
@@ -29,8 +42,8 @@ def test_timeout_brakes_through_the_limiter() -> None:
     drive = controller(linear_x_max_acceleration=1.0, cmd_vel_timeout=0.5)
     for _ in range(100):
         drive.accept(0.2, 0.0)
-        drive.update(REST, 0.01)
-    speeds = [drive.update(REST, 0.01).linear for _ in range(100)]
+        update(drive, REST, 0.01)
+    speeds = [update(drive, REST, 0.01).linear for _ in range(100)]
     assert speeds[:50] == [0.2] * 50
     braking = [0.2 - 0.01 * step for step in range(1, 20)]
     assert speeds[50:69] == pytest.approx(braking)
@@ -39,16 +52,15 @@ def test_timeout_brakes_through_the_limiter() -> None:
 
 def test_time_without_cycles_counts() -> None:
     """Neither a pause nor a stall lets a command live longer; it brakes through the limiter."""
-    for passes in (DiffDriveController.wait, DiffDriveController.stalled):
-        drive = controller(linear_x_max_acceleration=10.0)
-        drive.accept(0.2, 0.0)
-        assert updates(drive, 5).linear == 0.2
-        passes(drive, 0.3)
-        assert updates(drive, 15).linear == 0.2
-        passes(drive, 0.3)
-        assert drive.timed_out
-        assert updates(drive, 1).linear == pytest.approx(0.1)
-        assert updates(drive, 2).linear == 0.0
+    drive = controller(linear_x_max_acceleration=10.0)
+    drive.accept(0.2, 0.0)
+    assert updates(drive, 5).linear == 0.2
+    drive.wait(0.3)
+    assert updates(drive, 15).linear == 0.2
+    drive.wait(0.3)
+    assert drive.timed_out
+    assert updates(drive, 1).linear == pytest.approx(0.1)
+    assert updates(drive, 2).linear == 0.0
 
 
 def test_timeout_of_zero_keeps_a_command_for_ever() -> None:
@@ -64,8 +76,8 @@ def test_a_command_that_is_not_finite_is_dropped_whole(wrong: float) -> None:
     for _ in range(60):
         assert drive.accept(wrong, 0.0) is not None
         assert drive.accept(0.0, wrong) is not None
-        command = drive.update(REST, 0.01)
-        assert all(math.isfinite(value) for value in command)
+        command = update(drive, REST, 0.01)
+        assert all(map(math.isfinite, (*command[:3], *command.wheels)))
     assert (command.linear, command.angular) == (0.0, 0.0)
 
 
@@ -75,9 +87,9 @@ def test_open_loop_with_clamped_input(axis: str) -> None:
     name = "linear_x_max_velocity" if axis == "linear" else "angular_z_max_velocity"
     drive = controller(open_loop=True, **{name: 0.5})
     drive.accept(*((5.0, 0.0) if axis == "linear" else (0.0, 5.0)))
-    drive.update(REST, 0.1)
+    update(drive, REST, 0.1)
     odometry = drive.odometry
-    assert getattr(odometry, axis) == 0.5
+    assert getattr(odometry.twist, axis) == 0.5
     assert (odometry.x if axis == "linear" else odometry.heading) == pytest.approx(0.05)
 
 
@@ -89,11 +101,14 @@ def test_what_follows_from_a_finite_command_is_finite(
     drive = controller(open_loop=open_loop, cmd_vel_timeout=0.0)
     assert drive.accept(*command) is None
     for _ in range(1000):
-        wheels = drive.update(REST, 0.01)
-        assert all(map(math.isfinite, wheels))
-        assert wheels[2:] == tuple(math.copysign(1e6, speed) if speed else 0.0 for speed in command)
+        done = update(drive, REST, 0.01)
+        assert all(map(math.isfinite, done.wheels))
+        clamped = [math.copysign(1e6, speed) if speed else 0.0 for speed in command]
+        assert [done.linear, done.angular] == clamped
     odometry = drive.odometry
-    assert all(map(math.isfinite, (odometry.x, odometry.y, odometry.heading, odometry.linear)))
+    assert all(
+        map(math.isfinite, (odometry.x, odometry.y, odometry.heading, odometry.twist.linear))
+    )
 
 
 def test_nothing_of_before_is_left_after_halt() -> None:
@@ -104,7 +119,7 @@ def test_nothing_of_before_is_left_after_halt() -> None:
     assert drive.timed_out
     drive.halt()
     assert not drive.timed_out
-    assert updates(drive, 1, dt=1.0)[:4] == (0.0, 0.0, 0.0, 0.0)
+    assert updates(drive, 1, dt=1.0)[:4] == (0.0, 0.0, 0.0, REST)
     assert not drive.timed_out
     assert updates(drive, 1, dt=0.6) and drive.timed_out
     drive.halt()
@@ -112,7 +127,7 @@ def test_nothing_of_before_is_left_after_halt() -> None:
     new = controller(linear_x_max_jerk=10.0, angular_z_max_jerk=10.0)
     new.accept(1.0, 1.0)
     for _ in range(5):
-        assert drive.update(REST, 0.01) == new.update(REST, 0.01)
+        assert update(drive, REST, 0.01) == update(new, REST, 0.01)
 
 
 def test_each_command_is_as_old_as_it_says() -> None:
@@ -121,7 +136,7 @@ def test_each_command_is_as_old_as_it_says() -> None:
     drive.accept(0.1, 0.0, age=0.4)
     updates(drive, 5)
     drive.accept(0.2, 0.0, age=0.1)
-    speeds = [drive.update(REST, 0.1).linear for _ in range(7)]
+    speeds = [update(drive, REST, 0.1).linear for _ in range(7)]
     assert speeds == [0.2] * 5 + [0.0] * 2
     assert drive.timed_out
 
@@ -129,7 +144,7 @@ def test_each_command_is_as_old_as_it_says() -> None:
 def test_a_stamp_ahead_counts_as_now() -> None:
     drive = controller(cmd_vel_timeout=0.5)
     drive.accept(0.2, 0.0, age=-0.3)
-    speeds = [drive.update(REST, 0.1).linear for _ in range(8)]
+    speeds = [update(drive, REST, 0.1).linear for _ in range(8)]
     assert speeds == [0.2] * 6 + [0.0] * 2
 
 
@@ -139,25 +154,25 @@ def test_a_refused_command_leaves_the_one_before() -> None:
     drive.accept(0.2, 0.1)
     assert drive.accept(0.7, 0.7, age=0.5) == "0.500 s old, and cmd_vel_timeout is 0.5 s"
     assert drive.accept(0.7, 0.7, age=0.6) == "0.600 s old, and cmd_vel_timeout is 0.5 s"
-    assert drive.update(REST, 0.1)[2:4] == (0.2, 0.1)
+    assert update(drive, REST, 0.1)[:3] == (0.2, 0.0, 0.1)
     assert drive.accept(0.7, 0.7, age=0.499) is None
-    assert drive.update(REST, 0.1)[2:4] == (0.7, 0.7)
+    assert update(drive, REST, 0.1)[:3] == (0.7, 0.0, 0.7)
 
 
 def test_configure_keeps_command_age_speed_and_pose() -> None:
     """Only the parameters change, of both axes: no jump and no second life for a command."""
     drive = controller(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
     twin = controller(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
-    wheels = [WheelStates(0.1 * i, 0.12 * i, 0.0, 0.0) for i in range(100)]
+    wheels = [(0.1 * i, 0.12 * i) for i in range(100)]
     for one in (drive, twin):
         one.accept(1.0, 1.0)
         for state in wheels[:30]:
-            one.update(state, 0.01)
+            update(one, state)
     chosen = config(linear_x_max_jerk=1.0, angular_z_max_jerk=1.0, cmd_vel_timeout=0.5)
-    drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
+    drive.configure(chosen)
     for state in wheels[30:]:
-        assert drive.update(state, 0.01) == twin.update(state, 0.01)
-        assert (drive.odometry.x, drive.odometry.linear) == (twin.odometry.x, twin.odometry.linear)
+        assert update(drive, state) == update(twin, state)
+        assert (drive.odometry.x, drive.odometry.twist) == (twin.odometry.x, twin.odometry.twist)
 
 
 @pytest.mark.parametrize("other", [{"open_loop": True}, {"position_feedback": False}])
@@ -172,20 +187,19 @@ def test_configure_changes_the_feedback_without_a_jump(other: dict[str, bool]) -
     }
     for cycle in range(cycles):
         if cycle in chosen:
-            geometry = WheelGeometry(SEPARATION, RADIUS)
-            drive.configure(chosen[cycle], chosen[cycle].kinematics(geometry))
+            drive.configure(chosen[cycle])
         before, at = drive.odometry.x, speed * dt * cycle
-        drive.update(WheelStates(at, at, speed, speed), dt)
+        update(drive, (at, at), dt, (speed, speed))
         assert drive.odometry.x - before <= 1.001 * speed * RADIUS * dt
-        assert cycle == 0 or drive.odometry.linear == pytest.approx(speed * RADIUS)
+        assert cycle == 0 or drive.odometry.twist.linear == pytest.approx(speed * RADIUS)
     assert drive.odometry.x == pytest.approx(speed * RADIUS * dt * cycles, rel=0.01)
 
 
 def test_configure_changes_limits_timeout_geometry_and_window() -> None:
     drive = controller(velocity_rolling_window_size=10, cmd_vel_timeout=0.0)
     drive.accept(1.0, 1.0)
-    drive.update(WheelStates(0.0, 0.0, 0.0, 0.0), 0.1)
-    drive.update(WheelStates(0.1, 0.1, 0.0, 0.0), 0.1)
+    update(drive, (0.0, 0.0), 0.1)
+    update(drive, (0.1, 0.1), 0.1)
     chosen = config(
         linear_x_max_velocity=0.5,
         angular_z_max_velocity=0.25,
@@ -195,29 +209,15 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
         left_wheel_noise=0.1,
         right_wheel_noise=0.3,
     )
-    drive.configure(chosen, chosen.kinematics(WheelGeometry(SEPARATION, RADIUS)))
-    command = drive.update(WheelStates(0.2, 0.4, 0.0, 0.0), 0.1)
-    assert command[2:4] == (0.5, 0.25)
+    drive.configure(chosen)
+    command = update(drive, (0.2, 0.4), 0.1)
+    assert command[:3] == (0.5, 0.0, 0.25)
     across = 0.25 * 2.0 * SEPARATION / 2.0
-    assert command[:2] == pytest.approx(((0.5 - across) / RADIUS, (0.5 + across) / RADIUS))
-    assert drive.odometry.linear == pytest.approx(0.2 * RADIUS / 0.1)
-    assert drive.odometry.angular == pytest.approx(0.2 * RADIUS / 0.1 / (2.0 * SEPARATION))
+    assert command.wheels == pytest.approx(((0.5 - across) / RADIUS, (0.5 + across) / RADIUS))
+    assert drive.odometry.twist.linear == pytest.approx(0.2 * RADIUS / 0.1)
+    assert drive.odometry.twist.angular == pytest.approx(0.2 * RADIUS / 0.1 / (2.0 * SEPARATION))
     assert drive.odometry.noise == pytest.approx((0.01, 0.09))
     assert updates(drive, 10, dt=0.1).linear == 0.0
-
-
-def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
-    """Over the window: of a stall's time its next cycle has none, of a pause nothing has."""
-    drive = controller(velocity_rolling_window_size=2)
-    paces = [drive.pace]
-    updates(drive, 3, 0.1)
-    paces.append(drive.pace)
-    drive.stalled(0.3)
-    for _ in range(3):
-        drive.update(REST, 0.1)
-        paces.append(drive.pace)
-    drive.wait(0.3)
-    assert [*paces, drive.pace] == pytest.approx([1.0, 1.0, 0.4, 0.4, 1.0, 0.25])
 
 
 def test_both_axes_are_limited_each_on_its_own() -> None:
@@ -238,4 +238,4 @@ def test_both_axes_are_limited_each_on_its_own() -> None:
                 limiters[1].limit(wanted[1], last[1], before[1], 0.01),
             ),
         )
-        assert drive.update(REST, 0.01)[2:4] == last
+        assert update(drive, REST, 0.01)[:3:2] == last

@@ -7,7 +7,7 @@ import pytest
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.drift_check import DriftCheck
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics.scene import load_scene
 from onebot_description.description import load_description
@@ -25,8 +25,8 @@ def drifted(drive: ControlledRobot, linear: float, angular: float, seconds: floa
     for _ in range(round(seconds / drive.period)):
         drive.accept(linear, angular)
         cycle(drive)
-        if drive.drift.warning:
-            return drive.drift.warning
+        if drive.drive.drift.warning:
+            return drive.drive.drift.warning
     return ""
 
 
@@ -85,6 +85,6 @@ def test_walls_and_ramps_are_no_reason_to_warn(world: str) -> None:
             fleet.robots[0].accept(0.6, 0.8 if cycle > 500 else 0.0)
             fleet.robots[1].accept(0.8, 0.0)
             fleet.cycle()
-        assert [each.drift.warning for each in fleet.robots] == ["", ""]
-        apart = fleet.robots[0].snapshot().odometry.x - fleet.robots[0].true_pose.x
+        assert [each.drive.drift.warning for each in fleet.robots] == ["", ""]
+        apart = fleet.robots[0].snapshot().drive.odometry.x - fleet.robots[0].true_pose.x
         assert world == "ramp" or abs(apart) > 0.5

@@ -6,6 +6,7 @@ import pytest
 
 from onebot_control.controlled_robot import DEFAULT_CONTROLLER, Snapshot
 from onebot_control.fleet import Fleet, Member
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
@@ -52,7 +53,7 @@ def test_a_cycle_is_one_of_each_robot() -> None:
             snapshots = fleet.cycle()
             assert [snapshot.tick for snapshot in snapshots] == [cycle] * 2
             assert [drive.ticks for drive in fleet.robots] == [cycle + 1] * 2
-            assert [s.command[2:4] for s in snapshots] == [(0.0, 0.0), (0.3, 0.2)]
+            assert [s.drive.command[:3] for s in snapshots] == [(0.0, 0.0, 0.0), (0.3, 0.0, 0.2)]
         turned = [s.joints.velocities for s in fleet.cycle()]
         assert turned[0] == pytest.approx([0.0, 0.0], abs=1e-3)
         assert turned[1] == pytest.approx([4.5, 5.5], abs=0.2)
@@ -93,20 +94,20 @@ def test_another_description_is_driven_where_the_robot_is(starts: list[PlanarPos
         truth, kept = old.true_pose, (old.odom_in_world, old.ticks, old.config)
         fleet.replace(last, larger())
         new = fleet.robots[last]
-        assert new.geometry == pytest.approx((0.4, 0.07))
+        assert new.drive.geometry == pytest.approx((0.4, 0.07))
         assert new.true_pose == pytest.approx(truth, abs=1e-9)
         assert (new.odom_in_world, new.ticks, new.config) == kept
-        assert new.snapshot().covariance == old.snapshot().covariance != (0.0,) * 6
+        assert new.snapshot().drive.covariance == old.snapshot().drive.covariance != (0.0,) * 6
         for pose, drive in zip(others, fleet.robots, strict=False):
             for placed, expected in zip(drive.body.state()[1], pose, strict=True):
                 assert placed == pytest.approx(expected, abs=1e-12)
         after = fleet.cycle()
-        assert after[last].odometry == pytest.approx(before[last].odometry, abs=0.01)
-        assert after[last].command == (0.0, 0.0, 0.0, 0.0)
+        assert after[last].drive.odometry == pytest.approx(before[last].drive.odometry, abs=0.01)
+        assert after[last].drive.command[:4] == (0.0, 0.0, 0.0, (0.0, 0.0))
         for one, other in zip(before[:last], after, strict=False):
-            assert other.twist == pytest.approx(one.twist, abs=0.02)
-            assert other.command.linear == pytest.approx(0.2)
-        assert run(fleet, last, 0.3, 0.0, 1)[last].command.linear == pytest.approx(0.01)
+            assert other.drive.twist == pytest.approx(one.drive.twist, abs=0.02)
+            assert other.drive.command.linear == pytest.approx(0.2)
+        assert run(fleet, last, 0.3, 0.0, 1)[last].drive.command.linear == pytest.approx(0.01)
 
 
 def test_a_description_without_room_changes_nothing() -> None:
@@ -115,7 +116,7 @@ def test_a_description_without_room_changes_nothing() -> None:
         with pytest.raises(OneBotError, match="robots /r1 and /r2 of .*same place"):
             fleet.replace(1, larger(0.8))
         assert fleet.world is world and fleet.robots == drives
-        assert run(fleet, 1, 0.3, 0.0, 10)[1].twist[0] > 0.1
+        assert run(fleet, 1, 0.3, 0.0, 10)[1].drive.twist[0] > 0.1
 
 
 def nosed(length: float) -> Description:
@@ -145,9 +146,9 @@ def test_a_robot_is_not_put_into_another() -> None:
             one.teleport(PlanarPose(0.05, 0.0, 0.3))
         assert [repr(each.body.state()[1]) for each in (one, other)] == before
         assert one.body.state()[2].linear == pytest.approx(moving.linear)
-        odometry, [after, beside] = one.snapshot().odometry, fleet.cycle()
-        assert after.twist == pytest.approx((0.3, 0.4), abs=0.01)
-        assert after.odometry[:2] == pytest.approx(odometry[:2], abs=0.01)
+        odometry, [after, beside] = one.snapshot().drive.odometry, fleet.cycle()
+        assert after.drive.twist == pytest.approx((0.3, 0.0, 0.4), abs=0.01)
+        assert after.drive.odometry[:2] == pytest.approx(odometry[:2], abs=0.01)
         run(fleet, 0, 0.3, 0.4, 50)
         assert other.true_pose == pytest.approx(beside.pose.translation[:2] + (0.5,), abs=1e-3)
 
@@ -163,7 +164,7 @@ def test_all_robots_are_reset_at_once() -> None:
         fleet.reset()
         for drive, start in zip(fleet.robots, STARTS, strict=True):
             assert drive.true_pose == drive.odom_in_world == pytest.approx(start, abs=1e-6)
-        assert {s.command[2:4] for s in fleet.cycle()} == {(0.0, 0.0)}
+        assert {s.drive.command[:3] for s in fleet.cycle()} == {(0.0, 0.0, 0.0)}
         assert [drive.ticks for drive in fleet.robots] == [4, 4]
 
 
@@ -171,7 +172,7 @@ def test_an_arm_goes_on_when_it_or_another_robot_is_replaced() -> None:
     """The new world, too, tracks its reference, which still moves or has come to its goal."""
     members = [
         Member(robot(), config(**STARTS[1]._asdict()), "/r1"),
-        Member(rod(), config(), "/r2", controllers=[DEFAULT_CONTROLLER], stands=True),
+        Member(rod(), SimulationConfig(), "/r2", controllers=[DEFAULT_CONTROLLER]),
     ]
     with Fleet.from_members(members) as fleet:
         [follower] = fleet.robots[1].arms.values()
@@ -188,7 +189,7 @@ def test_an_arm_goes_on_when_it_or_another_robot_is_replaced() -> None:
 
 def test_a_replaced_description_has_the_physics_of_a_new_start() -> None:
     """As many iterations as it needs, and no more when it has no arm any longer."""
-    member = Member(arm(), config(), stands=True)
+    member = Member(arm(), SimulationConfig())
     with (
         Fleet.from_members([member]) as fleet,
         Fleet.from_members([member._replace(description=rod())]) as new,

@@ -8,7 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from onebot_control.drive.odometry import DiffDriveKinematics, Odometry
+from onebot_control.drive.diff_drive import DiffDriveKinematics
+from onebot_control.drive.kinematics import PlanarTwist
+from onebot_control.drive.odometry import Odometry
 from onebot_description.geometry.poses import PlanarPose
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
@@ -20,10 +22,10 @@ def drive(
 ) -> Odometry:
     """Odometry of wheels that begin at ``start`` and turn evenly."""
     odometry = Odometry(KINEMATICS)
-    left, right = KINEMATICS.wheel_velocities(linear, angular)
+    left, right = KINEMATICS.command(PlanarTwist(linear, 0.0, angular)).wheels
     for step in range(steps + 1):
         t = step * DT
-        odometry.update_from_positions(start[0] + left * t, start[1] + right * t, DT)
+        odometry.update_from_positions((start[0] + left * t, start[1] + right * t), DT)
     assert not any(odometry.covariance), "of wheels without noise"
     return odometry
 
@@ -54,7 +56,7 @@ def test_follows_the_closed_form_arc(
 def state(odometry: Odometry) -> tuple[float, ...]:
     """Pose and twist."""
     o = odometry
-    return o.x, o.y, o.heading, o.linear, o.angular
+    return o.x, o.y, o.heading, o.twist.linear, o.twist.angular
 
 
 turns = st.one_of(st.floats(-3.0, 3.0), st.floats(-2e-6, 2e-6))
@@ -67,7 +69,7 @@ def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw:
     start = PlanarPose(1.0, -2.0, yaw)
     elsewhere.set_pose(*start)
     for odometry in (at_zero, elsewhere):
-        odometry.update_open_loop(way, turn, 1.0)
+        odometry.update_open_loop(PlanarTwist(way, 0.0, turn), 1.0)
     step = PlanarPose(at_zero.x, at_zero.y, at_zero.heading)
     reached = (elsewhere.x, elsewhere.y, elsewhere.heading)
     assert reached == pytest.approx(tuple(start.compose(step)), abs=1e-7)
@@ -79,9 +81,9 @@ def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw:
 
 def test_open_loop_moves_by_the_time_that_passed() -> None:
     odometry = Odometry(KINEMATICS)
-    odometry.update_open_loop(0.5, 0.0, 0.1)
-    odometry.update_open_loop(0.2, 0.4, 0.5)
-    assert (odometry.linear, odometry.angular) == (0.2, 0.4)
+    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.0), 0.1)
+    odometry.update_open_loop(PlanarTwist(0.2, 0.0, 0.4), 0.5)
+    assert (odometry.twist.linear, odometry.twist.angular) == (0.2, 0.4)
     assert odometry.heading == pytest.approx(0.2)
     assert odometry.x == pytest.approx(0.05 + 0.5 * math.sin(0.2))
 
@@ -90,10 +92,10 @@ def test_open_loop_moves_by_the_time_that_passed() -> None:
 def test_a_changed_window_begins_with_the_last_twists(size: int, expected: float) -> None:
     odometry = Odometry(KINEMATICS, window=3)
     for velocity in (100.0, 2.0, 4.0, 4.0):
-        odometry.update_from_velocities(velocity, velocity, DT)
+        odometry.update_from_velocities((velocity, velocity), DT)
     odometry.set_window(size)
-    odometry.update_from_velocities(10.0, 10.0, DT)
-    assert odometry.linear == pytest.approx(0.06 * expected)
+    odometry.update_from_velocities((10.0, 10.0), DT)
+    assert odometry.twist.linear == pytest.approx(0.06 * expected)
 
 
 def test_both_twists_are_means_of_the_window() -> None:
@@ -105,8 +107,8 @@ def test_both_twists_are_means_of_the_window() -> None:
         seen, right = [], 0.0
         for step in (0.0, 0.1, 0.3, 0.6):
             right += step
-            odometry.update_from_positions(0.0, right, 0.1)
-            seen.append((odometry.linear, odometry.angular))
+            odometry.update_from_positions((0.0, right), 0.1)
+            seen.append((odometry.twist.linear, odometry.twist.angular))
         assert [linear for linear, _ in seen] == pytest.approx([a * 0.15 for _, a in seen])
         return [angular for _, angular in seen]
 
@@ -123,11 +125,11 @@ def test_forgotten_wheels_leave_the_pose() -> None:
     pose = state(odometry)[:3]
     odometry.forget_wheels()
     assert state(odometry) == (*pose, 0.0, 0.0)
-    odometry.update_from_positions(-70.0, 900.0, 0.1)
+    odometry.update_from_positions((-70.0, 900.0), 0.1)
     assert state(odometry) == (*pose, 0.0, 0.0)
-    odometry.update_from_positions(-69.9, 900.1, 0.1)
-    assert odometry.linear == pytest.approx(0.06)
-    assert odometry.angular == pytest.approx(0.0, abs=1e-12)
+    odometry.update_from_positions((-69.9, 900.1), 0.1)
+    assert odometry.twist.linear == pytest.approx(0.06)
+    assert odometry.twist.angular == pytest.approx(0.0, abs=1e-12)
 
 
 def test_pose_set_while_driving() -> None:
@@ -135,7 +137,7 @@ def test_pose_set_while_driving() -> None:
     odometry.set_pose(1.0, 2.0, math.pi / 2.0)
     assert state(odometry) == (1.0, 2.0, math.pi / 2.0, pytest.approx(0.5), pytest.approx(0.0))
     position = 0.5 / 0.06 * 1.01
-    odometry.update_from_positions(position, position, DT)
+    odometry.update_from_positions((position, position), DT)
     assert (odometry.x, odometry.y) == pytest.approx((1.0, 2.005))
 
 
@@ -143,9 +145,9 @@ def test_twist_by_velocities() -> None:
     """It is the mean of the window as well, and the way is velocity times time."""
     odometry = Odometry(KINEMATICS, window=2)
     for left, right in ((1.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
-        odometry.update_from_velocities(left, right, 0.5)
-    assert odometry.linear == pytest.approx((1.0 + 3.0) / 2.0 * 0.06)
-    assert odometry.angular == pytest.approx((0.0 + 2.0) / 2.0 * 0.06 / 0.3)
+        odometry.update_from_velocities((left, right), 0.5)
+    assert odometry.twist.linear == pytest.approx((1.0 + 3.0) / 2.0 * 0.06)
+    assert odometry.twist.angular == pytest.approx((0.0 + 2.0) / 2.0 * 0.06 / 0.3)
     assert odometry.heading == pytest.approx(2.0 * 0.06 / 0.3 * 0.5)
 
 
@@ -189,7 +191,7 @@ def propagated(before: NDArray[np.float64], start: PlanarPose, end: PlanarPose, 
 def test_covariance_is_that_of_the_book(ways: list[tuple[float, float]]) -> None:
     odometry, expected, pose = noisy(), np.zeros((3, 3)), PlanarPose()
     for left, right in ways:
-        odometry.update_open_loop((left + right) / 2.0, (right - left) / 0.3, 1.0)
+        odometry.update_open_loop(PlanarTwist((left + right) / 2.0, 0.0, (right - left) / 0.3), 1.0)
         reached = PlanarPose(odometry.x, odometry.y, odometry.heading)
         expected, pose = propagated(expected, pose, reached, left, right), reached
     np.testing.assert_allclose(matrix(odometry), expected, rtol=1e-9, atol=1e-12)
@@ -207,7 +209,7 @@ def test_covariance_is_one_after_any_way(
     odometry = noisy(noise)
     for linear, angular, times in ways:
         for _ in range(times):
-            odometry.update_open_loop(linear, angular, 1.0)
+            odometry.update_open_loop(PlanarTwist(linear, 0.0, angular), 1.0)
     found = matrix(odometry)
     scale = np.sqrt(np.maximum(np.diag(found), 1e-300))
     assert np.linalg.eigvalsh(found / np.outer(scale, scale)).min() >= -1e-6
@@ -217,14 +219,14 @@ def test_covariance_is_one_after_any_way(
 def test_covariance_of_an_endless_way_stays_finite() -> None:
     odometry = noisy()
     for way in (1e5, 1e300, 1e308, -1e308):
-        odometry.update_open_loop(way, 1e-3, 1.0)
+        odometry.update_open_loop(PlanarTwist(way, 0.0, 1e-3), 1.0)
         assert np.isfinite(matrix(odometry)).all()
 
 
 def test_a_message_holds_the_covariance() -> None:
     """Rows and columns are x, y, z, roll, pitch and yaw; what stays zero on flat ground is sure."""
     odometry = noisy()
-    odometry.update_open_loop(0.5, 0.2, 1.0)
+    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
     values = np.zeros(36)
     odometry.covariance.fill(values)
     message, planar = values.reshape(6, 6), np.ix_([0, 1, 5], [0, 1, 5])
@@ -234,22 +236,23 @@ def test_a_message_holds_the_covariance() -> None:
 
 
 def test_a_pose_that_is_set_is_exact() -> None:
-    """So is that of a reset; forgotten wheels change nothing, nor does rest."""
+    """Forgotten wheels change nothing, nor does rest."""
     odometry = noisy()
-    odometry.update_open_loop(0.5, 0.2, 1.0)
+    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
     grown = matrix(odometry)
     odometry.forget_wheels()
     for _ in range(10):
-        odometry.update_from_positions(1.0, 2.0, DT)
+        odometry.update_from_positions((1.0, 2.0), DT)
     assert (matrix(odometry) == grown).all() and grown[0, 0] > 0.0
     odometry.set_pose(1.0, 2.0, 3.0)
     assert not matrix(odometry).any()
-    odometry.update_open_loop(0.5, 0.2, 1.0)
+    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
     assert matrix(odometry)[2, 2] == pytest.approx(grown[2, 2])
-    odometry.reset()
+    odometry.set_pose(0.0, 0.0, 0.0)
+    odometry.forget_wheels()
     assert not matrix(odometry).any()
     assert state(odometry) == (0.0,) * 5
-    odometry.update_from_positions(7.0, 8.0, DT)
+    odometry.update_from_positions((7.0, 8.0), DT)
     assert state(odometry) == (0.0,) * 5
 
 
@@ -262,7 +265,7 @@ lengths = st.floats(0.01, 2.0)
 def test_wheel_speeds_are_those_of_the_formula() -> None:
     """Each wheel turns with (v -/+ w sep / 2) / r of its own side."""
     kinematics = DiffDriveKinematics(0.4, 0.1, 0.2)
-    assert kinematics.wheel_velocities(1.0, 2.0) == pytest.approx((6.0, 7.0))
+    assert kinematics.command(PlanarTwist(1.0, 0.0, 2.0)).wheels == pytest.approx((6.0, 7.0))
 
 
 @given(speeds, speeds, lengths, lengths, lengths)
@@ -270,8 +273,9 @@ def test_body_motion_undoes_wheel_velocities(
     linear: float, angular: float, separation: float, left: float, right: float
 ) -> None:
     kinematics = DiffDriveKinematics(separation, left, right)
-    back = kinematics.body_motion(*kinematics.wheel_velocities(linear, angular))
-    assert back == pytest.approx((linear, angular), abs=1e-9 / separation)
+    command = kinematics.command(PlanarTwist(linear, 0.0, angular))
+    back = kinematics.body_motion(command.wheels)
+    assert back == pytest.approx((linear, 0.0, angular), abs=1e-9 / separation)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -0.1, 1e-7, 1e-320, math.nan, math.inf])

@@ -17,13 +17,15 @@ from onebot_control.control_files import (
     read_joint_controllers,
 )
 from onebot_control.controller_names import MANAGER
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.gripping import GripperFollower, GripperGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
+from onebot_description.parameters.reader import read
 from tests.onebot_control import control_support
 from tests.onebot_control.arm_models import arm, joint, link
 
@@ -259,10 +261,9 @@ def fleet_of(file: Path, robot: Description, namespace: str, name: str) -> tuple
     controllers = read_joint_controllers([file], namespace, name)
     member = Member(
         robot,
-        ControlConfig.from_parameters(config.values),
+        read(SimulationConfig if name == MANAGER else ControlConfig, config.values),
         places=controllers.places,
         controllers=controllers.controllers,
-        stands=name == MANAGER,
     )
     foreign = foreign_sections([file], namespace, name).values()
     return Fleet.from_members([member]), [*config.warnings, *controllers.warnings, *foreign]
@@ -356,7 +357,7 @@ def test_a_drive_of_any_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -
         robot.accept(0.5, 0.0)
         for command in (0.5,) * 40 + (0.0,) * 20:
             robot.accept(command, 0.0)
-            linear.append(fleet.cycle()[0].command.linear)
+            linear.append(fleet.cycle()[0].drive.command.linear)
         assert linear[:2] == pytest.approx([0.01, 0.02]) and max(linear) == 0.3
         assert linear[40:42] == pytest.approx([0.28, 0.26]) and linear[-1] == 0.0
         move(fleet)

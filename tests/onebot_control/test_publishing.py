@@ -137,9 +137,9 @@ def same(received: Any, expected: Any) -> bool:
 def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     drive, snapshot = driven()
     received = subscriptions.last(drive, snapshot)
-    x, y, yaw = snapshot.odometry
+    x, y, yaw = snapshot.drive.odometry
     pose = [x, y, 0.0, 0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)]
-    twist = [snapshot.twist[0], 0.0, 0.0, 0.0, 0.0, snapshot.twist[1]]
+    twist = [snapshot.drive.twist.linear, 0.0, 0.0, 0.0, 0.0, snapshot.drive.twist.angular]
     expected = odometry(STAMP, "odom", "base_link", pose, twist)
     expected.pose.covariance = np.diag(VARIANCES).ravel()
     expected.twist.covariance = np.diag(VARIANCES[::-1]).ravel()
@@ -149,7 +149,7 @@ def test_all_is_received_as_it_is(subscriptions: Subscriptions) -> None:
     velocity = [*snapshot.velocity.linear, *snapshot.velocity.angular]
     truth = odometry(STAMP, "world", "base_link", true, velocity)
     assert same(received["peer/ground_truth"], truth)
-    told = snapshot.command
+    told = snapshot.drive.command
     command = [told.linear, 0.0, 0.0, 0.0, 0.0, told.angular]
     assert same(
         received["peer/cmd_vel_out"],
@@ -169,7 +169,7 @@ def test_covariance_of_the_odometry(subscriptions: Subscriptions) -> None:
         received = subscriptions.last(drive, snapshot)["peer/odom"]
         expected = np.diag(variances)
         if not any(variances):
-            xx, xy, yy, xt, yt, tt = snapshot.covariance
+            xx, xy, yy, xt, yt, tt = snapshot.drive.covariance
             expected[np.ix_([0, 1, 5], [0, 1, 5])] = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]
             expected[[2, 3, 4], [2, 3, 4]] = 1e-6
             assert tt > 0.0 and xt != 0.0

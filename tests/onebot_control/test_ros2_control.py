@@ -6,10 +6,10 @@ from collections.abc import Mapping
 import pytest
 
 from onebot_control.controlled_robot import PreparedRobot
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.joint_controllers import JointController
 from onebot_control.simulation import Simulation
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_description.description import Description, parse_description
@@ -145,7 +145,7 @@ def test_limits_that_are_not_enforced_are_reported(caplog: pytest.LogCaptureFixt
     free = JointController(
         TrajectoryFollower, "arm", {"joints": ["right"], "enforce_command_limits": False}
     )
-    member = Member(description, ControlConfig(), controllers=[free], stands=True)
+    member = Member(description, SimulationConfig(), controllers=[free])
     with Fleet.from_members([member]) as fleet:
         text = "joint right: min and max of <command_interface> do not limit it, because enforce_co"
         assert text in caplog.text
@@ -163,7 +163,7 @@ def test_other_command_interfaces_are_refused_by_name(kind: str) -> None:
     mixed = robot(other, listed("right", POSITION))
     with pytest.raises(OneBotError, match=f"joint left: {said}"):
         named = JointController(PositionForwarder, "arm", {"joints": ["left"]})
-        PreparedRobot.from_description(mixed, ControlConfig(), controllers=[named], stands=True)
+        PreparedRobot.from_description(mixed, SimulationConfig(), controllers=[named])
     assert positions(mixed, {"right": 0.4}) == pytest.approx([0.4, 0.0], abs=1e-6)
 
 

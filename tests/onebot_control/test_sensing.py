@@ -14,8 +14,7 @@ import trimesh
 from PIL import Image
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.drive.diff_drive import WheelCommand
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics import JointStates, MassVelocity, Pose
 from onebot_control.runtime.sensing import Channel, Sensing, SensingThread
@@ -37,7 +36,7 @@ from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Origin, PlanarPose
+from onebot_description.geometry.poses import Origin
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
 
@@ -65,10 +64,7 @@ def still(tick: int, positions: Sequence[float], speeds: Sequence[float] = ()) -
     zero = (0.0, 0.0, 0.0)
     joints = JointStates(tuple(positions), tuple(speeds) or (0.0,) * len(positions), ())
     pose, velocity = Pose((1.0, 2.0, 2.0), (*zero, 1.0)), MassVelocity(zero, zero, zero)
-    command = WheelCommand(0.0, 0.0, 0.0, 0.0)
-    return Snapshot(
-        tick, joints, PlanarPose(), (*zero, *zero), (0.0, 0.0), pose, velocity, 1.0, command
-    )
+    return Snapshot(tick, joints, pose, velocity, 1.0, None)
 
 
 def world(*links: str):
@@ -438,7 +434,7 @@ def test_an_imu_feels_no_cycle_that_comes_late():
         [driven] = fleet.robots
         driven.accept(0.5, 1.0)
         snapshots = [fleet.cycle()[0] for _ in range(200)]
-        driven.diff_drive.stalled(fleet.period)
+        driven.wait(fleet.period, stalled=True)
         snapshots.append(fleet.cycle()[0])
     [(angular, linear)] = inertia(sensed(driven), snapshots[-2:], "base_link")
     assert snapshots[-1].pace == pytest.approx(10 / 11)

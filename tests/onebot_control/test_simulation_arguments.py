@@ -215,3 +215,15 @@ def test_a_single_robot_s_name_is_explained() -> None:
         assert isinstance(one.robots[""], SimulatedRobot)
         with pytest.raises(OneBotError, match=r"simulation\.robot"):
             one.robots["robot"]
+
+
+@pytest.mark.parametrize("name", ["wheel_separation", "wheel_radius", "odometry", "command"])
+def test_a_robot_that_stands_has_nothing_of_a_drive(name: str) -> None:
+    with Simulation(ARM) as simulation:
+        assert not simulation.robot.has_wheels
+        with pytest.raises(OneBotError, match="mrm.xacro: the robot has no wheels to drive on"):
+            getattr(simulation.robot, name)
+        with pytest.raises(OneBotError, match="mrm.xacro: the robot has no wheels to drive on"):
+            simulation.robot.drive(0.1)
+        simulation.robot.set_parameters({"publish_rate": 20.0, "linear.x.max_velocity": 0.3})
+        simulation.run(0.1)

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from onebot_control.drive.parameters import ControlConfig
 from onebot_control.drive.wheels import rolling_shapes
 from onebot_control.drive.wheels.finding import has_wheels
-from onebot_control.drive.wheels.geometry import Wheels
+from onebot_control.drive.wheels.geometry import SideWheels
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.physics.simulated_model import casters_of, commandable, simulated_model
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError
@@ -94,7 +94,7 @@ TURNTABLES = tuple(
 
 def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The joints on the left and on the right."""
-    wheels = Wheels(description)
+    wheels = SideWheels(description)
     return wheels.left, wheels.right
 
 
@@ -146,7 +146,7 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
     """One message names what is missing, how to name the wheels, and the joints that there are."""
     with pytest.raises(OneBotError) as caught:
-        Wheels(base(*parts))
+        SideWheels(base(*parts))
     message = str(caught.value)
     assert 'robot "bot" cannot be driven: ' in message and said in message
     assert "left_wheel:=JOINT right_wheel:=JOINT" in message
@@ -176,7 +176,7 @@ def mesh_wheels(folder: Path) -> Description:
 
 
 def test_a_wheel_may_be_a_mesh(tmp_path: Path) -> None:
-    assert Wheels(mesh_wheels(tmp_path)).geometry() == pytest.approx((0.46, 0.1), abs=1e-6)
+    assert SideWheels(mesh_wheels(tmp_path)).geometry() == pytest.approx((0.46, 0.1), abs=1e-6)
 
 
 def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,7 +194,7 @@ def test_a_mesh_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_what_is_simulated() -> None:
     """Wheels are thin and have motors, casters glide, an arm is held; a swivel follows."""
     description = base(*TWO, *BALLS, SWIVEL, ARM)
-    wheels = Wheels(description)
+    wheels = SideWheels(description)
     assert commandable(description, wheels) == ["arm_joint", "hand_joint"]
     simulated, held, *_ = simulated_model(description, wheels)
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
@@ -208,7 +208,7 @@ def test_what_is_simulated() -> None:
     assert (thin.shape.radius, thin.shape.length) == (0.1, 0.004)  # type: ignore[union-attr]
     ball = next(link for link in simulated.links if link.name == "ball_0.2").collisions[0]
     assert ball.origin.xyz == pytest.approx((0.0, 0.0, 0.0002))
-    assert simulated_model(robot(), Wheels(robot())).description.joints == robot().joints
+    assert simulated_model(robot(), SideWheels(robot())).description.joints == robot().joints
 
 
 def test_continuous_joints_with_interfaces_are_no_casters() -> None:
@@ -219,7 +219,7 @@ def test_continuous_joints_with_interfaces_are_no_casters() -> None:
     spinner = part("spinner", "0 0 0.1", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", parent="tilt")
     listed = interfaces("pan_joint", "position"), interfaces("tilt_joint", "position")
     description = base(*TWO, *BALLS, SWIVEL, turret, spinner, *listed)
-    wheels = Wheels(description)
+    wheels = SideWheels(description)
     commanded = commandable(description, wheels)
     assert commanded == ["pan_joint", "tilt_joint"]
     assert casters_of(wheels) == {"fork_joint", "roller_joint", "spinner_joint"}
@@ -282,7 +282,7 @@ def test_several_wheels_a_side_skid(parts: tuple[str, ...]) -> None:
 def test_public_robots_drive(name: str, separation: float, radius: float) -> None:
     """Chamfered tyres beside a smaller hub, and joints turned by 3.14 and -1.57."""
     description = load_description(PUBLIC / f"good_{name}.xacro")
-    assert Wheels(description).geometry() == pytest.approx((separation, radius), abs=1e-3)
+    assert SideWheels(description).geometry() == pytest.approx((separation, radius), abs=1e-3)
     for odometry, truth in drive(description):
         assert truth == pytest.approx(odometry, rel=0.01)
 
@@ -305,7 +305,7 @@ HINGE = part("hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", ki
 def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str) -> None:
     """A hinge with limits steers a wheel, and so does any that the wheel does not trail."""
     with pytest.raises(OneBotError) as caught:
-        Wheels(car)
+        SideWheels(car)
     message = str(caught.value)
     assert f'joint "{hinge}_joint" steers the wheel of "{wheel}_joint"' in message
     assert "Ackermann" in message and "sim:=false" in message

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from onebot_control.controlled_robot import wheels_of
-from onebot_control.drive.parameters import ControlConfig
-from onebot_control.drive.wheels.geometry import WheelGeometry, Wheels, skid_separation
+from onebot_control.drive.wheels.geometry import SideWheels, WheelGeometry, skid_separation
+from onebot_control.drive_kinds import ControlConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from tests.onebot_control.control_support import config, robot, wheel
@@ -17,16 +16,15 @@ LEFT, RIGHT = ["left_wheel_joint"], ["right_wheel_joint"]
 
 def geometry_of(description: Description, config: ControlConfig) -> WheelGeometry:
     """By the names and lengths of the parameters."""
-    wheels = wheels_of(description, config)
-    return wheels.geometry(config.wheel_separation, config.wheel_radius)
+    return config.geometry(config.wheels(description))
 
 
 def test_axle_the_other_way_round() -> None:
     """A positive velocity of a wheel whose axis points to the right drives backward."""
     back = wheel("right", -0.2).replace('axis xyz="0 1 0"', 'axis xyz="0.0005 -1 0"')
     description = robot(wheel("left", 0.2), back)
-    assert Wheels(description, LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.06), rel=1e-3)
-    directions = Wheels(description, LEFT, RIGHT).directions
+    assert SideWheels(description, LEFT, RIGHT).geometry() == pytest.approx((0.4, 0.06), rel=1e-3)
+    directions = SideWheels(description, LEFT, RIGHT).directions
     assert directions == {"left_wheel_joint": 1.0, "right_wheel_joint": -1.0}
 
 
@@ -54,7 +52,7 @@ def test_separation(origins: tuple[str, str], axis: str, separation: float) -> N
         turned(wheel(side, 0.0), origin, axis)
         for side, origin in zip(("left", "right"), origins, strict=True)
     )
-    geometry = Wheels(robot(left, right), LEFT, RIGHT).geometry()
+    geometry = SideWheels(robot(left, right), LEFT, RIGHT).geometry()
     assert geometry == pytest.approx((separation, 0.06), rel=1e-3)
 
 
@@ -72,7 +70,7 @@ def test_axles_that_point_elsewhere(axis: str, side: str) -> None:
     wheels = {"left": wheel("left", 0.2), "right": wheel("right", -0.2)}
     wheels[side] = wheels[side].replace("0 1 0", axis)
     with pytest.raises(OneBotError) as caught:
-        Wheels(robot(*wheels.values()), LEFT, RIGHT).geometry()
+        SideWheels(robot(*wheels.values()), LEFT, RIGHT).geometry()
     text = f'joint "{side}_wheel_joint": its axis points to ({axis}) in the frame of base_link'
     assert text in str(caught.value)
 
@@ -83,7 +81,7 @@ def test_swapped_sides_are_told_with_their_places() -> None:
     description = robot(*(wheel(side, y) for side, y in sides.items()))
     names = [[f"{side}_wheel_joint", f"{side}2_wheel_joint"] for side in ("left", "right")]
     with pytest.raises(OneBotError) as caught:
-        Wheels(description, *names).geometry()
+        SideWheels(description, *names).geometry()
     assert (
         "the left wheels (left_wheel_joint, left2_wheel_joint) are at y = -0.15 m, not left of the "
         "right ones (right_wheel_joint, right2_wheel_joint) at y = 0.45 m"
@@ -125,14 +123,14 @@ def test_which_shape_is_the_wheels(
     """Collision comes before visual; of the shapes round about the axle the largest counts."""
     other = wheel("right", -0.2, f'<sphere radius="{radius}"/>')
     description = robot(shapes(*collisions, visuals=visuals), other)
-    assert Wheels(description, LEFT, RIGHT).radius == radius
+    assert SideWheels(description, LEFT, RIGHT).radius == radius
 
 
 @pytest.mark.parametrize(("collisions", "visuals"), [((), ()), ((BOX,), (BOX,)), ((BESIDE,), ())])
 def test_no_round_shape(collisions: tuple[str, ...], visuals: tuple[str, ...]) -> None:
     with pytest.raises(OneBotError) as caught:
         other = wheel("right", -0.2)
-        Wheels(robot(shapes(*collisions, visuals=visuals), other), LEFT, RIGHT).geometry()
+        SideWheels(robot(shapes(*collisions, visuals=visuals), other), LEFT, RIGHT).geometry()
     assert str(caught.value) == (
         'robot "bot", joint "left_wheel_joint": link "left_wheel" has no one sphere, cylinder '
         "or round mesh to read the wheel's radius from; set wheel_radius (m)"
@@ -144,11 +142,11 @@ def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
     big = wheel("right", -0.2, f'<sphere radius="{other}"/>')
     description = robot(wheel("left", 0.2), big)
     if same:
-        assert Wheels(description, LEFT, RIGHT).radius == 0.06
+        assert SideWheels(description, LEFT, RIGHT).radius == 0.06
         return
     for sides in ((LEFT, RIGHT), (RIGHT, LEFT)):
         with pytest.raises(OneBotError, match="wheels of several radii"):
-            _ = Wheels(description, *sides).radius
+            _ = SideWheels(description, *sides).radius
 
 
 def test_joints_of_each_side_are_checked() -> None:
@@ -159,7 +157,7 @@ def test_joints_of_each_side_are_checked() -> None:
     parts = (part.replace('<limit effort="5" velocity="40"/>', limits) for part in (hinge, slider))
     description = robot(*parts)
     with pytest.raises(OneBotError) as caught:
-        Wheels(description, [*LEFT, "left_whel_joint"], RIGHT)
+        SideWheels(description, [*LEFT, "left_whel_joint"], RIGHT)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
     assert 'left_wheel_names: robot "bot" has no joint "left_whel_joint" that turns' in lines[0]
@@ -204,7 +202,7 @@ def test_several_axles_skid() -> None:
     lefts, rights = (
         [f"{axle}_{side}_wheel_joint" for axle, _ in axles] for side in ("left", "right")
     )
-    assert 0.55 < Wheels(robot(*wheels), lefts, rights).separation <= 0.5 + 0.4**2 / 0.5
+    assert 0.55 < SideWheels(robot(*wheels), lefts, rights).separation <= 0.5 + 0.4**2 / 0.5
     four = np.array([0.2, -0.2, 0.2, -0.2])
     assert skid_separation(0.5, four, 0.0) == pytest.approx(0.5 + 0.4**2 / 0.5)
     assert skid_separation(0.5, four + 3.0, 3.0) == pytest.approx(0.5 + 0.4**2 / 0.5)

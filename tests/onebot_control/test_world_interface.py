@@ -8,6 +8,7 @@ import rclpy
 
 from onebot_control.controller_names import MANAGER
 from onebot_control.nodes import world_interface
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.velocity_controller import simulation_nodes
 from tests.onebot_control.arm_models import MRM
 
@@ -26,7 +27,7 @@ def test_ctrl_c_while_it_starts_leaves_no_thread(
     rclpy.init(domain_id=ros_domain)
     try:
         with pytest.raises(KeyboardInterrupt):
-            simulation_nodes(MANAGER, file=MRM)
+            simulation_nodes(MANAGER, SimulationConfig, file=MRM)
         left = {thread.name for thread in threading.enumerate()}
         assert {"control", "arms"} <= running
         assert not {"control", "arms", "sensing"} & left

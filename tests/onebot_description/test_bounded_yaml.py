@@ -13,7 +13,7 @@ from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
 from onebot_control.control_files import read_control_files
-from onebot_control.drive.parameters import ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_description.cad.dimensions import read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig

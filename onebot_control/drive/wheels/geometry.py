@@ -1,6 +1,6 @@
 """The driven wheels of a robot, and their separation and radius, from its description."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,18 +26,105 @@ class WheelGeometry(NamedTuple):
     separation: float  # distance between left and right wheels, m; effective for skid steer
     radius: float  # radius of all driven wheels, m
 
+    def __str__(self) -> str:
+        return f"wheels {self.separation:g} m apart, of radius {self.radius:g} m"
+
 
 class Wheels:
     """The driven wheels of a robot, read from its description once.
 
     Attributes:
         description: the robot.
-        left: names of the driven joints on the left.
-        right: names of the driven joints on the right.
         rigid: for each link the first link of its rigid body, and its pose (4, 4) in that frame.
         tyres: the round shapes of the robot's links.
         axles: the rotating joints, by name.
-        directions: 1 for each driven joint whose positive velocity drives forward, else -1.
+        groups: names of the driven joints, those that turn as one wheel together.
+        steering: names of the joints that steer wheels.
+        skids: whether the wheels slide sideways in turns.
+    """
+
+    groups: Sequence[Sequence[str]] = ()
+    steering: Sequence[str] = ()
+    skids = False
+
+    def __init__(self, description: Description) -> None:
+        """Read the joints that turn; which of them are wheels, a drive's own class decides."""
+        self.description, self.rigid = description, rigid_frames(description)
+        self.tyres = Tyres(description, self.rigid)
+        self._places = RobotModel.from_description(description).link_matrices({})
+        self.axles = axles(description, self._places)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the driven joints, in the order of their groups."""
+        return tuple([name for group in self.groups for name in group])
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints that the drive moves."""
+        return (*self.names, *self.steering)
+
+    @cached_property
+    def directions(self) -> Mapping[str, float]:
+        """1 for each driven joint whose positive velocity drives forward, else -1."""
+        return {name: self.axles[name].direction for name in self.names}
+
+    @cached_property
+    def robot(self) -> Body:
+        """The robot as one rigid body in the frame of its root link, with all joints at 0."""
+        body = Body(self.description.root_link)
+        for link in self.description.links:
+            body.add(link, self._places[link.name])
+        return body
+
+    @cached_property
+    def radius(self) -> float:
+        """The radius of the driven wheels, m.
+
+        Raises:
+            OneBotError: a wheel has no round shape, or the radii differ.
+        """
+        radii = {name: self._radius(name) for name in self.names}
+        if max(radii.values()) - min(radii.values()) > _SAME:
+            listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
+            raise OneBotError(
+                f'robot "{self.description.robot_name}" has wheels of several radii ({listed}): '
+                "set wheel_radius, and left_wheel_radius_multiplier and "
+                "right_wheel_radius_multiplier"
+            )
+        return next(iter(radii.values()))
+
+    def check_names(self, **parameters: Sequence[str]) -> None:
+        """Check that each name is a joint that turns; ``parameters`` name them."""
+        problems = [
+            Problem(
+                parameter,
+                f'robot "{self.description.robot_name}" has no joint "{name}" that turns'
+                f"{did_you_mean(name, list(self.axles), 'it has')}",
+            )
+            for parameter, names in parameters.items()
+            for name in names
+            if name not in self.axles
+        ]
+        if problems:
+            raise ConfigError(problems)
+
+    def _radius(self, name: str) -> float:
+        if (tyre := self.tyres.tyre(name)) is not None:
+            return tyre.radius
+        raise OneBotError(
+            f'robot "{self.description.robot_name}", joint "{name}": link '
+            f'"{self.axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '
+            "the wheel's radius from; set wheel_radius (m)"
+        )
+
+
+class SideWheels(Wheels):
+    """The driven wheels of a differential drive, on two sides.
+
+    Attributes:
+        left: names of the driven joints on the left.
+        right: names of the driven joints on the right.
     """
 
     def __init__(
@@ -54,23 +141,16 @@ class Wheels:
             OneBotError: a named joint is missing or its axis is not lateral, or no wheels are
                 found.
         """
-        self.description, self.rigid = description, rigid_frames(description)
-        self.tyres = Tyres(description, self.rigid)
-        self._places = RobotModel.from_description(description).link_matrices({})
-        self.axles = axles(description, self._places)
+        super().__init__(description)
         if left or right:
-            self._check_names(left_wheel_names=left, right_wheel_names=right)
+            self.check_names(left_wheel_names=left, right_wheel_names=right)
             self.left, self.right = tuple(left), tuple(right)
         else:
             self.left, self.right = find_wheels(description, self.axles, self.tyres)
+        self.groups = self.left, self.right
+        self.skids = len(self.names) > 2
         for name in self.names:
             self._check_axle(name)
-        self.directions = {name: self.axles[name].direction for name in self.names}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the driven joints, those on the left first."""
-        return (*self.left, *self.right)
 
     def geometry(self, separation: float = 0.0, radius: float = 0.0) -> WheelGeometry:
         """Return the drive's geometry; an argument of 0 is read from the description.
@@ -83,14 +163,6 @@ class Wheels:
             OneBotError: the description does not define it.
         """
         return WheelGeometry(separation or self.separation, radius or self.radius)
-
-    @cached_property
-    def robot(self) -> Body:
-        """The robot as one rigid body in the frame of its root link, with all joints at 0."""
-        body = Body(self.description.root_link)
-        for link in self.description.links:
-            body.add(link, self._places[link.name])
-        return body
 
     @cached_property
     def separation(self) -> float:
@@ -123,38 +195,6 @@ class Wheels:
         along = np.concatenate([lefts, rights])[:, 0]
         return skid_separation(across, along, float(self.robot.center[0]))
 
-    @cached_property
-    def radius(self) -> float:
-        """The radius of the driven wheels, m.
-
-        Raises:
-            OneBotError: a wheel has no round shape, or the radii differ.
-        """
-        radii = {name: self._radius(name) for name in self.names}
-        if max(radii.values()) - min(radii.values()) > _SAME:
-            listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
-            raise OneBotError(
-                f'robot "{self.description.robot_name}" has wheels of several radii ({listed}): '
-                "set wheel_radius, and left_wheel_radius_multiplier and "
-                "right_wheel_radius_multiplier"
-            )
-        return next(iter(radii.values()))
-
-    def _check_names(self, **sides: Sequence[str]) -> None:
-        """Check that each name is a joint that turns; ``sides`` are the parameters' names."""
-        problems = [
-            Problem(
-                parameter,
-                f'robot "{self.description.robot_name}" has no joint "{name}" that turns'
-                f"{did_you_mean(name, list(self.axles), 'it has')}",
-            )
-            for parameter, names in sides.items()
-            for name in names
-            if name not in self.axles
-        ]
-        if problems:
-            raise ConfigError(problems)
-
     def _check_axle(self, name: str) -> None:
         axle = self.axles[name]
         if axle.across:
@@ -165,15 +205,6 @@ class Wheels:
             f"({direction}) "
             f"in the frame of {self.description.root_link}; that of a wheel must point to the "
             "left, (0 1 0), or to the right, (0 -1 0)"
-        )
-
-    def _radius(self, name: str) -> float:
-        if (tyre := self.tyres.tyre(name)) is not None:
-            return tyre.radius
-        raise OneBotError(
-            f'robot "{self.description.robot_name}", joint "{name}": link '
-            f'"{self.axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '
-            "the wheel's radius from; set wheel_radius (m)"
         )
 
 

@@ -1,0 +1,249 @@
+"""What every drive is: commands in, wheel velocities, steering and odometry out. No ROS here.
+
+``Drive`` is the same class for all drives: it holds the last command until that times out, limits
+each of its axes, and integrates the odometry with its covariance. What one drive is differs in
+
+- its parameters, a ``DriveParameters``: they find its wheels (``wheels``), determine its lengths
+  (``geometry``) and convert these to its kinematics (``kinematics``);
+- its wheels, a ``Wheels``: groups of joints that turn as one wheel and are driven by velocity
+  (``groups``), and joints that steer and are driven by position (``steering``);
+- its kinematics, a ``Kinematics``.
+
+These three are one file, as ``diff_drive.py``, and a row of ``drive_kinds.DRIVES``.
+
+Example:
+    >>> from onebot_control.drive.drive import Drive
+    >>> from onebot_control.drive_kinds import ControlConfig
+    >>> from onebot_description.description import load_description
+    >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
+    >>> config = ControlConfig.from_parameters({})
+    >>> wheels = config.wheels(description)
+    >>> drive = Drive(wheels, wheels.names, config)
+    >>> drive.accept(linear=0.2, angular=0.0)
+    >>> drive.decide(dt=0.01).linear
+    0.2
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from onebot_control.drive.drift_check import DriftCheck
+from onebot_control.drive.kinematics import DriveCommand, Kinematics, PlanarTwist
+from onebot_control.drive.odometry import Odometry, PoseCovariance
+from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive.speed_limiter import SpeedLimiter
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose, Triple, clamp
+
+if TYPE_CHECKING:
+    from onebot_control.drive.wheels.geometry import Wheels
+
+_AXES = ("linear.x", "linear.y", "angular.z")  # as in PlanarTwist
+_REST = (0.0, 0.0, 0.0)
+_ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+_FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
+
+
+class DriveState(NamedTuple):
+    """What a drive knows of itself in one control cycle.
+
+    Velocities are per second of the clock of the stamps.
+    """
+
+    odometry: PlanarPose  # pose by the wheels, in the odometry's frame
+    covariance: PoseCovariance  # covariance of that pose
+    twist: PlanarTwist  # velocity by the wheels
+    command: DriveCommand
+
+
+class Drive:
+    """Turns velocity commands into wheel velocities, as ros2_control's drives do.
+
+    It reads no clock, so no jump of a clock can disturb it: commands age by the durations passed to
+    ``decide`` and ``wait``.
+
+    Attributes:
+        wheels: the driven wheels.
+        config: the parameters in force.
+        geometry: the drive's lengths, before multipliers; a type of its own for each drive.
+        odometry: the robot's pose and twist by its wheels, in the time of the cycles.
+        command: the command in force.
+        origin: the odometry's frame in the world, as long as the wheels do not slip.
+        drift: compares the odometry with the true pose.
+    """
+
+    def __init__(
+        self, wheels: "Wheels", joints: Sequence[str], config: DriveParameters[Any]
+    ) -> None:
+        """Start at rest, with odometry at zero and no command.
+
+        Args:
+            wheels: the driven wheels.
+            joints: names of the joints whose states ``observe`` gets, in that order.
+            config: the parameters.
+
+        Raises:
+            OneBotError: see ``fitted``.
+        """
+        self.wheels, self.config = wheels, config
+        # Of each wheel, the rows in ``joints`` and the directions of the joints that turn as one.
+        self._groups = [
+            [(joints.index(name), wheels.directions[name]) for name in names]
+            for names in wheels.groups
+        ]
+        self._steering_rows = [joints.index(name) for name in wheels.steering]
+        self._steering: Sequence[float] = (0.0,) * len(wheels.steering)
+        self.command = DriveCommand(0.0, 0.0, 0.0, (), self._steering)
+        _, kinematics = self.fitted(config)
+        self.odometry = Odometry(kinematics, config.velocity_rolling_window_size, config.noise)
+        self.origin = PlanarPose()
+        self.drift = DriftCheck(skids=wheels.skids)
+        self.configure(config)
+        self.halt()
+
+    def fitted(self, config: DriveParameters[Any]) -> tuple[Any, Kinematics]:
+        """Return the geometry and the kinematics that ``config`` gives these wheels.
+
+        Raises:
+            OneBotError: the description does not determine the geometry, or it is unusable.
+        """
+        geometry = config.geometry(self.wheels)
+        try:
+            return geometry, config.kinematics(geometry)
+        except ValueError as error:
+            raise OneBotError(f"wheels, with their multipliers: {error}") from None
+
+    def configure(self, config: DriveParameters[Any]) -> None:
+        """Apply changed parameters; pose, command and speed stay as they are.
+
+        Raises:
+            OneBotError: see ``fitted``; then nothing has changed.
+        """
+        self.geometry, self.odometry.kinematics = self.fitted(config)
+        feedback = self.config.open_loop, self.config.position_feedback
+        self.config = config
+        if (config.open_loop, config.position_feedback) != feedback:
+            # The wheels have moved since they were last used as feedback.
+            self.odometry.rereference_wheels()
+        limits = config.limits
+        self._limiters = [(_AXES.index(axis), SpeedLimiter(limits[axis])) for axis in limits]
+        self.odometry.set_window(config.velocity_rolling_window_size)
+        self.odometry.noise = config.noise
+
+    def accept(
+        self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
+    ) -> str | None:
+        """Command a velocity, unless it is not finite or too old.
+
+        Args:
+            linear: forward, m/s; clamped to +-1e6.
+            angular: velocity of turning to the left, rad/s; clamped to +-1e6.
+            age: seconds since the command was given. None (unknown) and negative ages (the sender's
+                clock is ahead, or ours was set back) count as 0.
+            lateral: to the left, m/s; clamped to +-1e6; without effect on drives that cannot.
+
+        Returns:
+            Why the command is ignored; None if it is accepted.
+        """
+        if not (math.isfinite(linear) and math.isfinite(lateral) and math.isfinite(angular)):
+            return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
+        timeout = self.config.cmd_vel_timeout
+        age = max(0.0, age or 0.0)
+        if timeout and age >= timeout:
+            return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
+        self._reference = (
+            clamp(linear, -_FASTEST, _FASTEST),
+            clamp(lateral, -_FASTEST, _FASTEST),
+            clamp(angular, -_FASTEST, _FASTEST),
+        )
+        self._age, self._fresh = age, True
+        return None
+
+    def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
+        """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
+        if self._steering_rows:
+            self._steering = [positions[row] for row in self._steering_rows]
+        if self.config.open_loop:
+            return
+        if self.config.position_feedback:
+            turned = [_mean(group, positions) for group in self._groups]
+            self.odometry.update_from_positions(turned, dt, self._steering)
+        else:
+            turned = [_mean(group, velocities) for group in self._groups]
+            self.odometry.update_from_velocities(turned, dt, self._steering)
+
+    def decide(self, dt: float) -> DriveCommand:
+        """Update ``command`` for the next ``dt`` seconds, and return it."""
+        # A command's first cycle comes less than dt after it, so do not age it yet.
+        self._age += 0.0 if self._fresh else dt
+        self._fresh = False
+        self.command = self.odometry.kinematics.command(self._limited(dt), self._steering)
+        if self.config.open_loop:
+            self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
+        return self.command
+
+    @property
+    def velocities(self) -> list[float]:
+        """The velocity of each joint of ``wheels.names`` for the command in force, rad/s."""
+        pairs = zip(self._groups, self.command.wheels, strict=True)
+        return [direction * speed for group, speed in pairs for _, direction in group]
+
+    def wait(self, seconds: float) -> None:
+        """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
+        self._age += seconds
+
+    def halt(self) -> None:
+        """Stop the wheels at once; the next command starts from rest."""
+        self._reference = self._last = self._before_last = _REST
+        self._age, self._fresh = 0.0, True
+        still = (0.0,) * len(self._groups)
+        self.command = DriveCommand(0.0, 0.0, 0.0, still, self.command.steering)
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the last command is older than cmd_vel_timeout."""
+        timeout = self.config.cmd_vel_timeout
+        return bool(timeout) and self._age > timeout + _ROUNDING
+
+    def place(self, pose: PlanarPose, truth: PlanarPose) -> None:
+        """Set the odometry's pose, with zero covariance, for a robot that is at ``truth``."""
+        self.odometry.set_pose(*pose)
+        self.origin = truth.compose(pose.inverse())
+        self.drift.restart()
+
+    def moved(self) -> None:
+        """Stop, and go on from the present pose, after the robot was moved by a teleport."""
+        self.halt()
+        self.odometry.forget_wheels()
+        self.drift.restart()
+
+    def continue_from(self, other: "Drive") -> None:
+        """Take over the odometry of a drive that this one replaces."""
+        self.odometry.set_pose(*other.odometry.pose, other.odometry.covariance)
+        self.origin = other.origin
+        self.drift.restart()
+
+    def state(self, pace: float) -> DriveState:
+        """Return the present state; ``pace`` is simulated seconds per second of the clock."""
+        odometry, twist = self.odometry, self.odometry.twist
+        if pace != 1.0:
+            twist = PlanarTwist(*[component * pace for component in twist])
+        return DriveState(odometry.pose, odometry.covariance, twist, self.command)
+
+    def _limited(self, dt: float) -> Triple:
+        # A timed-out command becomes a zero reference, ramped down by the limiters.
+        wanted = _REST if self.timed_out else self._reference
+        last, before_last, speeds = self._last, self._before_last, [0.0, 0.0, 0.0]
+        for axis, limiter in self._limiters:
+            speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
+        self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
+        return self._last
+
+
+def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:
+    """Return the mean forward position, rad, or velocity, rad/s, of joints that turn as one."""
+    mean = 0.0
+    for row, direction in group:
+        mean += direction * values[row]
+    return mean / len(group)

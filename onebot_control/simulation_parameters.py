@@ -1,0 +1,170 @@
+"""The parameters of the simulation, with joint_state_broadcaster's and controller_manager's."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from onebot_control.controller_names import BROADCASTER
+from onebot_control.drive.parameters import DriveParameters
+from onebot_control.frame_names import WORLD_FRAME
+from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_description.parameters.reader import group, parameter
+
+INTERFACES = ("position", "velocity", "effort")
+_MOST_HERTZ = 10_000.0
+_LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
+_NO_HARDWARE = "there are no other interfaces than these"
+_SIMULATED = "there is no hardware"
+_NO_SWITCHING = "controllers are not switched"
+_PACED = "/diagnostics has the real-time factor and missed cycles"
+
+
+@dataclass(frozen=True)
+class InterfaceNames:
+    """joint_state_broadcaster's parameters ``map_interface_to_joint_state.*``."""
+
+    position: str = ignored("position", _NO_HARDWARE)
+    velocity: str = ignored("velocity", _NO_HARDWARE)
+    effort: str = ignored("effort", _NO_HARDWARE)
+
+
+@dataclass(frozen=True)
+class BroadcasterConfig:
+    """joint_state_broadcaster's parameters."""
+
+    joints: tuple[str, ...] = parameter(
+        (), "joints published, in that order; empty: all", unique=True
+    )
+    interfaces: tuple[str, ...] = parameter(
+        (),
+        "values published, others are NaN; empty: all",
+        choices=INTERFACES,
+        unique=True,
+    )
+    extra_joints: tuple[str, ...] = parameter((), "joints published as well, at 0", unique=True)
+    frame_id: str = parameter("base_link", "frame_id of the message's header")
+    use_local_topics: bool = ignored(False, "joint_states is in the robot's namespace")
+    use_urdf_to_filter: bool = ignored(True, "all joints are of the URDF")
+    publish_dynamic_joint_states: bool = ignored(True, "there is no topic dynamic_joint_states")
+    map_interface_to_joint_state: InterfaceNames = group(InterfaceNames)
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """Parameters of the simulation and of joint_state_broadcaster, for driving and standing robots.
+
+    The table in README.md explains them.
+    """
+
+    robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
+    x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
+    y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
+    yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
+    initial_positions: Mapping[str, float] = parameter(
+        {}, "where joints are at the start, rad or m; they override <ros2_control>", read_only=True
+    )
+    update_rate: float = parameter(
+        100,
+        "control cycles a second, Hz",
+        at_least=_LEAST_CYCLES,
+        at_most=_MOST_CYCLES,
+        read_only=True,
+    )
+    real_time_factor: float = parameter(
+        1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
+    )
+    paused: bool = parameter(
+        False, "starts before its first cycle, and waits to be stepped or resumed", read_only=True
+    )
+    step_topics: tuple[str, ...] = parameter(
+        (),
+        "topics of sensors: a step waits for a command with each message's stamp, or a later one",
+        unique=True,
+    )
+    step_timeout: float = parameter(
+        5.0,
+        "how long a step waits for such a command, s of the wall's time; of robots the longest",
+        above=0.0,
+    )
+    world_frame_id: str = parameter(
+        WORLD_FRAME,
+        "frame of the truth and parent of odom; empty: the truth in odom, unless there is a world",
+    )
+    ground_truth_tf: bool = parameter(
+        True, "publish world_frame_id -> odom_frame_id on TF, unless another node localizes"
+    )
+    world: str = parameter(
+        "",
+        "walls, ramps and boxes around it: maze, ramp, or a URDF or xacro file",
+        read_only=True,
+    )
+    sensors: str = parameter(
+        "", "URDF or xacro file with sensors that the robot's URDF lacks; reloaded when edited"
+    )
+    sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
+    tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
+    tf_frame_prefix: str = parameter("", "that prefix; empty or ~: the node's namespace")
+    publish_rate: float = parameter(
+        50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
+    )
+    broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
+
+    @property
+    def drive(self) -> DriveParameters[Any] | None:
+        """The parameters of the robot's drive; None if its base stands still."""
+        return self if isinstance(self, DriveParameters) else None
+
+    def world_frame(self, *, in_scene: bool) -> str:
+        """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""
+        return self.world_frame_id or (WORLD_FRAME if in_scene else "")
+
+
+@dataclass(frozen=True)
+class InitialStates:
+    """controller_manager's parameters ``hardware_components_initial_state.*``."""
+
+    unconfigured: tuple[str, ...] = ignored((), _SIMULATED)
+    inactive: tuple[str, ...] = ignored((), _SIMULATED)
+    shutdown_on_initial_state_failure: bool = ignored(True, _SIMULATED)
+
+
+@dataclass(frozen=True)
+class ManagerDefaults:
+    """controller_manager's parameters ``defaults.*``."""
+
+    allow_controller_activation_with_inactive_hardware: bool = ignored(False, _SIMULATED)
+    deactivate_controllers_on_hardware_self_deactivate: bool = ignored(True, _SIMULATED)
+    strictness: str = parameter(
+        "best_effort",
+        f"accepted, without effect: {_NO_SWITCHING}",
+        name="switch_controller.strictness",
+        choices=("strict", "best_effort"),
+    )
+
+
+@dataclass(frozen=True)
+class Overruns:
+    """controller_manager's parameters ``overruns.*``."""
+
+    manage: bool = ignored(True, _PACED)
+    print_warnings: bool = ignored(True, _PACED)
+
+
+@dataclass(frozen=True)
+class ManagerConfig(SimulationConfig):
+    """All parameters of controller_manager: the simulation's and ros2_control's."""
+
+    enforce_command_limits: bool = parameter(
+        True, "default of joint_trajectory_controller's parameter of this name"
+    )
+    hardware_components_initial_state: InitialStates = group(InitialStates)
+    defaults: ManagerDefaults = group(ManagerDefaults)
+    overruns: Overruns = group(Overruns)
+    handle_exceptions: bool = ignored(True, "an error ends the process")
+    lock_memory: bool = ignored(False, _PACED)
+    thread_priority: int = ignored(50, _PACED)
+    diagnostics: Mapping[str, float] = parameter(
+        {}, f"accepted, without effect: {_PACED}", keys=("threshold",)
+    )
