@@ -145,6 +145,8 @@ def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
         robot.lift_weightless()
+        if robot.rollers:
+            robot.center_rollers()
         robot.bullet.stepSimulation()
         rested = rested + 1 if _fastest(robot) < _RESTING else 0
         if rested >= needed:

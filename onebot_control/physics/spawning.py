@@ -13,6 +13,7 @@ from onebot_control.physics.engine import Bullet, captured, engine, log, scratch
 from onebot_control.physics.friction import set_contact, soften
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
+from onebot_control.physics.roller_wheels import RollerAxle
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Description, Link, Mesh, Mimic
 from onebot_description.errors import OneBotError
@@ -24,6 +25,7 @@ FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
 _HOLDING = 1e6  # N, greatest force that holds the hub of a skidding wheel on its axle
+_DETERMINATE = 3  # wheels up to which their loads are determinate; more share them as springs do
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -79,13 +81,14 @@ class LoadedBody(NamedTuple):
     ground: int
     body: int
     joints: Mapping[str, int]  # the moving ones by name, in the description's order
-    hubs: Sequence[int]  # joints on which the hubs of skidding wheels slide
+    hubs: Sequence[int]  # joints on which the hubs of skidding wheels and of rollers slide
     # PyBullet's base frame: centre of mass and principal axes of the root body, in the root link's
     # frame.
     mass_frame: Transform
     link_frame: Transform  # the root link's frame in ``mass_frame``
     # Bodies with parts without gravity: index, where to lift it, m in its frame, and the force, N.
     weightless: Sequence[tuple[int, Triple, float]] = ()
+    rollers: Sequence[int] = ()  # those of the hubs on which wheels with rollers slide freely
 
     def pose(self) -> Transform:
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
@@ -116,6 +119,16 @@ class LoadedBody(NamedTuple):
         """Cancel gravity for the parts that have none, during the next physics step."""
         for index, point, force in self.weightless:
             self.apply_force(index, point, (0.0, 0.0, force))
+
+    def center_rollers(self) -> None:
+        """Put wheels with rollers back to the middle of their axles, with their velocities."""
+        states = self.bullet.getJointStates(self.body, self.rollers)
+        self.bullet.resetJointStatesMultiDof(
+            self.body,
+            self.rollers,
+            [(0.0,)] * len(states),
+            [(velocity,) for _, velocity, *_ in states],
+        )
 
     def place(self, pose: Transform, positions: Iterable[float] | None = None) -> None:
         """Set the pose of the root link's frame, at rest, and ``positions`` of all joints."""
@@ -190,13 +203,18 @@ def load_robot(
     robot = _load(bullet, description, bodies, fixed_base=spawn.fixed_base)
     moving = description.moving_joints
     root, *moved = bodies.values()
-    indices, hubs = {}, []
+    indices, hubs, rollers = {}, [], []
     for index in range(bullet.getNumJoints(robot)):
         info = bullet.getJointInfo(robot, index)
         name = info[1].decode()
         if name.startswith(HUB):
             hubs.append(index)
-            bullet.setJointMotorControl2(robot, index, engine.POSITION_CONTROL, force=_HOLDING)
+            slides = isinstance(moving[int(name.removeprefix(HUB))], RollerAxle)
+            if slides:
+                rollers.append(index)
+            bullet.setJointMotorControl2(
+                robot, index, engine.POSITION_CONTROL, force=0.0 if slides else _HOLDING
+            )
             continue
         row = int(name)
         joint = moving[row]
@@ -211,7 +229,8 @@ def load_robot(
     for name, mimic in spawn.gears.items():
         _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
-    soften(bullet, robot, skidding, total(body.mass for body in bodies.values()), settings)
+    if len(skidding) > _DETERMINATE:
+        soften(bullet, robot, skidding, total(body.mass for body in bodies.values()), settings)
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
         bullet.changeDynamics(robot, -1, **{damping: 0.0})
@@ -224,7 +243,7 @@ def load_robot(
         if mass > 0.0
     ]
     return LoadedBody(
-        bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame), weightless
+        bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame), weightless, rollers
     )
 
 

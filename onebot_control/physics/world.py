@@ -10,6 +10,7 @@ from onebot_control.physics.engine import Bullet
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
+from onebot_control.physics.roller_wheels import has_rollers
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import LoadedBody, RobotSpawn, SpawnPose, make_world
 from onebot_description.arrays import Floats
@@ -19,9 +20,10 @@ from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform, Triple
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
-# With arms, the solver stops once an iteration changes no velocity by more than the square root of
-# this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a fifth, and
-# joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s without arms.
+# With arms or rollers, the solver stops once an iteration changes no velocity by more than the
+# square root of this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a
+# fifth, and joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s
+# without arms.
 _RESIDUAL = 1e-12
 
 
@@ -125,6 +127,8 @@ class World(AbstractContextManager["World"]):
                 robot.track(number)
             for parts in weightless:
                 parts.lift_weightless()
+            for parts in self._rolling:
+                parts.center_rollers()
             for push in self._pushes:
                 push.apply()
             bullet.stepSimulation()
@@ -335,7 +339,8 @@ class World(AbstractContextManager["World"]):
     def _build(self) -> None:
         """Load all bodies, and save the state for ``stand``."""
         bullet, settings = self.bullet, self.settings
-        ground = make_world(bullet, settings, _RESIDUAL if self._arms else 0.0)
+        stops = self._arms or any(has_rollers(robot.spawn.description) for robot in self.robots)
+        ground = make_world(bullet, settings, _RESIDUAL if stops else 0.0)
         for robot in self.robots:
             robot.load(ground)
             if self._alone:
@@ -350,6 +355,7 @@ class World(AbstractContextManager["World"]):
             *(self.scene.parts if self.scene else ()),
         )
         self._weightless = [body for body in bodies if body.weightless]
+        self._rolling = [robot.parts for robot in self.robots if robot.parts.rollers]
         self._saved: int = bullet.saveState()
         self._pushes = []
         if self._contacts is not None:
