@@ -1,4 +1,4 @@
-"""Runs ROS nodes of this process in step with a Simulation, whatever its speed.
+"""Runs ROS nodes of this process in lockstep with a Simulation, whatever its speed.
 
 In each control cycle the robots' topics and transforms are published, as ``velocity_controller``
 publishes them and by the same code, with /clock and the measurements that are due. Then the nodes'
@@ -10,7 +10,7 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 from unittest.mock import patch
 
 import rclpy
@@ -39,8 +39,7 @@ from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.pacing import wake_exactly
 from onebot_control.runtime.sensing import Sensing
-from onebot_control.sensing.sensors import Sensors
-from onebot_description.description import Description
+from onebot_control.simulated_world import SimulatedWorld
 from onebot_description.errors import OneBotError, alike, listing
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
@@ -50,6 +49,7 @@ from onebot_description.ros.wire.definition import type_name
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.wake_detector import WakeDetector
 
+S = TypeVar("S")  # the simulation
 T = TypeVar("T")
 RCLError = rclpy_implementation.RCLError
 
@@ -58,25 +58,6 @@ _PATIENCE = 10.0  # s of wall time to wait for latched messages
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
-
-
-class _Simulation(Protocol):
-    """What nodes in step need of their simulation; see ``Simulation``."""
-
-    robots: Mapping[str, Any]
-    _fleet: Fleet
-    _noisy: bool
-    _ros: Any
-    _scene: Description | None
-    _sensor_file: str
-    _sensors: Sensors
-    _values: list[dict[str, Any]]  # parameters of the robots' controllers
-
-    @property
-    def seed(self) -> int: ...
-
-
-S = TypeVar("S", bound=_Simulation)
 
 
 class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
@@ -99,6 +80,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def __init__(
         self,
         simulation: S,
+        core: SimulatedWorld,
         domain_id: int | None,
         *,
         remap: Mapping[str, str],
@@ -114,7 +96,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         if Lockstep._current is not None:
             text = "the robots of another simulation in this process are on ROS topics already"
             raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
-        self.simulation = simulation
+        self.simulation, self._core = simulation, core
         self._stamp = 0  # the last published one, ns
         self._clock = Clock()
         self._warned: set[Timer | Node] = set()
@@ -129,7 +111,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def _start(
         self, domain_id: int | None, remap: Mapping[str, str], nav2: bool, timeout: float
     ) -> None:
-        on_close, simulation, fleet = self._closing, self.simulation, self.simulation._fleet
+        on_close, core, fleet = self._closing, self._core, self._core.fleet
         Lockstep._current = self
         on_close.callback(self._forget)
         is_own = self._initialize(domain_id, remap)
@@ -143,9 +125,9 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._nodes: list[Node] = []
         self._arm_nodes: list[Node] = []
         on_close.callback(self._destroy_nodes)
-        for name, robot in simulation.robots.items():
+        for name, robot in zip(core.names, fleet.robots, strict=True):
             node = Node(
-                DRIVE_CONTROLLER if robot.has_wheels else MANAGER,
+                MANAGER if robot.wheels is None else DRIVE_CONTROLLER,
                 context=self._context,
                 namespace=f"/{name}",
                 use_global_arguments=is_own,
@@ -153,19 +135,19 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 parameter_overrides=[_USE_SIM_TIME],
             )
             self._nodes.append(node)
-        common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
+        common = {"sensor_noise": core.noise, "sensors": core.sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
-            for node, values in zip(self._nodes, simulation._values, strict=True)
+            for node, values in zip(self._nodes, core.parameters, strict=True)
         ]
         interface = WorldInterface(
-            self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
+            self._nodes, settings, core.scene, simulated=True, seed=core.seed
         )
         for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
             robot_interface.description = robot.description
         for row, robot_interface in enumerate(interface.robots):
             interface.check_frames(row, robot_interface.frames())
-        interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
+        interface.start(SteppedLoop(fleet, interface.publish), Sensing(core.sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
         self._arm_nodes = interface.arm_nodes
         for node in self._robot_nodes:
@@ -173,6 +155,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._executor.add_node(node)
         self._interface = interface
         on_close.enter_context(self._hooks())
+        core.publish = self._publish
 
     def _initialize(self, domain_id: int | None, remap: Mapping[str, str]) -> bool:
         """Initialize rclpy's default context; return false if it has been initialized already."""
@@ -235,8 +218,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 raise OneBotError(f"{_named(node)} is not in lockstep")
             self._executor.remove_node(node)
 
-    def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        """Publish a control cycle, and run the nodes' callbacks; ``Simulation.run`` calls it."""
+    def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        """Publish the beginning of a control cycle, and run the nodes' callbacks."""
         if not self._is_running():
             return
         assert self._interface is not None
@@ -276,7 +259,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self.close()
 
     def _forget(self) -> None:
-        self.simulation._ros = Lockstep._current = None
+        self._core.publish = Lockstep._current = None
 
     def _destroy_nodes(self) -> None:
         for node in dict.fromkeys([*self._executor.nodes, *self._robot_nodes]):

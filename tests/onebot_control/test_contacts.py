@@ -193,7 +193,7 @@ class _Spy:
     """Lists PyBullet's contact points after each physics step."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self._bullet = simulation._fleet.world.bullet
+        self._bullet = simulation._core.fleet.world.bullet
         self._step, self.steps = self._bullet.stepSimulation, list[list[tuple[int, float]]]()
         self._bullet.stepSimulation = self
 
@@ -341,8 +341,8 @@ def test_recorded_contacts_change_nothing():
             if asks:
                 simulation.on_step(lambda robot=robot: robot.contacts)
             else:
-                finish = simulation._fleet.finish
-                simulation._fleet.finish = lambda recorded, finish=finish: finish()  # type: ignore[method-assign]
+                finish = simulation._core.fleet.finish
+                simulation._core.fleet.finish = lambda recorded, finish=finish: finish()  # type: ignore[method-assign]
             simulation.run(5.0)
             ends.append((robot.pose, robot.joints, simulation.boxes))
     assert ends[0] == ends[1]
