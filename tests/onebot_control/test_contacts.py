@@ -319,6 +319,7 @@ def test_contacts_cost_nothing_if_nobody_asks_and_nothing_is_near(
     with Simulation(**arguments) as simulation:
         for robot in simulation.robots.values():
             robot.drive(0.2)
+        simulation.step(3)  # what is near is not known until they have moved
         calls, record = list[int](), ContactRecorder.record
         monkeypatch.setattr(ContactRecorder, "record", lambda of: calls.append(1) or record(of))
         simulation.run(2.0)
