@@ -10,6 +10,7 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
+from itertools import product
 from typing import Any, ClassVar, Generic, TypeVar
 from unittest.mock import patch
 
@@ -122,8 +123,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         on_close.callback(self._watch.close)
         self._executor = SteppedExecutor(self._context, self._watch)
         on_close.callback(self._executor.shutdown)
-        self._nodes: list[Node] = []
-        self._arm_nodes: list[Node] = []
+        self._robot_nodes: list[Node] = []
         on_close.callback(self._destroy_nodes)
         for name, robot in zip(core.names, fleet.robots, strict=True):
             node = Node(
@@ -134,22 +134,21 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 cli_args=["--ros-args", *(_NAV2_RULES if nav2 else ())],
                 parameter_overrides=[_USE_SIM_TIME],
             )
-            self._nodes.append(node)
+            self._robot_nodes.append(node)
+        nodes = [*self._robot_nodes]
         common = {"sensor_noise": core.noise, "sensors": core.sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), {**values, **common})
-            for node, values in zip(self._nodes, core.parameters, strict=True)
+            for node, values in zip(nodes, core.parameters, strict=True)
         ]
-        interface = WorldInterface(
-            self._nodes, settings, core.scene, simulated=True, seed=core.seed
-        )
+        interface = WorldInterface(nodes, settings, core.scene, simulated=True, seed=core.seed)
         for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
             robot_interface.description = robot.description
         for row, robot_interface in enumerate(interface.robots):
             interface.check_frames(row, robot_interface.frames())
         interface.start(SteppedLoop(fleet, interface.publish), Sensing(core.sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
-        self._arm_nodes = interface.arm_nodes
+        self._robot_nodes += interface.arm_nodes
         for node in self._robot_nodes:
             self._follow_time(node)
             self._executor.add_node(node)
@@ -269,15 +268,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Return whether ROS runs; log once that it does not."""
         if self._context.ok():
             return True
-        if (first := self._nodes[0]) not in self._warned:
+        if (first := self._robot_nodes[0]) not in self._warned:
             self._warned.add(first)
             text = "rclpy was shut down: the simulation goes on without its nodes and topics"
             first.get_logger().warning(text)
         return False
-
-    @property
-    def _robot_nodes(self) -> list[Node]:
-        return [*self._nodes, *self._arm_nodes]
 
     @property
     def _added(self) -> list[Node]:
@@ -322,20 +317,20 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Yield the topics of robots and nodes whose QoS differ, with the reason."""
         pair = self._robot_nodes, nodes
         for publishing, subscribed in (pair, pair[::-1]):
-            publishers = {pub.topic_name: pub for node in publishing for pub in node.publishers}
-            for subscription in (sub for node in subscribed for sub in node.subscriptions):
-                if publisher := publishers.get(subscription.topic_name):
+            for publisher, subscription in product(
+                _publishers(publishing), _subscriptions(subscribed)
+            ):
+                if (topic := publisher.topic_name) == subscription.topic_name:
                     offered, wanted = publisher.qos_profile, subscription.qos_profile
                     compatibility, reason = qos_check_compatible(offered, wanted)
                     if compatibility == QoSCompatibility.ERROR:
-                        yield f"{subscription.topic_name}, as QoS differ: {reason.strip('; ')}"
+                        yield f"{topic}, as QoS differ: {reason.strip('; ')}"
 
     def _await_latched(self, timeout: float) -> None:
         """Wait until subscriptions have the last messages, which threads of DDS deliver."""
-        for node in self._executor.nodes:
-            for publisher in node.publishers:
-                if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
-                    publisher.wait_for_all_acked(Duration(seconds=timeout))
+        for publisher in _publishers(self._executor.nodes):
+            if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=timeout))
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log topics without a publisher or a subscription, with the robots' most similar topic."""
