@@ -76,19 +76,42 @@ def read_robot_and_scene(
     return description, reading.result()
 
 
-def controller_parameters(setup: RobotSetup, parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a robot's controller, by name.
+def fleet_members(
+    setups: Mapping[str, RobotSetup],
+    default: Description,
+    parameters: Mapping[str, Any],
+    *,
+    optional: bool,
+) -> tuple[list[Member], list[dict[str, Any]]]:
+    """Return the robots as members of a fleet, and the parameters of their controllers, by name.
 
     Args:
-        setup: the robot's; its parameters override ``parameters``.
-        parameters: those of all robots; they override OneBot's control.yaml.
+        setups: the robots' setups, by name; the name of a single robot is "".
+        default: the description of robots whose setup has no model.
+        parameters: parameters of all controllers, by ROS names. They override OneBot's
+            control.yaml, and those of a setup override them.
+        optional: enable the optional sensors of models, if they have any.
 
     Raises:
-        ConfigError: a given parameter has no effect in a Simulation.
+        OneBotError: a model or a parameter cannot be used.
     """
-    given = given_parameters({**parameters, **setup.parameters})
-    defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER)
-    return {**defaults.values, **given, "x": setup.x, "y": setup.y, "yaw": setup.yaw}
+    defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER).values
+    values = [
+        {
+            **defaults,
+            **given_parameters({**parameters, **setup.parameters}),
+            **{"x": setup.x, "y": setup.y, "yaw": setup.yaw},
+        }
+        for setup in setups.values()
+    ]
+    members = []
+    for (name, setup), given in zip(setups.items(), values, strict=True):
+        description = default if setup.model is None else _described(setup.model, {}, optional)
+        with named(f"robots.{name}") if name else nullcontext():
+            config = ControlConfig.from_parameters(given)
+        has_drive = bool(config.left_wheel_names) or has_wheels(description)
+        members.append(Member(description, config, name, stands=not has_drive))
+    return members, values
 
 
 def given_parameters(parameters: Mapping[str, Any], *, running: bool = False) -> dict[str, Any]:
@@ -117,33 +140,6 @@ def given_parameters(parameters: Mapping[str, Any], *, running: bool = False) ->
 def _refuse(names: Sequence[str], text: str) -> None:
     if names:
         raise ConfigError([Problem(name, text) for name in names])
-
-
-def fleet_member(
-    name: str,
-    setup: RobotSetup,
-    default: Description,
-    parameters: Mapping[str, Any],
-    *,
-    optional: bool,
-) -> Member:
-    """Return a robot as a member of a fleet.
-
-    Args:
-        name: its name; "" for a single robot.
-        setup: its setup.
-        default: its description, if its setup has no model.
-        parameters: parameters of its controller, by name.
-        optional: enable the optional sensors of its model, if it has any.
-
-    Raises:
-        OneBotError: its model or a parameter cannot be used.
-    """
-    description = default if setup.model is None else _described(setup.model, {}, optional)
-    with named(f"robots.{name}") if name else nullcontext():
-        config = ControlConfig.from_parameters(parameters)
-    has_drive = bool(config.left_wheel_names) or has_wheels(description)
-    return Member(description, config, name, stands=not has_drive)
 
 
 def _described(

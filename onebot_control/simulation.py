@@ -28,8 +28,7 @@ from onebot_control.robot_setup import (
     Model,
     Parameters,
     RobotSetup,
-    controller_parameters,
-    fleet_member,
+    fleet_members,
     read_robot_and_scene,
 )
 from onebot_control.sensing.camera import picture_from
@@ -67,8 +66,6 @@ _Bounds = Annotated[
 ]
 _Remap = Annotated[Mapping[str, str], Rule(write='a dict such as {"cmd_vel": "/cmd_vel"}')]
 _RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
-
-
 _Robots = Annotated[Mapping[_RobotName, RobotSetup], Rule(write="a dict of RobotSetups by name")]
 
 
@@ -123,11 +120,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
         optional = sensors is True
         default, scene = read_robot_and_scene(model, arguments, world, optional=optional)
-        values = [controller_parameters(setup, parameters) for setup in setups.values()]
-        members = [
-            fleet_member(name, setup, default, given, optional=optional)
-            for (name, setup), given in zip(setups.items(), values, strict=True)
-        ]
+        members, values = fleet_members(setups, default, parameters, optional=optional)
         sensor_file = "" if isinstance(sensors, bool) else str(sensors)
         self._core = core = SimulatedWorld(
             members, values, scene, sensor_file=sensor_file, noise=noise, seed=seed
@@ -137,10 +130,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._lockstep: Lockstep[Simulation] | None = None
         self._log: MomentLog | None = None
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
-            ByName(
-                "no robot {}",
-                ((name, SimulatedRobot(core, row)) for row, name in enumerate(setups)),
-            )
+            ByName("no robot {}", ((n, SimulatedRobot(core, row)) for row, n in enumerate(setups)))
         )
         """The robots by name, that of a single robot is ""; an unknown name raises OneBotError."""
 
