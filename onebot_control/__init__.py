@@ -40,9 +40,12 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    # Not in __all__: ``import *`` would need ROS.
+    from onebot_control.nodes.lockstep import Lockstep as Lockstep
     from onebot_control.physics.contacts import Contact
     from onebot_control.physics.occupancy import OccupancyGrid
     from onebot_control.recording import Moment
+    from onebot_control.robot_setup import RobotSetup
     from onebot_control.sensing.readings import (
         ImuReading,
         JointState,
@@ -51,19 +54,23 @@ if TYPE_CHECKING:
         RobotPose,
         Scan,
     )
-    from onebot_control.simulation import RobotSetup, SimulatedRobot, Simulation
+    from onebot_control.simulated_robot import SimulatedRobot
+    from onebot_control.simulation import Simulation
     from onebot_description.errors import OneBotError
 else:
     __getattr__ = onebot_description.lazy(
         {
             "onebot_control.physics.contacts": ("Contact",),
             "onebot_control.physics.occupancy": ("OccupancyGrid",),
+            "onebot_control.nodes.lockstep": ("Lockstep",),
             "onebot_control.recording": ("Moment",),
+            "onebot_control.robot_setup": ("RobotSetup",),
             "onebot_control.sensing.readings": (
                 *("ImuReading", "JointState", "OdometryReading"),
                 *("RobotPose", "Scan", "PlanarVelocity"),
             ),
-            "onebot_control.simulation": ("RobotSetup", "SimulatedRobot", "Simulation"),
+            "onebot_control.simulated_robot": ("SimulatedRobot",),
+            "onebot_control.simulation": ("Simulation",),
             "onebot_description.errors": ("OneBotError",),
         }
     )

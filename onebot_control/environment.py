@@ -22,7 +22,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from onebot_control.sensing.readings import RobotPose
-from onebot_control.simulation import SimulatedRobot, Simulation
+from onebot_control.simulated_robot import Positive, SimulatedRobot
+from onebot_control.simulation import Simulation
 from onebot_description.parameters.arguments import ArgumentError, checked_methods
 from onebot_description.parameters.reader import Problem
 from onebot_description.parameters.values import Rule, ValueType
@@ -59,7 +60,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self,
         render_mode: Annotated[str, Rule(choices=("rgb_array",))] | None = None,
         *,
-        seconds: Annotated[float, Rule(above=0.0)] = 0.1,
+        seconds: Positive = 0.1,
         max_steps: Annotated[int, Rule(at_least=1)] = 1000,
         **simulation: Any,
     ) -> None:

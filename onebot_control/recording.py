@@ -1,7 +1,7 @@
 """Records the poses and joints of a simulation: as arrays, and moment by moment."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,28 +48,21 @@ class MomentLog:
         Args:
             robots: names of the robots; the name of a single one is "".
         """
-        rows = [
-            {"time": moment.time}
-            | {
-                f"{name}.{key}" if name else key: value
-                for name, pose, joints in zip(robots, moment.poses, moment.joints, strict=True)
-                for key, value in (*_named(pose), *_prefixed("joints", joints))
-            }
-            | {
-                f"boxes.{box}.{key}": value
-                for box, pose in moment.boxes.items()
-                for key, value in _named(pose)
-            }
-            for moment in self.moments
-        ]
+        rows = [self._row(moment, robots) for moment in self.moments]
         names = rows[0] if rows else ()
         return {name: np.array([row[name] for row in rows]) for name in names}
 
+    def _row(self, moment: Moment, robots: Sequence[str]) -> dict[str, float]:
+        row = {"time": moment.time}
+        for name, pose, joints in zip(robots, moment.poses, moment.joints, strict=True):
+            prefix = f"{name}." if name else ""
+            row |= {f"{prefix}{key}": value for key, value in _named(pose)}
+            row |= {f"{prefix}joints.{joint}": value for joint, value in joints.items()}
+        for box, pose in moment.boxes.items():
+            row |= {f"boxes.{box}.{key}": value for key, value in _named(pose)}
+        return row
 
-def _named(pose: Transform) -> list[tuple[str, float]]:
+
+def _named(pose: Transform) -> Iterator[tuple[str, float]]:
     translation, rotation = pose
-    return [*zip(_AXES, (*translation, *to_rpy(rotation)), strict=True)]
-
-
-def _prefixed(prefix: str, values: Mapping[str, float]) -> list[tuple[str, float]]:
-    return [(f"{prefix}.{name}", value) for name, value in values.items()]
+    return zip(_AXES, (*translation, *to_rpy(rotation)), strict=True)

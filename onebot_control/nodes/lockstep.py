@@ -1,4 +1,4 @@
-"""Runs ROS nodes of this process in step with a Simulation, whatever its speed.
+"""Runs ROS nodes of this process in lockstep with a Simulation, whatever its speed.
 
 In each control cycle the robots' topics and transforms are published, as ``velocity_controller``
 publishes them and by the same code, with /clock and the measurements that are due. Then the nodes'
@@ -10,7 +10,8 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from itertools import product
+from typing import Any, ClassVar, Generic, TypeVar
 from unittest.mock import patch
 
 import rclpy
@@ -39,8 +40,7 @@ from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.pacing import wake_exactly
 from onebot_control.runtime.sensing import Sensing
-from onebot_control.sensing.sensors import Sensors
-from onebot_description.description import Description
+from onebot_control.simulated_world import SimulatedWorld
 from onebot_description.errors import OneBotError, alike, listing
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
@@ -50,6 +50,7 @@ from onebot_description.ros.wire.definition import type_name
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.wake_detector import WakeDetector
 
+S = TypeVar("S")  # the simulation
 T = TypeVar("T")
 RCLError = rclpy_implementation.RCLError
 
@@ -58,25 +59,6 @@ _PATIENCE = 10.0  # s of wall time to wait for latched messages
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
-
-
-class _Simulation(Protocol):
-    """What nodes in step need of their simulation; see ``Simulation``."""
-
-    robots: Mapping[str, Any]
-    _fleet: Fleet
-    _noisy: bool
-    _ros: Any
-    _scene: Description | None
-    _sensor_file: str
-    _sensors: Sensors
-    _values: list[dict[str, Any]]  # parameters of the robots' controllers
-
-    @property
-    def seed(self) -> int: ...
-
-
-S = TypeVar("S", bound=_Simulation)
 
 
 class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
@@ -99,6 +81,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def __init__(
         self,
         simulation: S,
+        core: SimulatedWorld,
         domain_id: int | None,
         *,
         remap: Mapping[str, str],
@@ -114,7 +97,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         if Lockstep._current is not None:
             text = "the robots of another simulation in this process are on ROS topics already"
             raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
-        self.simulation = simulation
+        self.simulation, self._core = simulation, core
         self._stamp = 0  # the last published one, ns
         self._clock = Clock()
         self._warned: set[Timer | Node] = set()
@@ -129,7 +112,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def _start(
         self, domain_id: int | None, remap: Mapping[str, str], nav2: bool, timeout: float
     ) -> None:
-        on_close, simulation, fleet = self._closing, self.simulation, self.simulation._fleet
+        on_close, core, fleet = self._closing, self._core, self._core.fleet
         Lockstep._current = self
         on_close.callback(self._forget)
         is_own = self._initialize(domain_id, remap)
@@ -140,41 +123,38 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         on_close.callback(self._watch.close)
         self._executor = SteppedExecutor(self._context, self._watch)
         on_close.callback(self._executor.shutdown)
-        self._nodes: list[Node] = []
-        self._arm_nodes: list[Node] = []
+        self._robot_nodes: list[Node] = []
         on_close.callback(self._destroy_nodes)
-        for name, robot in simulation.robots.items():
+        for name, robot in zip(core.names, fleet.robots, strict=True):
             node = Node(
-                DRIVE_CONTROLLER if robot.has_wheels else MANAGER,
+                MANAGER if robot.drive is None else DRIVE_CONTROLLER,
                 context=self._context,
                 namespace=f"/{name}",
                 use_global_arguments=is_own,
                 cli_args=["--ros-args", *(_NAV2_RULES if nav2 else ())],
                 parameter_overrides=[_USE_SIM_TIME],
             )
-            self._nodes.append(node)
-        common = {"sensor_noise": simulation._noisy, "sensors": simulation._sensor_file}
+            self._robot_nodes.append(node)
+        nodes = [*self._robot_nodes]
+        common = {"sensor_noise": core.noise, "sensors": core.sensor_file}
         settings = [
             ControlParameters(node, RosArguments(), type(robot.config), {**values, **common})
-            for node, robot, values in zip(
-                self._nodes, fleet.robots, simulation._values, strict=True
-            )
+            for node, robot, values in zip(nodes, fleet.robots, core.parameters, strict=True)
         ]
-        interface = WorldInterface(
-            self._nodes, settings, simulation._scene, simulated=True, seed=simulation.seed
-        )
+        interface = WorldInterface(nodes, settings, core.scene, simulated=True, seed=core.seed)
         for robot_interface, robot in zip(interface.robots, fleet.robots, strict=True):
             robot_interface.description = robot.description
         for row, robot_interface in enumerate(interface.robots):
             interface.check_frames(row, robot_interface.frames())
-        interface.start(SteppedLoop(fleet, interface.publish), Sensing(simulation._sensors))
+        interface.start(SteppedLoop(fleet, interface.publish), Sensing(core.sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
-        self._arm_nodes = interface.arm_nodes
+        self._robot_nodes += interface.arm_nodes
         for node in self._robot_nodes:
             self._follow_time(node)
             self._executor.add_node(node)
         self._interface = interface
         on_close.enter_context(self._hooks())
+        core.publish = self._publish
 
     def _initialize(self, domain_id: int | None, remap: Mapping[str, str]) -> bool:
         """Initialize rclpy's default context; return false if it has been initialized already."""
@@ -237,8 +217,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 raise OneBotError(f"{_named(node)} is not in lockstep")
             self._executor.remove_node(node)
 
-    def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        """Publish a control cycle, and run the nodes' callbacks; ``Simulation.run`` calls it."""
+    def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
+        """Publish the beginning of a control cycle, and run the nodes' callbacks."""
         if not self._is_running():
             return
         assert self._interface is not None
@@ -278,7 +258,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self.close()
 
     def _forget(self) -> None:
-        self.simulation._ros = Lockstep._current = None
+        self._core.publish = Lockstep._current = None
 
     def _destroy_nodes(self) -> None:
         for node in dict.fromkeys([*self._executor.nodes, *self._robot_nodes]):
@@ -288,15 +268,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Return whether ROS runs; log once that it does not."""
         if self._context.ok():
             return True
-        if (first := self._nodes[0]) not in self._warned:
+        if (first := self._robot_nodes[0]) not in self._warned:
             self._warned.add(first)
             text = "rclpy was shut down: the simulation goes on without its nodes and topics"
             first.get_logger().warning(text)
         return False
-
-    @property
-    def _robot_nodes(self) -> list[Node]:
-        return [*self._nodes, *self._arm_nodes]
 
     @property
     def _added(self) -> list[Node]:
@@ -341,20 +317,20 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Yield the topics of robots and nodes whose QoS differ, with the reason."""
         pair = self._robot_nodes, nodes
         for publishing, subscribed in (pair, pair[::-1]):
-            publishers = {pub.topic_name: pub for node in publishing for pub in node.publishers}
-            for subscription in (sub for node in subscribed for sub in node.subscriptions):
-                if publisher := publishers.get(subscription.topic_name):
+            for publisher, subscription in product(
+                _publishers(publishing), _subscriptions(subscribed)
+            ):
+                if (topic := publisher.topic_name) == subscription.topic_name:
                     offered, wanted = publisher.qos_profile, subscription.qos_profile
                     compatibility, reason = qos_check_compatible(offered, wanted)
                     if compatibility == QoSCompatibility.ERROR:
-                        yield f"{subscription.topic_name}, as QoS differ: {reason.strip('; ')}"
+                        yield f"{topic}, as QoS differ: {reason.strip('; ')}"
 
     def _await_latched(self, timeout: float) -> None:
         """Wait until subscriptions have the last messages, which threads of DDS deliver."""
-        for node in self._executor.nodes:
-            for publisher in node.publishers:
-                if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
-                    publisher.wait_for_all_acked(Duration(seconds=timeout))
+        for publisher in _publishers(self._executor.nodes):
+            if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(Duration(seconds=timeout))
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log topics without a publisher or a subscription, with the robots' most similar topic."""

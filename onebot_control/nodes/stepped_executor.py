@@ -170,23 +170,22 @@ class SteppedExecutor(Executor):
         self._is_stale = False
         self.nodes = [node for node in self.nodes if is_alive(node.handle)]
         entities = [row for node in self.nodes for row in _entities(node)]
-        counts, waitables = Counter(kind for kind, _, _ in entities), NumberOfEntities()
-        for kind, entity, _ in entities:
-            if kind == _WAITABLE:
-                waitables += entity.get_num_entities()
+        counts = Counter(kind for kind, _, _ in entities)
+        numbers_of = (each.get_num_entities() for kind, each, _ in entities if kind == _WAITABLE)
+        waitables = sum(numbers_of, NumberOfEntities())
         numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
         self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
-        self._rows = [
-            _Row(*row, row[1].add_to_wait_set, wait_set, 0)
-            if row[0] == _WAITABLE
-            else _Row(
-                *row, getattr(wait_set, f"add_{row[0]}"), row[1].handle, row[1].handle.pointer
-            )
-            for row in entities
-        ]
+        self._rows = [_row(wait_set, *entity) for entity in entities]
         self._rows_without_events = [
             row for row in self._rows if not isinstance(row.entity, EventHandler)
         ]
+
+
+def _row(wait_set: Any, kind: str, entity: Any, node: Node) -> _Row:
+    if kind == _WAITABLE:
+        return _Row(kind, entity, node, entity.add_to_wait_set, wait_set, 0)
+    handle = entity.handle
+    return _Row(kind, entity, node, getattr(wait_set, f"add_{kind}"), handle, handle.pointer)
 
 
 def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:

@@ -6,10 +6,10 @@ other, the one whose shape is nearest is named.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,20 +22,18 @@ from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Box, Cylinder, Link, Mesh, Shape, Sphere
-from onebot_description.geometry import matrices
-from onebot_description.geometry.poses import Transform, Triple, compose, inverse, rows_of
+from onebot_description.geometry.poses import Transform, Triple, compose, inverse
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 GROUND, WORLD = "ground", "world"  # names of what is no robot
 _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
 
-_NEAR, _FAST = 0.02, 2.0  # m; and m/s at which bodies are at most expected to move
-_AGAIN, _LATEST = 10, 100  # cycles after which to look again what is near; at most, if nothing is
-_MOST_WALLS = 100  # looking whether one of more is near would take longer than recording
+_FAST = 2.0  # m/s at which bodies are at most expected to move
+_AGAIN = 2  # cycles from one look at what is near to the next
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
+_Names = tuple[str, str, str]  # the first fields of a ``Contact``
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # see ``Body.collisions``
-_Rectangle = tuple[float, float, float, float]  # left, low, right, high, m
 # PyBullet's list after a step, and poses before it of bodies of several links.
 _Listed = tuple[Sequence[Sequence[Any]], Mapping[_Place, Transform]]
 
@@ -61,13 +59,13 @@ class Contact(NamedTuple):
 
 
 class _Touch(NamedTuple):
-    step: int
+    """A point of PyBullet's list, as one of the two bodies has it."""
+
     own: _Place
     other: _Place
-    points: tuple[Triple, Triple]  # on the robot, and on the other body
+    points: tuple[Triple, Triple]  # on the own body, and on the other one
     normal: Triple
     force: float
-    poses: Mapping[_Place, Transform]  # see ``_Listed``
 
 
 class ContactRecorder:
@@ -82,8 +80,7 @@ class ContactRecorder:
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
         """Begin without contacts; ``load`` has to follow."""
         self._robots, self._scene = robots, scene
-        self._shapes_of = {robot: _shapes(robot.spawn) for robot in robots}
-        self._arms_of = {robot: _arm_links(robot.spawn) for robot in robots}
+        self._links = [(_shapes(robot.spawn), _arm_links(robot.spawn)) for robot in robots]
 
     def load(self, bullet: Bullet) -> None:
         """Begin without contacts in a world in which all bodies have been loaded anew."""
@@ -93,14 +90,12 @@ class ContactRecorder:
         self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
         self._shapes: dict[_Place, _Shapes] = {}
         self._arms: set[_Place] = set()
-        for robot in self._robots:
+        for robot, (shapes, arms) in zip(self._robots, self._links, strict=True):
             joints = robot.spawn.description.moving_joints
             indices = {joint.child: robot.parts.joints[joint.name] for joint in joints}
-            for link, shapes in self._shapes_of[robot].items():
-                place = robot.parts.body, indices.get(link, -1)
-                self._shapes[place] = shapes
-                if link in self._arms_of[robot]:
-                    self._arms.add(place)
+            places = {link: (robot.parts.body, indices.get(link, -1)) for link in shapes}
+            self._shapes |= {place: shapes[link] for link, place in places.items()}
+            self._arms |= {place for link, place in places.items() if link in arms}
         self._sleepers: set[int] = set()  # boxes
         self._loaded = {robot.parts.body: robot.parts for robot in self._robots}
         for index, body, loaded in self._scene.bodies() if self._scene else ():
@@ -114,59 +109,42 @@ class ContactRecorder:
             for place, shapes in self._shapes.items()
             if len({link.name for _, _, link in shapes}) > 1 and place[0] in self._loaded
         }
-        # PyBullet's points in each step of the last cycle; None if they were not recorded.
+        # What PyBullet listed in each step of the last cycle; None if that was not recorded.
         self._listed: list[_Listed] | None = []
-        self._moved: set[int] = set()  # robots that were placed since then
+        self._moved = {*range(len(self._robots))}  # robots that were placed since then
         self._poses: dict[_Place, Transform] = {}
         self.collided = [False] * len(self._robots)
-        self._measure()
-
-    def _measure(self) -> None:
-        """Measure where fixed bodies are, and how far movable ones reach about their root link."""
-        self._walls: list[_Rectangle] = []
-        self._extents: dict[int, tuple[float, float]] = {}  # along x and y of the root link, m
-        self._is_near, self._valid = False, 0  # whether robots are near anything; cycles it holds
-        for body, index in self._shapes:
-            box = np.array(self._bullet.getAABB(body, index))
-            if body not in self._loaded:
-                (left, low, _), (right, high, _) = box.tolist()
-                self._walls.append((left, low, right, high))
-                continue
-            corners = np.array([*product(*box.T)])
-            root = matrices.of_transform(inverse(self._loaded[body].pose()))
-            x, y, z = np.abs(matrices.transformed(corners, root)).max(axis=0).tolist()
-            if body not in self._rows:  # a box may roll
-                x = y = math.hypot(x, y, z)
-            wide, long = self._extents.get(body, (0.0, 0.0))
-            self._extents[body] = max(x, wide), max(y, long)
-
-        has_joints = any(robot.spawn.starts for robot in self._robots)
-        self.always = has_joints or len(self._walls) > _MOST_WALLS
+        self.always = any(robot.spawn.starts for robot in self._robots)
+        self._is_near, self._valid = False, 0  # whether robots are near anything; cycles left
 
     def may_collide(self, period: float) -> bool:
         """Return whether a robot may touch something in the next ``period``, s.
 
-        Robots with arms and the like always may, others if they are near anything; of those that
-        have collided nothing else is to be found out.
+        Robots with arms and the like always may, others if they are near anything. Robots that have
+        collided already do not count.
         """
-        if all(self.collided) and not self._sleepers:
-            return False
-        if self.always:
-            return True
+        robots = [
+            robot
+            for robot, collided in zip(self._robots, self.collided, strict=True)
+            if self._sleepers or not collided
+        ]
         self._valid -= 1
-        if self._valid <= 0:
-            poses = [robot.pose for robot in self._robots]
-            poses += self._scene.poses if self._scene else ()
-            areas = [*map(_rectangle, poses, self._extents.values())]
-            gaps = [
-                max(two[0] - one[2], one[0] - two[2], two[1] - one[3], one[1] - two[3])
-                for row, one in enumerate(areas[: len(self._robots)])
-                for two in (*self._walls, *areas[row + 1 :])
-            ]
-            cycles = (min(gaps, default=math.inf) - _NEAR) / (2.0 * _FAST * period)
-            self._is_near = cycles <= 1.0
-            self._valid = _AGAIN if self._is_near else int(min(cycles, _LATEST))
-        return self._is_near
+        if robots and not self.always and self._valid < 0:
+            self._valid = _AGAIN - 1
+            reach = 2.0 * _FAST * _AGAIN * period
+            # After a robot was placed, PyBullet finds it where it was until the next step.
+            self._is_near = bool(self._moved) or any(self._nears(each, reach) for each in robots)
+        return bool(robots) and (self.always or self._is_near)
+
+    def _nears(self, robot: RobotBody, reach: float) -> bool:
+        """Return whether anything but the ground is within ``reach`` of a robot, m."""
+        body, ground = robot.parts.body, self._ground
+        boxes = [self._bullet.getAABB(*place) for place in self._shapes if place[0] == body]
+        lows, highs = zip(*boxes, strict=True)
+        low = [min(values) - reach for values in zip(*lows, strict=True)]
+        high = [max(values) + reach for values in zip(*highs, strict=True)]
+        near = self._bullet.getOverlappingObjects(low, high) or ()
+        return any(other not in (body, ground) for other, _ in near)
 
     def begin(self, *, recorded: bool) -> None:
         """Begin a control cycle."""
@@ -196,21 +174,19 @@ class ContactRecorder:
                 if place in merged and place not in self._poses:
                     self._poses[place] = self._loaded[place[0]].link_pose(place[1])
             if always or (other != ground and body != ground):
-                for touch in self._touches(point, poses, 0):
+                for touch in self._touches(point):
                     self._judge(touch)
 
-    def _touches(
-        self, point: Sequence[Any], poses: Mapping[_Place, Transform], step: int
-    ) -> Iterator[_Touch]:
+    def _touches(self, point: Sequence[Any]) -> Iterator[_Touch]:
         """Yield a point of PyBullet's list as each robot that is part of it has it."""
         _, body, other, index, other_index, at, on, normal, apart, force, *_ = point
         # The solver skips points that are farther apart, and leaves an old force there.
         if force > 0.0 and apart <= TOUCHING:
             one, two, (x, y, z) = (body, index), (other, other_index), normal
             if body in self._rows:
-                yield _Touch(step, one, two, (at, on), normal, force, poses)
+                yield _Touch(one, two, (at, on), normal, force)
             if other in self._rows:
-                yield _Touch(step, two, one, (on, at), (-x, -y, -z), force, poses)
+                yield _Touch(two, one, (on, at), (-x, -y, -z), force)
 
     def _judge(self, touch: _Touch) -> None:
         """Decide whether a contact is a collision."""
@@ -235,31 +211,33 @@ class ContactRecorder:
         if self._listed is None:
             self.record()
         listed = self._listed or []
-        pairs: dict[tuple[str, str, str], list[_Touch]] = {}
-        for step, (points, poses) in enumerate(listed):
-            for touch in (each for point in points for each in self._touches(point, poses, step)):
+        sums = defaultdict[_Names, float](float)
+        last: dict[_Names, list[_Touch]] = {}  # in the last step in which they touched
+        for points, poses in listed:
+            touches = defaultdict[_Names, list[_Touch]](list)
+            for touch in (each for point in points for each in self._touches(point)):
                 if self._rows[touch.own[0]] == row:
-                    link = self._link(touch.own, touch.points[0], poses)
-                    pairs.setdefault((link, *self._other(touch)), []).append(touch)
+                    names = self._names(touch, poses)
+                    touches[names].append(touch)
+                    sums[names] += touch.force
+            last |= touches
         contacts = []
-        for names, touches in pairs.items():
-            last = [touch for touch in touches if touch.step == touches[-1].step]
-            mean = sum(touch.force for touch in touches) / len(listed)
-            share = mean / sum(touch.force for touch in last)
+        for names, touched in last.items():
+            share = sums[names] / len(listed) / sum(touch.force for touch in touched)
             contacts += [
                 Contact(*names, touch.points[0], touch.normal, share * touch.force)
-                for touch in last
+                for touch in touched
             ]
         return contacts
 
-    def _other(self, touch: _Touch) -> tuple[str, str]:
-        """Return the other body and its link."""
-        place = touch.other
+    def _names(self, touch: _Touch, poses: Mapping[_Place, Transform]) -> _Names:
+        """Return the robot's link, the other body, and that body's link."""
+        link, place = self._link(touch.own, touch.points[0], poses), touch.other
         if place not in self._shapes:
-            return GROUND, ""
+            return link, GROUND, ""
         row = self._rows.get(place[0])
         body = WORLD if row is None else self._robots[row].spawn.name
-        return body, self._link(place, touch.points[1], touch.poses)
+        return link, body, self._link(place, touch.points[1], poses)
 
     def _link(self, place: _Place, point: Triple, poses: Mapping[_Place, Transform]) -> str:
         """Return the link of a body whose shape is nearest to a point in the world."""
@@ -268,21 +246,8 @@ class ContactRecorder:
             return shapes[0][2].name
         pose = poses.get(place) or self._loaded[place[0]].link_pose(place[1])
         local, _ = compose(inverse(pose), (point, (0.0, 0.0, 0.0, 1.0)))
-        _, _, link = min(
-            shapes, key=lambda shape: abs(_height(shape[0], shape[1], np.array(local)))
-        )
-        return link.name
-
-
-def _rectangle(pose: Transform, extents: tuple[float, float]) -> _Rectangle:
-    """Return what a body with these extents about its root link covers, seen from above."""
-    (x, y, _), rotation = pose
-    first, second, _ = rows_of(rotation)
-    wide, long = (
-        sum(abs(one) * extent for one, extent in zip(row, (*extents, max(extents)), strict=True))
-        for row in (first, second)
-    )
-    return x - wide, y - long, x + wide, y + long
+        at = np.array(local)
+        return min(shapes, key=lambda item: abs(_height(item[0], item[1], at)))[2].name
 
 
 def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:

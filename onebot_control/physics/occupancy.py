@@ -93,8 +93,9 @@ def occupancy_grid(
             shape: int = bullet.createCollisionShape(engine.GEOM_BOX, halfExtents=halves)
             return shape
 
-        def fill(body: int, left: int, low: int, wide: int, long: int) -> None:
-            """Mark the cells of a block that a body reaches into, in halves of the block."""
+        blocks = [(body, 0, 0, columns, rows) for body in np.array(bodies)[reach].tolist()]
+        while blocks:
+            body, left, low, wide, long = blocks.pop()
             middle = x + resolution * (left + wide / 2.0), y + resolution * (low + long / 2.0)
             points = bullet.getClosestPoints(
                 bodyA=body,
@@ -104,18 +105,12 @@ def occupancy_grid(
                 collisionShapePositionB=(*middle, height),
             )
             if not any(point[8] < -_INSIDE for point in points):
-                return
+                continue
             if wide == long == 1:
                 data[low, left] = OCCUPIED
-            elif wide >= long:
-                half = wide // 2
-                fill(body, left, low, half, long)
-                fill(body, left + half, low, wide - half, long)
-            else:
-                half = long // 2
-                fill(body, left, low, wide, half)
-                fill(body, left, low + half, wide, long - half)
-
-        for body in np.array(bodies)[reach].tolist():
-            fill(body, 0, 0, columns, rows)
+                continue
+            # The body reaches into the block: look at the halves of its longer side.
+            right, top = (wide // 2, 0) if wide >= long else (0, long // 2)
+            blocks.append((body, left, low, right or wide, top or long))
+            blocks.append((body, left + right, low + top, wide - right, long - top))
     return OccupancyGrid(data, resolution, (x, y))

@@ -1,11 +1,17 @@
 """Plain values of a simulated robot's state and measurements."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.geometry.poses import Transform, to_rpy
 from onebot_description.parameters.arguments import checked
+
+V = TypeVar("V")
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,12 @@ class RobotPose:
     roll: float
     pitch: float
     yaw: float
+
+    @classmethod
+    def of(cls, transform: Transform) -> "RobotPose":
+        """Return the pose of a frame with this transform to the world."""
+        translation, rotation = transform
+        return cls(*translation, *to_rpy(rotation))
 
 
 @dataclass(frozen=True)
@@ -125,3 +137,17 @@ class ImuReading:
     orientation: NDArray[np.float64] | None
     angular_velocity: NDArray[np.float64]
     linear_acceleration: NDArray[np.float64]
+
+
+class ByName(dict[str, V]):
+    """Values by name; an unknown name raises OneBotError."""
+
+    def __init__(self, error: str, values: Iterable[tuple[str, V]]) -> None:
+        """Take the values, and the error about a name, which replaces the braces in it."""
+        super().__init__(values)
+        self._error = error
+
+    def __missing__(self, name: str) -> V:
+        names = [known or "the only one, simulation.robot" for known in self]
+        text = self._error.format(f'"{name}"')
+        raise OneBotError(f"{text}{did_you_mean(str(name), names)}")

@@ -14,8 +14,7 @@ import inspect
 import os
 import types
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
@@ -26,7 +25,8 @@ from onebot_description.parameters.values import Rule, ValueType, plain, shown
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
-_Check = Callable[[str, Any], Any]  # takes an argument's name and value, returns the value to use
+# Takes an argument's name and value, returns the value to use, and adds problems to a list.
+_Check = Callable[[str, Any, list[Problem]], Any]
 # What to write in Python for a type.
 _WANTED: Mapping[Any, str] = {
     **{bool: "True or False", str: "a string", float: "a number"},
@@ -60,10 +60,7 @@ def checked(function: F, before: Callable[[Any], object] | None = None) -> F:
         checks, problems = _checks(function), list[Problem]()
 
         def used(name: str, value: Any) -> Any:
-            try:
-                return checks[name](name, value) if name in checks else value
-            except ConfigError as error:
-                problems.extend(error.problems)
+            return checks[name](name, value, problems) if name in checks else value
 
         values = [*map(used, names, given), *given[len(names) :]]
         named = {name: used(name, value) for name, value in named.items()}
@@ -89,15 +86,6 @@ def checked_methods(before: Callable[[Any], object] | None = None) -> Callable[[
         return kind
 
     return decorate
-
-
-@contextmanager
-def _collected(problems: list[Problem]) -> Iterator[None]:
-    """Add the problems of an error raised inside to ``problems``."""
-    try:
-        yield
-    except ConfigError as error:
-        problems += error.problems
 
 
 @functools.cache
@@ -132,23 +120,19 @@ def _check(hint: Any, rule: Rule | None = None) -> _Check:
 
 
 def _optional(check: _Check) -> _Check:
-    return lambda name, value: None if value is None else check(name, value)
-
-
-def _wrong(name: str, value: Any, rule: Rule, kinds: Sequence[Any]) -> ConfigError:
-    wanted = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
-    return ConfigError([Problem(name, f"{shown(value)}; write {wanted}")])
+    return lambda name, value, problems: None if value is None else check(name, value, problems)
 
 
 def _value(kind: ValueType) -> _Check:
     if kind.base is bool:
         kind = replace(kind, rule=replace(kind.rule, write=kind.rule.write or _WANTED[bool]))
 
-    def check(name: str, value: Any) -> Any:
+    def check(name: str, value: Any, problems: list[Problem]) -> Any:
         try:
             result = kind.checked(value)
         except ValueError as error:
-            raise ConfigError([Problem(name, str(error))]) from None
+            problems.append(Problem(name, str(error)))
+            return value
         return value if kind.many else result
 
     return check
@@ -157,30 +141,29 @@ def _value(kind: ValueType) -> _Check:
 def _instance(kinds: Sequence[Any], rule: Rule) -> _Check:
     """Return the check of what is one of some classes; of anything else, a check of nothing."""
     if any(typing.get_origin(kind) or kind is Any or not isinstance(kind, type) for kind in kinds):
-        return lambda name, value: value
+        return lambda name, value, problems: value
     accepted = tuple(type_ for kind in kinds for type_ in _ACCEPTED.get(kind, (kind,)))
+    wanted = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
 
-    def check(name: str, value: Any) -> Any:
+    def check(name: str, value: Any, problems: list[Problem]) -> Any:
         value = plain(value)
         if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
-            raise _wrong(name, value, rule, kinds)
+            problems.append(Problem(name, f"{shown(value)}; write {wanted}"))
         return value
 
     return check
 
 
 def _map(key_check: _Check, item_check: _Check, rule: Rule) -> _Check:
-    def check(name: str, value: Any) -> Any:
+    check_type = _instance([Mapping], rule)
+
+    def check(name: str, value: Any, problems: list[Problem]) -> Any:
         if not isinstance(value, Mapping):
-            raise _wrong(name, value, rule, [Mapping])
-        result, problems = dict[str, Any](), list[Problem]()
+            return check_type(name, value, problems)
+        result = dict[str, Any]()
         for key, item in value.items():
-            with _collected(problems):
-                key_check(name, key)
-            with _collected(problems):
-                result[key] = item_check(f"{name}.{key}", item)
-        if problems:
-            raise ConfigError(problems)
+            key_check(name, key, problems)
+            result[key] = item_check(f"{name}.{key}", item, problems)
         return result
 
     return check

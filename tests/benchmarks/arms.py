@@ -121,7 +121,7 @@ def _moved(simulation: Simulation, ends: list[dict[str, float]]) -> Taken:
             robot.drive(0.2, 0.1)
         robot.move_to(ends[0], seconds=_SECONDS)
     cycles = round(_SECONDS / simulation.period)
-    world = simulation._fleet.world
+    world = simulation._core.fleet.world
     with pytest.MonkeyPatch.context() as patch:
         bare, step = Timed(world.bullet.stepSimulation), Timed(world.step)
         patch.setattr(world.bullet, "stepSimulation", bare)

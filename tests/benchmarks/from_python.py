@@ -77,7 +77,7 @@ def run(quick: bool) -> Report:
         }
         variants["bare"] = lambda: bare_step(simulations[0])
         taken = in_turn(variants, rounds)
-        bare_steps = simulations[0]._fleet.world.settings.steps(1.0)
+        bare_steps = simulations[0]._core.fleet.world.settings.steps(1.0)
     step = fastest(taken.pop("bare"))
     paces = {what: 1.0 / fastest(each) for what, each in taken.items()}
     scale = BARE_STEP / step

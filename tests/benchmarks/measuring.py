@@ -110,7 +110,7 @@ def bare_step(
     simulation: Simulation, clock: Callable[[], float] = time.thread_time, steps: int = 100
 ) -> float:
     """Return what a bare ``stepSimulation`` of a world takes, s, as the mean of some."""
-    client = simulation._fleet.world.bullet.client
+    client = simulation._core.fleet.world.bullet.client
     began = clock()
     for _ in range(steps):
         engine.stepSimulation(client)

@@ -50,7 +50,7 @@ def _measure(robots: int, quick: bool) -> tuple[list[float], list[float]]:
         for row in range(robots)
     }
     with Simulation(robots=setups) as simulation:
-        fleet = simulation._fleet
+        fleet = simulation._core.fleet
         for _ in range(round((0.3 if quick else _DRIVEN) / fleet.period)):
             _drive(fleet)
         _check_odometry(fleet)

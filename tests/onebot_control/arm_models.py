@@ -236,7 +236,7 @@ def newton_euler(
     Bullet has it apart from its simulation. The effort has to overcome damping and friction, and
     moves what mimics the joint, whose effort is 0.
     """
-    parts = simulation._fleet.robots[0].body.parts
+    parts = simulation._core.fleet.robots[0].body.parts
     names = sorted(parts.joints, key=parts.joints.__getitem__)
     rows = [[of.get(name, 0.0) for name in names] for of in (at, speeds, accelerations)]
     found = parts.bullet.calculateInverseDynamics(parts.body, *rows)

@@ -193,7 +193,7 @@ class _Spy:
     """Lists PyBullet's contact points after each physics step."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self._bullet = simulation._fleet.world.bullet
+        self._bullet = simulation._core.fleet.world.bullet
         self._step, self.steps = self._bullet.stepSimulation, list[list[tuple[int, float]]]()
         self._bullet.stepSimulation = self
 
@@ -319,6 +319,7 @@ def test_contacts_cost_nothing_if_nobody_asks_and_nothing_is_near(
     with Simulation(**arguments) as simulation:
         for robot in simulation.robots.values():
             robot.drive(0.2)
+        simulation.step(3)  # what is near is not known until they have moved
         calls, record = list[int](), ContactRecorder.record
         monkeypatch.setattr(ContactRecorder, "record", lambda of: calls.append(1) or record(of))
         simulation.run(2.0)
@@ -341,8 +342,8 @@ def test_recorded_contacts_change_nothing():
             if asks:
                 simulation.on_step(lambda robot=robot: robot.contacts)
             else:
-                finish = simulation._fleet.finish
-                simulation._fleet.finish = lambda recorded, finish=finish: finish()  # type: ignore[method-assign]
+                finish = simulation._core.fleet.finish
+                simulation._core.fleet.finish = lambda recorded, finish=finish: finish()  # type: ignore[method-assign]
             simulation.run(5.0)
             ends.append((robot.pose, robot.joints, simulation.boxes))
     assert ends[0] == ends[1]

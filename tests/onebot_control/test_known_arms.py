@@ -153,7 +153,7 @@ def test_arm_rests_and_follows(name: str, caplog: pytest.LogCaptureFixture) -> N
         moving = {joint.name: joint for joint in simulation.robot.description.moving_joints}
         start = positions(simulation)
         mimics = [name for name in start if moving[name].mimic is not None]
-        commanded = simulation._fleet.robots[0].body.commanded
+        commanded = simulation._core.fleet.robots[0].body.commanded
         assert (len(commanded), len(mimics)) == (arm.commanded, arm.mimics)
 
         simulation.run(10.0)

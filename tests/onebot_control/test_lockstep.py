@@ -1,4 +1,4 @@
-"""Nodes in step with a Simulation behave in the same way each time, at any speed."""
+"""Nodes in lockstep with a Simulation behave in the same way each time, at any speed."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,0 +1,161 @@
+"""What robots a Simulation has, and how models, worlds and parameters are read for it."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.controller_names import DRIVE_CONTROLLER
+from onebot_control.drive.wheels.finding import has_wheels
+from onebot_control.drive_kinds import ControlConfig
+from onebot_control.fleet import Member
+from onebot_control.joint_controllers import named
+from onebot_description.description import Description, load_description
+from onebot_description.description.loading import XacroValues, load_world
+from onebot_description.description.xacro import xacro_arguments
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.arguments import checked_methods
+from onebot_description.parameters.reader import ConfigError, Problem, leaves
+from onebot_description.parameters.values import Rule, plain
+
+_SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
+# Parameters of velocity_controller that do not apply to a Simulation.
+_WITHOUT_EFFECT = {
+    *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
+    *("real_time_factor", "paused", "step_topics", "step_timeout"),
+}
+
+Model = Annotated[str | Path | Description, Rule(write="a URDF or xacro file, or a Description")]
+Parameters = Annotated[Mapping[str, Any], Rule(write="a dict of values by their ROS names")]
+
+
+@checked_methods()
+@dataclass(frozen=True)
+class RobotSetup:
+    """Model, start pose and parameters of one of several robots in a ``Simulation``.
+
+    Attributes:
+        x: start position in the world, m.
+        y: start position in the world, m.
+        yaw: start heading, rad.
+        model: a URDF or xacro file, or a Description; None for the Simulation's model.
+        parameters: parameters of its controller, by ROS names; they override the Simulation's.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    model: Model | None = None
+    parameters: Parameters = field(default_factory=dict)
+
+
+def read_robot_and_scene(
+    model: str | Path | Description,
+    arguments: XacroValues,
+    world: str | Path | Description,
+    *,
+    optional: bool,
+) -> tuple[Description, Description | None]:
+    """Return the robot and its scene; two files are read at once, as xacro runs in processes.
+
+    Args:
+        model: the robot.
+        arguments: xacro arguments of the model, by name.
+        world: the scene: a name, a file or a Description; "" for bare ground.
+        optional: enable the robot's optional sensors, if it has any.
+
+    Raises:
+        OneBotError: one of them cannot be read.
+    """
+    with ThreadPoolExecutor(1) as executor:
+        reading = executor.submit(_scene, world)
+        description = _described(model, arguments, optional)
+    return description, reading.result()
+
+
+def fleet_members(
+    setups: Mapping[str, RobotSetup],
+    default: Description,
+    parameters: Mapping[str, Any],
+    *,
+    optional: bool,
+) -> tuple[list[Member], list[dict[str, Any]]]:
+    """Return the robots as members of a fleet, and the parameters of their controllers, by name.
+
+    Args:
+        setups: the robots' setups, by name; the name of a single robot is "".
+        default: the description of robots whose setup has no model.
+        parameters: parameters of all controllers, by ROS names. They override OneBot's
+            control.yaml, and those of a setup override them.
+        optional: enable the optional sensors of models, if they have any.
+
+    Raises:
+        OneBotError: a model or a parameter cannot be used.
+    """
+    defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER).values
+    values = [
+        {
+            **defaults,
+            **given_parameters({**parameters, **setup.parameters}),
+            **{"x": setup.x, "y": setup.y, "yaw": setup.yaw},
+        }
+        for setup in setups.values()
+    ]
+    members = []
+    for (name, setup), given in zip(setups.items(), values, strict=True):
+        description = default if setup.model is None else _described(setup.model, {}, optional)
+        with named(f"robots.{name}") if name else nullcontext():
+            config = ControlConfig.from_parameters(given)
+        has_drive = bool(config.left_wheel_names) or has_wheels(description)
+        members.append(Member(description, config if has_drive else config.standing, name))
+    return members, values
+
+
+def given_parameters(parameters: Mapping[str, Any], *, running: bool = False) -> dict[str, Any]:
+    """Return given parameters as plain Python values.
+
+    Args:
+        parameters: the values, by ROS names.
+        running: whether the simulation has started.
+
+    Raises:
+        ConfigError: one has no effect in a Simulation, or none after the start.
+    """
+    _refuse(
+        [name for name in parameters if name in _WITHOUT_EFFECT],
+        "has no effect here; Simulation has arguments for what can be chosen",
+    )
+    if running:
+        fixed = {leaf.name for leaf in leaves(ControlConfig) if leaf.type.rule.read_only}
+        _refuse(
+            [name for name in parameters if name in fixed],
+            "is read at the start; give it to Simulation(parameters=...)",
+        )
+    return {name: plain(value) for name, value in parameters.items()}
+
+
+def _refuse(names: Sequence[str], text: str) -> None:
+    if names:
+        raise ConfigError([Problem(name, text) for name in names])
+
+
+def _described(
+    model: str | Path | Description, arguments: XacroValues, optional: bool
+) -> Description:
+    if isinstance(model, Description):
+        if arguments:
+            raise OneBotError("arguments are for a xacro file; a Description has been expanded")
+        return model
+    if optional:
+        names = [argument.name for argument in xacro_arguments(str(model)).arguments]
+        arguments = {_SENSORS: "true", **arguments} if _SENSORS in names else arguments
+    return load_description(model, arguments)
+
+
+def _scene(world: str | Path | Description) -> Description | None:
+    if isinstance(world, Description):
+        return world
+    return load_world(str(world)) if str(world) else None

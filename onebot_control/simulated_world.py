@@ -1,0 +1,229 @@
+"""The core that a ``Simulation``, its robots and the ROS nodes in lockstep with it share.
+
+It runs the control cycles of a fleet and keeps what belongs to a moment of simulated time: the
+state that sensors measure, the contacts and the recorded moments. No ROS here.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from onebot_control.controlled_robot import Snapshot
+from onebot_control.drive_kinds import ControlConfig
+from onebot_control.fleet import Fleet, Member
+from onebot_control.physics.contacts import Contact
+from onebot_control.recording import Moment, MomentLog
+from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
+from onebot_control.sensing.rays import Rays, cast
+from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
+from onebot_control.sensing.surroundings import LinkPose, SensedRobot
+from onebot_description.description import Description
+from onebot_description.description.loading import load_sensors
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Transform
+
+_CLOSED = "this simulation has been closed; make a new one"
+_REACH = 1e4  # m; rays that go farther hit nothing
+
+
+class SimulatedWorld:
+    """A fleet with its sensors, whose time advances by control cycles.
+
+    Attributes:
+        fleet: the robots with their controllers, in one physics world.
+        scene: what stands around them; None for bare ground.
+        sensors: robots and surroundings as sensors see them.
+        instruments: the sensors of each robot.
+        sensor_file: the file that added sensors to the robots; "" for none.
+        noise: whether the sensors are noisy.
+        seed: seed of that noise.
+        names: the robots' names, in the order of the fleet; that of a single one is "".
+        parameters: parameters of each robot's controller, by name.
+        commands: the commanded linear (m/s) and angular (rad/s) velocity of each robot, which is
+            sent in every cycle; None if there was no command.
+        after_cycle: functions that are called after each cycle, by any key.
+        publish: publishes the states at the beginning of a cycle and their stamp, ns, to ROS nodes
+            in lockstep, and runs these; None if there are none.
+    """
+
+    def __init__(
+        self,
+        members: Sequence[Member],
+        parameters: Sequence[dict[str, Any]],
+        scene: Description | None,
+        *,
+        sensor_file: str,
+        noise: bool,
+        seed: int,
+    ) -> None:
+        """Build the world, with the robots at rest.
+
+        Args:
+            members: the robots.
+            parameters: parameters of each robot's controller, by name.
+            scene: what stands around the robots; None for bare ground.
+            sensor_file: a URDF or xacro file with further sensors; "" for none.
+            noise: whether sensors have the noise that the URDF specifies.
+            seed: seed of that noise.
+
+        Raises:
+            OneBotError: a robot, its sensors or the scene cannot be simulated.
+        """
+        self.scene, self.sensor_file, self.noise, self.seed = scene, sensor_file, noise, seed
+        self.names = [member.name for member in members]
+        self.parameters, self._start_parameters = list(parameters), tuple(parameters)
+        self.after_cycle: dict[object, Callable[[], object]] = {}
+        self.publish: Callable[[Sequence[Snapshot], int], object] | None = None
+        self._log: MomentLog | None = None
+        self._is_closed = False
+        self.fleet = fleet = Fleet.from_members(members, scene=scene)
+        self.sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
+        self.instruments = [self._instruments(row) for row in range(len(members))]
+        self._begin()
+
+    def _instruments(self, row: int) -> list[Instrument[Any]]:
+        """Return what measures with the sensors of a robot."""
+        robot, rate = self.fleet.robots[row], self.fleet.rate
+        self.sensors.enter(row, SensedRobot(robot.description, robot.joints, robot.held))
+        sensors = list(robot.description.sensors)
+        if self.sensor_file:
+            sensors += load_sensors(self.sensor_file, robot.description).sensors
+        return [
+            INSTRUMENTS[type(sensor.model)](
+                sensor, row, f"/{self.names[row]}", rate, self.noise, self.seed
+            )
+            for sensor in sensors
+        ]
+
+    def _begin(self) -> None:
+        self._before: Sequence[Snapshot] | None = None
+        self._frame: Frame | None = None
+        self._contacts_wanted = False  # whether contacts have been asked for
+        self.commands: list[tuple[float, float] | None] = [None] * len(self.names)
+        self.sensors.restart()
+        self.fleet.observe()
+        self._current_frame()  # an IMU needs the orientation at the start
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start, s."""
+        return self.fleet.ticks / self.fleet.rate
+
+    def require_open(self) -> None:
+        """Raise a OneBotError if the world has been closed."""
+        if self._is_closed:
+            raise OneBotError(_CLOSED)
+
+    def close(self) -> None:
+        """Free the world; states that were last read remain."""
+        self.fleet.close()
+        self._is_closed = True
+
+    def restart(self, seed: int | None) -> None:
+        """Go back to the start, with noise of another seed, or of the same one if it is None."""
+        if seed is not None:
+            self.seed = seed
+            for instruments in self.instruments:
+                for instrument in instruments:
+                    instrument.reseed(seed)
+        for row, values in enumerate(self._start_parameters):
+            if values is not self.parameters[row]:
+                self.configure(row, values)
+        self.fleet.restart()
+        self._begin()
+        if self._log is not None:
+            self._log.moments.clear()
+            self._log.moments.append(self._moment())
+
+    def configure(self, row: int, parameters: dict[str, Any]) -> None:
+        """Set all parameters of a robot's controller, from the next cycle on.
+
+        Raises:
+            OneBotError: a value is wrong; then nothing has changed.
+        """
+        config, robot = ControlConfig.from_parameters(parameters), self.fleet.robots[row]
+        robot.configure(config if robot.drive else config.standing)
+        self.parameters[row] = parameters
+
+    def cycle(self, *, last: bool) -> None:
+        """Run one control cycle; afterwards the robots' state is that at its end.
+
+        Args:
+            last: whether it is the last one before somebody can ask for its contacts. They are
+                recorded then, and in each cycle after somebody has asked for the first time.
+        """
+        fleet = self.fleet
+        for robot, command in zip(fleet.robots, self.commands, strict=True):
+            if command is not None:
+                robot.accept(*command)
+        self._before = fleet.begin()
+        try:
+            if self.publish is not None:
+                self.publish(self._before, fleet.stamp)
+        finally:  # after an exception in a callback, the simulation can go on
+            fleet.finish(recorded=last or self._contacts_wanted or None)
+            fleet.observe()
+            self._frame = None
+            if self._log is not None and fleet.ticks % self._log.every == 0:
+                self._log.moments.append(self._moment())
+        for function in [*self.after_cycle.values()]:
+            function()
+
+    def moved(self, row: int) -> None:
+        """Read the state of a robot that was moved between two cycles."""
+        self.fleet.robots[row].observe()
+        self._frame = None
+
+    def contacts(self, row: int) -> list[Contact]:
+        """Return the contacts of a robot in the last cycle; record them in each one from now on."""
+        self._contacts_wanted = True
+        return self.fleet.world.contacts.contacts(row)
+
+    def boxes(self) -> dict[str, Transform]:
+        """Return the poses of the scene's movable boxes in the world, by link."""
+        scene = self.fleet.world.scene
+        return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
+
+    def record(self, log: MomentLog) -> None:
+        """Record moments in ``log``, from the present one on."""
+        self._log = log
+        log.moments.append(self._moment())
+
+    def _moment(self) -> Moment:
+        robots = self.fleet.robots
+        snapshots = [robot.snapshot() for robot in robots]
+        return Moment(
+            self.time,
+            self.fleet.stamp,
+            [snapshot.pose for snapshot in snapshots],
+            [
+                {**robot.held, **dict(zip(robot.joints, snapshot.joints.positions, strict=True))}
+                for robot, snapshot in zip(robots, snapshots, strict=True)
+            ],
+            self.boxes(),
+        )
+
+    def sensed(self) -> SensedWorld:
+        """Return the world as it is now, for sensors; the first time, their meshes are read."""
+        return self.sensors.world(self._current_frame())
+
+    def _current_frame(self) -> Frame:
+        if self._frame is None:
+            scene = self.fleet.world.scene
+            snapshots = [robot.snapshot() for robot in self.fleet.robots]
+            boxes = scene.poses if scene else ()
+            self._frame = self.sensors.frame(self.fleet.stamp, snapshots, self._before, boxes)
+        return self._frame
+
+    def distance(self, pose: LinkPose, ray: Rays, skipped: Sequence[int] = ()) -> float:
+        """Return the distance from ``pose`` to the first thing on a ray, m; infinite for none.
+
+        Args:
+            pose: where the ray begins, in the world.
+            ray: a single one, in that frame.
+            skipped: indices of targets that it does not hit.
+        """
+        placed = self.sensed().placed
+        still, targets = placed.surroundings.still, placed.targets
+        distance = float(cast(ray, *pose, still, targets, _REACH, skipped).distances[0])
+        return distance if distance < _REACH else math.inf
