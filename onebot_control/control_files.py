@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from onebot_control.controller_names import (
+from onebot_control.conventions import (
     BROADCASTER,
     DEFAULT_JOINT_CONTROLLER,
     DRIVE_CONTROLLER,

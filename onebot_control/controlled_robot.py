@@ -7,7 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.controller_names import BROADCASTER, DEFAULT_JOINT_CONTROLLER
+from onebot_control.conventions import BROADCASTER, DEFAULT_JOINT_CONTROLLER
 from onebot_control.drive.drive import Drive, DriveState
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.joint_controllers import (
@@ -23,7 +23,7 @@ from onebot_control.physics import (
     Twist,
 )
 from onebot_control.physics.simulated_model import (
-    Follower,
+    MimicJoint,
     check_interfaces,
     commandable,
     independent,
@@ -173,7 +173,7 @@ class PreparedRobot(NamedTuple):
     wheels: Wheels | None  # None: its base stands still
     spawn: RobotSpawn
     held: Mapping[str, float]  # positions of joints that do not move, by name
-    followers: Sequence[Follower]  # joints that mimic wheels or casters
+    mimic_joints: Sequence[MimicJoint]  # joints that mimic wheels or casters
     controllers: Sequence[JointController[Any]]  # the active ones, of its other joints
     controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
     ignored: Sequence[Problem]  # controllers that are inactive, and parameters without effect
@@ -203,42 +203,56 @@ class PreparedRobot(NamedTuple):
             wheels = config.drive.wheels(description)
             config.drive.geometry(wheels)
         candidates = controllers or [DEFAULT_CONTROLLER]
-        joints = {arm.name: joints_of(arm, description, wheels) for arm in candidates}
-        candidates = [arm for arm in candidates if joints[arm.name]]
+        joints = {
+            controller.name: joints_of(controller, description, wheels) for controller in candidates
+        }
+        candidates = [controller for controller in candidates if joints[controller.name]]
         inactive = _inactive(description, wheels, candidates, joints)
         names = {problem.key for problem in inactive}
-        controllers = [arm for arm in candidates if arm.name not in names]
-        controlled = {arm.name: joints[arm.name] for arm in controllers}
+        controllers = [controller for controller in candidates if controller.name not in names]
+        controlled = {controller.name: joints[controller.name] for controller in controllers}
         commanded = tuple([joint for joints in controlled.values() for joint in joints])
         check_interfaces(description, commanded, stands=wheels is None)
-        unlimited = [arm.name for arm in controllers if not arm.config.enforce_command_limits]
+        unlimited = [
+            controller.name
+            for controller in controllers
+            if not controller.config.enforce_command_limits
+        ]
         free = {joint for name in unlimited for joint in controlled[name]}
         description = without_limits(description, free)
         commanded += tuple(wheels.steering) if wheels else ()
-        simulated, held, followers, gears, starts = simulated_model(
+        simulated, held, mimic_joints, gears, starts = simulated_model(
             description, wheels, commanded, config.initial_positions
         )
         if name:
             simulated = replace(simulated, source=f"{name}: {simulated.source}")
         spawn = RobotSpawn(
             simulated,
-            wheels.names if wheels else (),
-            config.x,
-            config.y,
-            config.yaw,
-            name,
-            commanded,
-            gears,
-            starts,
+            driven=wheels.names if wheels else (),
+            x=config.x,
+            y=config.y,
+            yaw=config.yaw,
+            name=name,
+            commanded=commanded,
+            gears=gears,
+            starts=starts,
             fixed_base=wheels is None,
             links=description.links,
         )
         ignored = [
-            Problem(f"{arm.name}.{problem.key}", problem.text)
-            for arm in controllers
-            for problem in arm.config.ignored(controlled[arm.name])
+            Problem(f"{controller.name}.{problem.key}", problem.text)
+            for controller in controllers
+            for problem in controller.config.ignored(controlled[controller.name])
         ]
-        return cls(wheels, spawn, held, followers, controllers, controlled, [*inactive, *ignored])
+        return cls(
+            wheels=wheels,
+            spawn=spawn,
+            held=held,
+            mimic_joints=mimic_joints,
+            controllers=controllers,
+            controlled=controlled,
+            ignored=[*inactive, *ignored],
+        )
 
 
 def joints_of(
@@ -295,10 +309,10 @@ class ControlledRobot:
         drive: drives it on its wheels; None if its base stands still.
         pace: the pace of its cycles.
         body: the simulated robot.
-        arms: the followers that move joints, by the names of their controllers.
+        followers: they move joints, by the names of their controllers.
         joints: names of the moving joints: the body's, then those that mimic them.
         held: positions of the joints that are held still, by name.
-        finished: goals of arms that have ended, as (controller, outcome); the reader empties it.
+        finished: goals that have ended, as (controller, outcome); the reader empties it.
         ticks: number of control cycles done.
         period: duration of a control cycle, s.
     """
@@ -322,16 +336,17 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         self._wheels, self.body, self.held = prepared.wheels, body, prepared.held
-        self.joints = (*body.joints, *(follower.name for follower in prepared.followers))
-        self._followers = [
-            (self.joints.index(follower.mimic.joint), follower) for follower in prepared.followers
+        self.joints = (*body.joints, *(mimic_joint.name for mimic_joint in prepared.mimic_joints))
+        self._mimic_joints = [
+            (self.joints.index(mimic_joint.mimic.joint), mimic_joint)
+            for mimic_joint in prepared.mimic_joints
         ]
         self.description, self._starts = description, prepared.spawn.starts
         self.joint_controllers = {
             controller.name: controller for controller in prepared.controllers
         }
         self._controlled = prepared.controlled
-        self.arms: dict[str, JointFollower] = {}
+        self.followers: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
         self.start(config)
 
@@ -347,13 +362,13 @@ class ControlledRobot:
         self.broadcaster, self.pace = self.fitted(config), CyclePace(_WINDOW)
         self._use(config)
         self.ticks, self._observed = 0, -1
-        self._reset_arms()
-        self.arms = {
+        self._reset_followers()
+        self.followers = {
             name: self._follower(controller) for name, controller in self.joint_controllers.items()
         }
-        self._arm_rows = {
-            name: [self.body.joints.index(joint) for joint in arm.names]
-            for name, arm in self.arms.items()
+        self._follower_rows = {
+            name: [self.body.joints.index(joint) for joint in follower.names]
+            for name, follower in self.followers.items()
         }
         self.move_into(self.body)
         self._read_state()
@@ -439,14 +454,14 @@ class ControlledRobot:
             if self.ticks % self._drift_cycles == 0:
                 odometry = self.drive.odometry.pose
                 self.drive.drift.update(odometry, self.true_pose, lambda: self.body.obstructed)
-        for name, arm in self.arms.items():
+        for name, follower in self.followers.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
-            self.finish(name, arm.update(motion, stamp, self.period))
-            limits = arm.motor_limits
+            self.finish(name, follower.update(motion, stamp, self.period))
+            limits = follower.motor_limits
             if limits is not None and limits != self._motor_limits.get(name):
                 self._motor_limits[name] = limits
-                for joint in arm.names:
+                for joint in follower.names:
                     self.body.limit(joint, *limits)
         return self.snapshot()
 
@@ -467,33 +482,37 @@ class ControlledRobot:
             self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
         self.ticks += 1
 
-    def _reset_arms(self) -> None:
-        """Hold the joints of arms at their start positions; goals end."""
-        for name, arm in self.arms.items():
-            self.finish(name, [arm.reset([self._starts[joint] for joint in arm.names])])
+    def _reset_followers(self) -> None:
+        """Hold the joints of controllers at their start positions; goals end."""
+        for name, follower in self.followers.items():
+            self.finish(name, [follower.reset([self._starts[joint] for joint in follower.names])])
 
-    def hold_arms(self, text: str) -> None:
-        """Abort the goals of all arms with ``text`` as the reason, and hold the arms."""
-        for name, arm in self.arms.items():
-            self.finish(name, [arm.abort(text)])
+    def hold_joints(self, text: str) -> None:
+        """Abort the goals of all controllers with ``text`` as the reason, and hold their joints."""
+        for name, follower in self.followers.items():
+            self.finish(name, [follower.abort(text)])
 
-    def configure_arm(self, controller: JointController[Any]) -> None:
+    def configure_controller(self, controller: JointController[Any]) -> None:
         """Apply changed parameters of one joint controller."""
         self.joint_controllers[controller.name] = controller
-        self.arms[controller.name].configure(controller.config)
+        self.followers[controller.name].configure(controller.config)
 
-    def finish(self, arm: str, outcomes: Iterable[Outcome | None]) -> None:
-        """Report how goals of an arm ended; None is no goal."""
-        self.finished += [(arm, outcome) for outcome in outcomes if outcome is not None]
+    def finish(self, controller: str, outcomes: Iterable[Outcome | None]) -> None:
+        """Report how goals of a controller ended; None is no goal."""
+        self.finished += [(controller, outcome) for outcome in outcomes if outcome is not None]
 
-    def states(self, arm: str) -> JointStates:
-        """Return the measured states of the joints of one arm."""
-        rows = self._arm_rows[arm]
+    def states(self, controller: str) -> JointStates:
+        """Return the measured states of the joints of one controller."""
+        rows = self._follower_rows[controller]
         return JointStates(*(tuple([field[row] for row in rows]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
         """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""
-        positions = [position for arm in self.arms.values() for position in arm.reference(ahead)]
+        positions = [
+            position
+            for follower in self.followers.values()
+            for position in follower.reference(ahead)
+        ]
         return [*positions, *self.drive.command.steering] if self.drive else positions
 
     def snapshot(self) -> Snapshot:
@@ -509,7 +528,7 @@ class ControlledRobot:
 
     def begin_at_rest(self) -> None:
         """Begin with odometry at zero where the body was placed at rest, as after ``reset``."""
-        self._reset_arms()
+        self._reset_followers()
         self._begin_here()
         self.place_odometry(PlanarPose())
 
@@ -549,17 +568,17 @@ class ControlledRobot:
         if problems:
             raise OneBotError("\n".join(f"{self.description.source}: {each}" for each in problems))
         gears = self.body.spawn.gears.items()
-        followers = {
+        mimics = {
             name: mimic.at(positions[mimic.joint])
             for name, mimic in gears
             if mimic.joint in positions
         }
-        self.body.world.set_joints(self.body, {**positions, **followers})
-        for name, arm in self.arms.items():
-            present = dict(zip(arm.names, arm.reference(0.0), strict=True))
+        self.body.world.set_joints(self.body, {**positions, **mimics})
+        for name, follower in self.followers.items():
+            present = dict(zip(follower.names, follower.reference(0.0), strict=True))
             if not present.keys().isdisjoint(positions):
                 held = {name: positions.get(name, at) for name, at in present.items()}
-                self.finish(name, [arm.reset([*held.values()])])
+                self.finish(name, [follower.reset([*held.values()])])
         self._read_state()
         if self.drive and not positions.keys().isdisjoint(self.body.driven):
             self.drive.odometry.forget_wheels()
@@ -589,37 +608,37 @@ class ControlledRobot:
         return self.config.world_frame(in_scene=self.body.world.scene is not None)
 
     def continue_from(self, other: "ControlledRobot") -> None:
-        """Take over odometry, cycle count and arms of the robot that this one replaces."""
+        """Take over odometry, cycle count and followers of the robot that this one replaces."""
         self.ticks = other.ticks
         if self.drive and other.drive:
             self.drive.continue_from(other.drive)
-        self._continue_arms(other)
+        self._continue_followers(other)
 
-    def _continue_arms(self, other: "ControlledRobot") -> None:
-        """Hold the arms where they are; arms with the same joints keep moving."""
+    def _continue_followers(self, other: "ControlledRobot") -> None:
+        """Hold the joints where they are; followers of the same joints keep moving."""
         self.finished = other.finished
         positions = dict(zip(self.body.joints, self.body.positions, strict=True))
-        for name, arm in self.arms.items():
-            old = other.arms.get(name)
-            if old and old.joints == arm.joints:
-                self.arms[name] = old
+        for name, follower in self.followers.items():
+            old = other.followers.get(name)
+            if old and old.joints == follower.joints:
+                self.followers[name] = old
                 continue
-            arm.reset([positions[joint] for joint in arm.names])
+            follower.reset([positions[joint] for joint in follower.names])
             text = "Current goal cancelled: the robot description has other joints."
             self.finish(name, [old.abort(text) if old else None])
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.body.state()
-        if self._followers:
-            self._joints = self._followed(self._joints)
+        if self._mimic_joints:
+            self._joints = self._with_mimic_joints(self._joints)
 
-    def _followed(self, states: JointStates) -> JointStates:
+    def _with_mimic_joints(self, states: JointStates) -> JointStates:
         """Return the states of the body's joints, then of the joints that mimic them."""
         positions, velocities, efforts = map(list, states)
-        for leader, follower in self._followers:
-            at = follower.at(positions[leader])
-            moves = follower.lower < at < follower.upper
+        for leader, mimic_joint in self._mimic_joints:
+            at = mimic_joint.at(positions[leader])
+            moves = mimic_joint.lower < at < mimic_joint.upper
             positions.append(at)
-            velocities.append(follower.mimic.multiplier * velocities[leader] if moves else 0.0)
+            velocities.append(mimic_joint.mimic.multiplier * velocities[leader] if moves else 0.0)
             efforts.append(0.0)
         return JointStates(tuple(positions), tuple(velocities), tuple(efforts))

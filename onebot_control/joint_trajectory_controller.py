@@ -53,7 +53,7 @@ if __name__ == "__main__":  # first: the imports take a second
 
 import sys
 
-from onebot_control.controller_names import MANAGER
+from onebot_control.conventions import MANAGER
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.velocity_controller import run_simulation
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from onebot_control.control_files import default_control_file, read_control_files
-from onebot_control.controller_names import DRIVE_CONTROLLER
+from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import has_wheels
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Member

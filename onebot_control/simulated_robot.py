@@ -88,24 +88,24 @@ class SimulatedRobot:
                 joint's limits; then nothing moves.
         """
         stamp = self._core.fleet.stamp
-        arms = self._trajectories
-        owners = {joint: name for name, arm in arms.items() for joint in arm.names}
+        followers = self._trajectories
+        owners = {joint: name for name, follower in followers.items() for joint in follower.names}
         for joint in positions:
             if joint not in owners:
                 raise OneBotError(f'no joint "{joint}" is commanded{did_you_mean(joint, owners)}')
         problems, goals = list[str](), dict[str, TrajectoryGoal]()
         for controller in dict.fromkeys(owners[joint] for joint in positions):
-            arm = arms[controller]
-            moved = {name: positions[name] for name in arm.names if name in positions}
-            present = dict(zip(arm.names, arm.reference(0.0), strict=True))
-            problems += arm.problems(_goal({**present, **moved}, seconds), stamp)
+            follower = followers[controller]
+            moved = {name: positions[name] for name in follower.names if name in positions}
+            present = dict(zip(follower.names, follower.reference(0.0), strict=True))
+            problems += follower.problems(_goal({**present, **moved}, seconds), stamp)
             goals[controller] = _goal(moved, seconds)
         if problems:
             raise OneBotError("\n".join(problems))
         for controller, goal in goals.items():
-            arm = arms[controller]
-            held = set(arm.names) - set(positions)
-            replaced = arm.start(goal, from_command=held, absolute=True)
+            follower = followers[controller]
+            held = set(follower.names) - set(positions)
+            replaced = follower.start(goal, from_command=held, absolute=True)
             self._controlled.finish(controller, [replaced])
 
     @property
@@ -115,7 +115,7 @@ class SimulatedRobot:
         A joint arrives within 1e-4 rad or m, at rest. It cannot get there if, after the end of the
         motion, it stands still elsewhere for a second, or comes no nearer for five.
         """
-        return any(arm.moving for arm in self._trajectories.values())
+        return any(follower.moving for follower in self._trajectories.values())
 
     @property
     def stalled(self) -> Sequence[str]:
@@ -123,12 +123,16 @@ class SimulatedRobot:
 
         A finger that grips something is one of them.
         """
-        return [name for arm in self._trajectories.values() for name in arm.stalled]
+        return [name for follower in self._trajectories.values() for name in follower.stalled]
 
     @property
     def _trajectories(self) -> dict[str, TrajectoryFollower]:
-        arms = self._controlled.arms.items()
-        return {name: arm for name, arm in arms if isinstance(arm, TrajectoryFollower)}
+        followers = self._controlled.followers.items()
+        return {
+            name: follower
+            for name, follower in followers
+            if isinstance(follower, TrajectoryFollower)
+        }
 
     def teleport(self, x: float, y: float, yaw: float = 0.0) -> None:
         """Move the robot to another pose in the world, at rest; its odometry does not change.

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_control.controller_names import BROADCASTER
+from onebot_control.conventions import BROADCASTER, IN_EACH_CYCLE, WORLD_FRAME
 from onebot_control.drive.parameters import DriveParameters
-from onebot_control.frame_names import WORLD_FRAME
-from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
-from onebot_description.parameters.reader import group, parameter
+from onebot_description.parameters.reader import group, ignored, parameter
 
 INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0

@@ -85,7 +85,7 @@ from typing import TYPE_CHECKING
 from rclpy.node import Node
 
 from onebot_control.control_files import default_control_file, drive_name, read_control_files
-from onebot_control.controller_names import DRIVE_CONTROLLER
+from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.ros.command_line import RosArguments, ros_args, split_robots

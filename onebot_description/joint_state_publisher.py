@@ -56,8 +56,7 @@ from onebot_description.ros.node_parameters import (
     ros_parameter,
     set_doubles,
 )
-from onebot_description.ros.run_node import run_described_node
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import run_described_node, steady_timer
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
 from onebot_description.timing.throttled import Throttled
 

@@ -52,9 +52,8 @@ from onebot_description.ros.command_line import RosArguments, ros_args, split_ro
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.node_graph import check_discovery_server
 from onebot_description.ros.node_parameters import declare, follow_changes, refuse_undeclared
-from onebot_description.ros.run_node import run_described_node
+from onebot_description.ros.run_node import run_described_node, steady_timer
 from onebot_description.ros.stamp_check import StampCheck
-from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.state_converter import StateConverter

@@ -34,8 +34,7 @@ from onebot_bringup.introspection.interfaces import is_hidden, message_class
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import REQUIRED, parameter, read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
-from onebot_description.ros.run_node import ends_node, run_node
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import ends_node, run_node, steady_timer
 from onebot_description.ros.topic_qos import (
     compatible_qos,
     exceeds,

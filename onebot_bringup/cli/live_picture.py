@@ -14,10 +14,10 @@ from onebot_bringup.viewer.core.shown_robot import (
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.topics import ViewFeed
 from onebot_bringup.viewer.view_source import ViewSource
-from onebot_control.frame_names import namespace_prefix
+from onebot_control.conventions import namespace_prefix
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import steady_timer
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -30,7 +30,7 @@ from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.serving.ports import listen
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters, view_file
-from onebot_control.frame_names import namespace_prefix
+from onebot_control.conventions import namespace_prefix
 from onebot_description.ros.names import absolute
 from onebot_description.ros.signals import KeyboardInterrupts
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
-from onebot_control.frame_names import namespace_prefix
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, namespace_prefix
 from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
 from onebot_description.errors import OneBotError, UsageError, did_you_mean, printable
 from onebot_description.parameters.reader import leaves

@@ -36,8 +36,7 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
-from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
-from onebot_control.frame_names import prefixed
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
 from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.discovery import discovery_variables

@@ -14,8 +14,7 @@ import yaml
 
 from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
-from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
-from onebot_control.frame_names import WORLD_FRAME
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, WORLD_FRAME
 from onebot_description.ros.names import absolute
 
 if TYPE_CHECKING:

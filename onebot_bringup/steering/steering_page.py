@@ -86,8 +86,7 @@ from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
-from onebot_description.ros.run_node import first_line, run_node
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import first_line, run_node, steady_timer
 from onebot_description.timing.throttled import Throttled
 from onebot_description.timing.wake_detector import WAKE
 

@@ -20,7 +20,7 @@ from onebot_bringup.viewer.robot_messages import (
 from onebot_bringup.viewer.robot_size import box_around, diagonal, fitting_eye, robot_bounds
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import CameraSettings, ViewConfig
-from onebot_control.frame_names import WORLD_FRAME
+from onebot_control.conventions import WORLD_FRAME
 from onebot_control.physics.scene import scene_frames
 from onebot_control.recording import Moment
 from onebot_control.simulation import Simulation

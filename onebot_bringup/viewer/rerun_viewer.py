@@ -47,8 +47,7 @@ from onebot_description.errors import printable
 from onebot_description.parameters.reader import read
 from onebot_description.ros.description_topic import warn_of_two_robots
 from onebot_description.ros.node_parameters import declare
-from onebot_description.ros.run_node import ends_node, run_node
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import ends_node, run_node, steady_timer
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.timing.throttled import Throttled
 

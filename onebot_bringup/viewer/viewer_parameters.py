@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from onebot_control.frame_names import namespace_prefix
+from onebot_control.conventions import namespace_prefix
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.reader import parameter
 from onebot_description.parameters.values import MAX_PORT

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_control.drive.kinematics import (
     DriveCommand,
     Kinematics,
@@ -12,9 +13,8 @@ from onebot_control.drive.kinematics import (
 )
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimits
-from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
 from onebot_description.geometry.poses import Triple
-from onebot_description.parameters.reader import Problem, group, parameter
+from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import SideWheels, WheelGeometry

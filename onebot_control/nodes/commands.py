@@ -261,7 +261,7 @@ class CommandGate:
     def _hold(self) -> None:
         if (loop := self._slot.loop) is not None:
             reason = "Current goal cancelled: the robot is locked."
-            loop.post(lambda: self._slot.robot.hold_arms(reason))
+            loop.post(lambda: self._slot.robot.hold_joints(reason))
 
 
 def _not_finite(**vectors: Vector3) -> str:

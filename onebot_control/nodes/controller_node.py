@@ -102,14 +102,14 @@ class ControllerNode(Generic[F]):
         self.error = Throttled(lambda text: self.node.get_logger().error(text), _IGNORED_EVERY)
         with named(place.controller.name):
             self.controller = self._configured()  # with the command line's parameters
-        place.slot.robot.configure_arm(self.controller)
+        place.slot.robot.configure_controller(self.controller)
         refuse_undeclared(self.node, kind)
         follow_changes(self.node, self._configured, self._apply)
 
     @property
     def follower(self) -> F:
         """The follower of the robot in its present world."""
-        return cast(F, self.place.slot.robot.arms[self.controller.name])
+        return cast(F, self.place.slot.robot.followers[self.controller.name])
 
     def subscribe(
         self, kind: Any, topic: str, prepare: Callable[[Any], Callable[[], None] | None]
@@ -147,7 +147,7 @@ class ControllerNode(Generic[F]):
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._values.update(self._changed(parameters))
         self.controller = controller = self._configured()
-        if fault := self.fault(lambda: self.place.slot.robot.configure_arm(controller)):
+        if fault := self.fault(lambda: self.place.slot.robot.configure_controller(controller)):
             self.node.get_logger().error(f"parameters not applied: {fault}")
 
     def _changed(self, parameters: Sequence[Parameter]) -> dict[str, Any]:

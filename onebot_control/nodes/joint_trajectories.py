@@ -57,7 +57,7 @@ class JointTrajectories:
     def __init__(self, place: ControllerPlace) -> None:
         """Offer topics, action, service and parameters."""
         node = place.node
-        names = place.slot.robot.arms[place.controller.name].names
+        names = place.slot.robot.followers[place.controller.name].names
         self._own = own = ControllerNode[TrajectoryFollower](
             place, _declared(place, names), partial(_own_values, place)
         )

@@ -31,7 +31,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_parameters import ControlParameters
@@ -148,7 +148,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             interface.check_frames(row, robot_interface.frames())
         interface.start(SteppedLoop(fleet, interface.publish), Sensing(core.sensors))
         self._poll_due = Divider(_POLLS, fleet.rate)
-        self._robot_nodes += interface.arm_nodes
+        self._robot_nodes += interface.controller_nodes
         for node in self._robot_nodes:
             self._follow_time(node)
             self._executor.add_node(node)

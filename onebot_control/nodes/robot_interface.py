@@ -84,7 +84,7 @@ class RobotInterface:
         self._world, self.node, self.settings = world, node, settings
         self.description: Description | None = None
         self._sensing: Sensing | None = None
-        self._arms: JointControllerNodes | None = None
+        self._controllers: JointControllerNodes | None = None
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.slot, config = LoopSlot(row), settings.config
@@ -159,14 +159,14 @@ class RobotInterface:
         self.slot.loop = loop
         has_joints = bool(self.slot.robot.joint_controllers)
         lock = self.commands.joint_lock if has_joints else self.commands.lock
-        self._arms = JointControllerNodes(self.node, self.slot, lock, clock)
-        return self._arms.nodes
+        self._controllers = JointControllerNodes(self.node, self.slot, lock, clock)
+        return self._controllers.nodes
 
     def publish(self, snapshot: Snapshot, stamp: int, *, sensed: bool) -> None:
         """Publish the state in a control cycle; see ``Publishers.publish``."""
         self.publishing.publish(snapshot, stamp, sensed=sensed)
-        if self._arms is not None:
-            self._arms.publish(stamp)
+        if self._controllers is not None:
+            self._controllers.publish(stamp)
 
     def restart(self) -> None:
         """Begin again with the loop's fleet, which has gone back to the start."""
@@ -180,9 +180,9 @@ class RobotInterface:
         drive = self.slot.robot.drive if self.slot.loop is not None else None
         if drive is not None and drive.drift.warning:
             self._warn.once(drive.drift.warning)
-        if self._arms is not None and self.slot.running.paused:
+        if self._controllers is not None and self.slot.running.paused:
             # No cycle passes on the goals that a lock or a reset has ended.
-            self.slot.running.post(self._arms.finish)
+            self.slot.running.post(self._controllers.finish)
         self.sensors.poll()
 
     # The description ---------------------------------------------------------------------------

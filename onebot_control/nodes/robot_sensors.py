@@ -6,7 +6,7 @@ from dataclasses import replace
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from onebot_control.frame_names import prefixed
+from onebot_control.conventions import prefixed
 from onebot_control.nodes.sensor_messages import MESSAGES, SensorPublisher
 from onebot_control.runtime.sensing import Channel
 from onebot_control.sensing.rays import HAS_EMBREE

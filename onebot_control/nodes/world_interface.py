@@ -27,7 +27,7 @@ from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import steady_timer
 
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
 
@@ -41,7 +41,7 @@ class WorldInterface:
     Attributes:
         robots: the ROS interface of each robot.
         loop: the control loop; None until every robot is known.
-        arm_nodes: the nodes of all joint controllers; the starter of the loop has to spin them.
+        controller_nodes: the nodes of all joint controllers; who starts the loop spins them.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all robots.
         scene: what stands around the robots; None on bare ground.
@@ -69,10 +69,10 @@ class WorldInterface:
             seed: seed of the sensors' noise.
         """
         self.loop: ControlLoop | None = None
-        self.arm_nodes: list[Node] = []
+        self.controller_nodes: list[Node] = []
         self._sensing: Sensing | None = None
         self._services: SimulationServices | None = None
-        self._arms_thread: NodeThread | None = None
+        self._controllers_thread: NodeThread | None = None
         self._scene_publisher: ScenePublisher | None = None
         self._node = nodes[0]  # has the topics, services and log of the world
         self._failure: BaseException | None = None
@@ -121,7 +121,7 @@ class WorldInterface:
 
     def stop(self) -> None:
         """Stop the control loop, and with it the robots."""
-        for part in (self.loop, self._services, self._arms_thread, self._sensing):
+        for part in (self.loop, self._services, self._controllers_thread, self._sensing):
             if part is not None:
                 part.stop()
 
@@ -150,8 +150,8 @@ class WorldInterface:
         gc.freeze()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # results are sent while paused, too
         self.start(loop, sensing, steady)
-        if self.arm_nodes:
-            self._arms_thread = NodeThread(self.arm_nodes, "arms", self._fail)
+        if self.controller_nodes:
+            self._controllers_thread = NodeThread(self.controller_nodes, "arms", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [warning for robot in self.robots for warning in robot.warnings]
@@ -203,7 +203,7 @@ class WorldInterface:
         sensing.start()
         self.loop = loop
         for interface in self.robots:
-            self.arm_nodes += interface.control_joints(loop, clock)
+            self.controller_nodes += interface.control_joints(loop, clock)
         loop.start()
         self.set_factor(self.factor)  # the first robot's counts
 
@@ -279,8 +279,8 @@ def _moved_text(fleet: Fleet) -> str:
     robot, parts = fleet.robots[0], []
     if robot.drive is not None:
         parts.append(str(robot.drive.geometry))
-    for name, arm in robot.arms.items():
-        parts.append(f"{name} moves {listing(arm.names)}")
+    for name, follower in robot.followers.items():
+        parts.append(f"{name} moves {listing(follower.names)}")
     verb = "driving" if robot.drive is not None else "moving"
     moved = "; ".join(parts) or "no joint of it moves"
     return f'{verb} robot "{printable(robot.description.robot_name)}": {moved}'

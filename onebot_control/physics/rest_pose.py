@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import NamedTuple
 
-from onebot_control.frame_names import WORLD_FRAME
+from onebot_control.conventions import WORLD_FRAME
 from onebot_control.physics.engine import Bullet, logger
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.scene import SceneBodies

@@ -55,11 +55,11 @@ _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is re
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
-class Follower(NamedTuple):
+class MimicJoint(NamedTuple):
     """A joint that mimics a wheel or caster; only its published position moves."""
 
     name: str
-    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier follower
+    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier mimic_joint
     lower: float  # least position, rad or m
     upper: float
 
@@ -73,7 +73,7 @@ class SimulatedModel(NamedTuple):
 
     description: Description
     held: Mapping[str, float]  # positions of joints that are fixed now, by name
-    followers: Sequence[Follower]  # fixed joints that mimic wheels or casters; leaders first
+    mimic_joints: Sequence[MimicJoint]  # fixed joints that mimic wheels or casters; leaders first
     gears: Mapping[str, Mimic] = MappingProxyType({})  # joints that follow commanded ones
     # Start positions of moving joints except wheels, rad or m.
     starts: Mapping[str, float] = MappingProxyType({})
@@ -122,7 +122,7 @@ def simulated_model(
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
-    return SimulatedModel(rigid, roles.held, roles.followers, roles.gears, starts)
+    return SimulatedModel(rigid, roles.held, roles.mimic_joints, roles.gears, starts)
 
 
 def independent(description: Description) -> Description:
@@ -223,7 +223,7 @@ class _Roles:
 
     Attributes:
         held: positions of joints that nothing moves, by name.
-        followers: joints that mimic wheels and casters; leaders first.
+        mimic_joints: joints that mimic wheels and casters; leaders first.
         fixed: start positions of both of these, by name.
         gears: how joints follow commanded ones, by name.
         starts: start positions of commanded joints and gears, by name.
@@ -253,12 +253,12 @@ class _Roles:
         self._rolling, self._commanded = {*rolling, *self.passive}, commanded
         self._positions: dict[str, float] = {}
         self.fixed: dict[str, float] = {}
-        self.followers: list[Follower] = []
+        self.mimic_joints: list[MimicJoint] = []
         self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
         for joint in self._joints.values():
             self._place(joint)
-        names = {follower.name for follower in self.followers}
+        names = {mimic_joint.name for mimic_joint in self.mimic_joints}
         self.held = {n: self.fixed[n] for n in self._joints if n in self.fixed and n not in names}
 
     def _check(
@@ -302,10 +302,10 @@ class _Roles:
             gear = self.gears.get(mimic.joint)
             self.gears[name] = mimic.after(gear) if gear else mimic
             return self.starts[name]
-        follower = Follower(name, mimic, *joint.range)
-        if mimic.joint in (*self._rolling, *(item.name for item in self.followers)):
-            self.followers.append(follower)
-        self.fixed[name] = follower.at(at)
+        mimic_joint = MimicJoint(name, mimic, *joint.range)
+        if mimic.joint in (*self._rolling, *(item.name for item in self.mimic_joints)):
+            self.mimic_joints.append(mimic_joint)
+        self.fixed[name] = mimic_joint.at(at)
         return self.fixed[name]
 
 

@@ -79,7 +79,7 @@ class World(AbstractContextManager["World"]):
         self.scene = None if scene is None else SceneBodies(scene)
         # Without a circle of references, a world that is forgotten, or refused, is freed at once.
         self.robots = tuple(RobotBody(weakref.proxy(self), spawn) for spawn in spawns)
-        self._arms = [robot for robot in self.robots if robot.commanded]
+        self._commanded = [robot for robot in self.robots if robot.commanded]
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
         self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
@@ -89,7 +89,7 @@ class World(AbstractContextManager["World"]):
         self._problem = ""  # why it can no longer be used
         self._contacts: ContactRecorder | None = None
         # The ground is an obstacle for arms only.
-        self._has_obstacles = bool(self.scene or self._arms) or len(self.robots) > 1
+        self._has_obstacles = bool(self.scene or self._commanded) or len(self.robots) > 1
         self._pushes: list[_Push] = []
         self._build()
         if at_start:
@@ -116,14 +116,19 @@ class World(AbstractContextManager["World"]):
         """
         count = self.settings.steps(duration)
         self.check()
-        bullet, robots, arms, weightless = self.bullet, self.robots, self._arms, self._weightless
+        bullet, robots, commanded, weightless = (
+            self.bullet,
+            self.robots,
+            self._commanded,
+            self._weightless,
+        )
         if recorded is None:
             recorded = self._has_obstacles and self.contacts.may_collide(duration)
         contacts = self.contacts if recorded else self._contacts
         if contacts is not None:
             contacts.begin(recorded=recorded)
         for number in range(count):
-            for robot in arms:
+            for robot in commanded:
                 robot.track(number)
             for parts in weightless:
                 parts.lift_weightless()
@@ -339,7 +344,9 @@ class World(AbstractContextManager["World"]):
     def _build(self) -> None:
         """Load all bodies, and save the state for ``stand``."""
         bullet, settings = self.bullet, self.settings
-        stops = self._arms or any(has_rollers(robot.spawn.description) for robot in self.robots)
+        stops = self._commanded or any(
+            has_rollers(robot.spawn.description) for robot in self.robots
+        )
         ground = make_world(bullet, settings, _RESIDUAL if stops else 0.0)
         for robot in self.robots:
             robot.load(ground)

@@ -218,7 +218,7 @@ class ControlLoop:
             self._woke = self.wake.woke
             for robot in self.fleet.robots:
                 robot.accept(0.0, 0.0)
-                robot.hold_arms(_WOKE)
+                robot.hold_joints(_WOKE)
 
     def _call_posted(self) -> None:
         self._brake_if_woken()

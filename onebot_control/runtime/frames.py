@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from onebot_control.frame_names import prefixed
+from onebot_control.conventions import prefixed
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.parameters.reader import ConfigError, Problem

@@ -8,13 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, TypeVar
 
-from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_description.errors import listing, unknown_names
 from onebot_description.parameters.reader import (
     NO_PARAMETER,
     REQUIRED,
     Problem,
     group,
+    ignored,
     leaves,
     parameter,
     read,

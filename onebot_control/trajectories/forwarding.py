@@ -13,13 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import RESET, JointFollower, Outcome
 from onebot_control.trajectories.goal import field_problems
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.geometry.poses import clamp
-from onebot_description.parameters.reader import REQUIRED, parameter
+from onebot_description.parameters.reader import REQUIRED, ignored, parameter
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from onebot_control.ignored_parameters import IN_EACH_CYCLE, ignored
+from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
@@ -28,7 +28,7 @@ from onebot_control.trajectories.following import (
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.goal import MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.parameters.reader import REQUIRED, parameter
+from onebot_description.parameters.reader import REQUIRED, ignored, parameter
 from onebot_description.parameters.values import LARGEST
 
 _AT_ONCE = "the motor has them without"

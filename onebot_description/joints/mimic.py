@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.description.checks import cycles
+from onebot_description.elements.urdf import reduced_mimics
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import JointLimits
 from onebot_description.parameters.reader import Problem
 
@@ -110,7 +110,7 @@ def _without_leader(
 
 def _reduced(joints: Sequence[Joint], mimics: _Mimics) -> Following:
     index = {joint.name: number for number, joint in enumerate(joints)}
-    reduced = followers(index, mimics, index.keys() - mimics.keys()).values()
+    reduced = reduced_mimics(index, mimics, index.keys() - mimics.keys()).values()
     return Following(
         np.array([index[mimic.joint] for mimic in reduced], np.intp),
         np.array([mimic.multiplier for mimic in reduced], np.float64),

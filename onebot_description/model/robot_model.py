@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike
 
 from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
-from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint, Mimic
+from onebot_description.elements.urdf import MOVING_KINDS, Description, Joint, Mimic, reduced_mimics
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.geometry import matrices, quaternions
-from onebot_description.joints.mimic_chains import followers
 from onebot_description.joints.motion_limits import zero_position
 from onebot_description.parameters.arguments import checked_methods
 from onebot_description.parameters.values import Rule
@@ -233,7 +232,7 @@ class RobotModel:
         Chains of mimic joints are followed up to the first given joint, which may be the joint
         itself: a value given for a mimic joint overrides its leader's.
         """
-        return followers(self.joints, self._mimics, given)
+        return reduced_mimics(self.joints, self._mimics, given)
 
     def positions(self, given: _Positions) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.

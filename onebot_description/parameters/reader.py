@@ -102,6 +102,11 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def ignored(default: Any, reason: str, **rules: Any) -> Any:
+    """Return a field for a parameter without effect, accepted so that others' files work."""
+    return parameter(default, f"accepted, without effect: {reason}", **rules)
+
+
 class OwnClass:
     """Placeholder for X of ``Mapping[str, X]``: values are of the enclosing dataclass."""
 

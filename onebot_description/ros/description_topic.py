@@ -10,7 +10,7 @@ from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError
 from onebot_description.ros.node_graph import OnlyPublisher
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import steady_timer
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.timing.throttled import Throttled
 

@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from onebot_description.ros.discovery import question, server
 from onebot_description.ros.names import node_name
-from onebot_description.ros.steady_timer import steady_timer
+from onebot_description.ros.run_node import steady_timer
 
 _SERVER_ANSWERS = 2.0  # seconds
 _POLL_PUBLISHERS = 1.0  # seconds

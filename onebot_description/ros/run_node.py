@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import ParamSpec
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -24,6 +25,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from onebot_description.elements.packages import cache_folder, use_environment_prefix
 from onebot_description.errors import OneBotError
@@ -31,7 +33,6 @@ from onebot_description.parameters.reader import help_text
 from onebot_description.ros.command_line import RosArguments, ros_arguments
 from onebot_description.ros.discovery import configure_discovery
 from onebot_description.ros.signals import StopSignals
-from onebot_description.ros.steady_timer import steady_timer
 from onebot_description.timing.wake_detector import WAKE
 
 P = ParamSpec("P")
@@ -286,3 +287,8 @@ def use_writable_log_folder() -> None:
             if os.access(folder, os.W_OK):
                 return
     os.environ["ROS_LOG_DIR"] = str(cache_folder() / "log")
+
+
+def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
+    """Create a timer on the steady clock, because ROS time may stand still."""
+    return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

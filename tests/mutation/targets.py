@@ -37,7 +37,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "controlled_robot", "fleet", "joint_state_broadcaster", "drift_check"
     ),
     "onebot_control/fleet.py": _control("fleet", "control_loop"),
-    "onebot_control/frame_names.py": _control("frame_names"),
+    "onebot_control/conventions.py": _control("conventions"),
     "onebot_control/runtime/control_loop.py": _control("control_loop"),
     "onebot_control/runtime/pacing.py": _control("pacing"),
     "onebot_control/drive/wheels/finding.py": _control("wheels_finding", "wheels_geometry"),
@@ -51,7 +51,6 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
     "onebot_control/physics/scene.py": _control("scene"),
     "onebot_control/physics/physics_settings.py": _control("simulation_values", "world"),
-    "onebot_description/joints/mimic_chains.py": _description("joints_mimic", "robot_model"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE

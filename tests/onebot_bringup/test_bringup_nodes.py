@@ -40,7 +40,7 @@ from onebot_bringup.launch.nodes import (
 )
 from onebot_bringup.launch.robots import PlacedRobot
 from onebot_bringup.launcher.process import NodeProcess
-from onebot_control.controller_names import DRIVE_CONTROLLER, MANAGER
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source

@@ -512,7 +512,7 @@ def test_a_live_description_of_a_standing_arm_stands_with_its_joints_as_they_are
     """Where its hand would be in a table with the joint at its start, which is 0."""
     member = Member(on_post("base_link"), SimulationConfig(), controllers=[DEFAULT_CONTROLLER])
     with Fleet.from_members([member], scene=table(-0.8)) as fleet:
-        [follower] = fleet.robots[0].arms.values()
+        [follower] = fleet.robots[0].followers.values()
         follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (-1.5,)),)))
         for _ in range(100):
             fleet.cycle()

@@ -18,7 +18,7 @@ from onebot_control.control_files import (
     read_joint_controllers,
     unknown_by_node,
 )
-from onebot_control.controller_names import MANAGER
+from onebot_control.conventions import MANAGER
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.trajectories.following import TrajectoryFollower

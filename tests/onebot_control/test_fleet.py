@@ -175,7 +175,7 @@ def test_an_arm_goes_on_when_it_or_another_robot_is_replaced() -> None:
         Member(rod(), SimulationConfig(), "/r2", controllers=[DEFAULT_CONTROLLER]),
     ]
     with Fleet.from_members(members) as fleet:
-        [follower] = fleet.robots[1].arms.values()
+        [follower] = fleet.robots[1].followers.values()
         follower.start(TrajectoryGoal(("elbow",), (Waypoint(0.5, (1.0,)),)))
         run(fleet, 0, 0.0, 0.0, 20)
         fleet.replace(1, rod())

@@ -16,7 +16,7 @@ from onebot_control.control_files import (
     read_control_files,
     read_joint_controllers,
 )
-from onebot_control.controller_names import MANAGER
+from onebot_control.conventions import MANAGER
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet, Member
 from onebot_control.simulation_parameters import SimulationConfig
@@ -272,7 +272,7 @@ def fleet_of(file: Path, robot: Description, namespace: str, name: str) -> tuple
 def move(fleet: Fleet) -> None:
     """Every controller of joints moves them by 1 rad or m, which they reach."""
     [robot] = fleet.robots
-    for follower in robot.arms.values():
+    for follower in robot.followers.values():
         targets = (1.0,) * len(follower.names)
         if isinstance(follower, TrajectoryFollower):
             points = (Waypoint(2.0, targets, (0.0,) * len(targets)),)
@@ -287,7 +287,7 @@ def move(fleet: Fleet) -> None:
         fleet.cycle()
     assert all(outcome.code == 0 for _, outcome in robot.finished)
     positions = dict(zip(robot.body.joints, robot.body.positions, strict=True))
-    for follower in robot.arms.values():
+    for follower in robot.followers.values():
         assert [positions[name] for name in follower.names] == pytest.approx(
             [1.0] * len(follower.names), abs=1e-3
         )
@@ -310,7 +310,7 @@ def test_it_starts_follows_and_says_what_it_skips(
     held = "<string>: joint finger: held still, because no controller moves it; name it in a"
     assert [text[: len(held)] for text in others] == [held] * ("hand" not in project.active)
     with fleet:
-        assert " ".join(fleet.robots[0].arms) == project.active
+        assert " ".join(fleet.robots[0].followers) == project.active
         move(fleet)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import rclpy
 
-from onebot_control.controller_names import MANAGER
+from onebot_control.conventions import MANAGER
 from onebot_control.nodes import world_interface
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.velocity_controller import simulation_nodes

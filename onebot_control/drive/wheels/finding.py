@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from onebot_control.conventions import WORLD_FRAME
 from onebot_control.drive.wheels.rolling_shapes import Tyre, Tyres, lowest_point
-from onebot_control.frame_names import WORLD_FRAME
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, Joint, Mesh
 from onebot_description.errors import OneBotError

@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_control.frame_names import namespace_prefix, prefixed
+from onebot_control.conventions import namespace_prefix, prefixed
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,12 @@
-"""Names of frames, and diff_drive_controller's prefix for them."""
+"""Conventions of ros2_control's controllers: names of their nodes and frames. No ROS here."""
 
+# The usual names of the nodes with parameters of controllers.
+DRIVE_CONTROLLER = "velocity_controller"
+BROADCASTER = "joint_state_broadcaster"
+MANAGER = "controller_manager"
+DEFAULT_JOINT_CONTROLLER = "joint_trajectory_controller"
+
+IN_EACH_CYCLE = "every controller runs in each control cycle"  # why a parameter has no effect
 WORLD_FRAME = "world"  # the default of the parameter world_frame_id
 
 
