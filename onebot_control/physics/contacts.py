@@ -29,9 +29,12 @@ GROUND, WORLD = "ground", "world"  # names of what is no robot
 _BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
 
 _FAST = 2.0  # m/s at which bodies are at most expected to move
-_AGAIN = 2  # cycles from one look at what is near to the next
+_AGAIN = (20, 2)  # cycles from one look at what is near to the next: if nothing is, and otherwise
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
+_Box = tuple[
+    int, Sequence[float], Sequence[float]
+]  # a robot's body, and its least and greatest x, y, z
 _Names = tuple[str, str, str]  # the first fields of a ``Contact``
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # see ``Body.collisions``
 # PyBullet's list after a step, and poses before it of bodies of several links.
@@ -90,10 +93,12 @@ class ContactRecorder:
         self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
         self._shapes: dict[_Place, _Shapes] = {}
         self._arms: set[_Place] = set()
+        self._indices: dict[int, list[int]] = {}  # links of each robot that have shapes
         for robot, (shapes, arms) in zip(self._robots, self._links, strict=True):
             joints = robot.spawn.description.moving_joints
             indices = {joint.child: robot.parts.joints[joint.name] for joint in joints}
             places = {link: (robot.parts.body, indices.get(link, -1)) for link in shapes}
+            self._indices[robot.parts.body] = [index for _, index in places.values()]
             self._shapes |= {place: shapes[link] for link, place in places.items()}
             self._arms |= {place for link, place in places.items() if link in arms}
         self._sleepers: set[int] = set()  # boxes
@@ -130,21 +135,33 @@ class ContactRecorder:
         ]
         self._valid -= 1
         if robots and not self.always and self._valid < 0:
-            self._valid = _AGAIN - 1
-            reach = 2.0 * _FAST * _AGAIN * period
-            # After a robot was placed, PyBullet finds it where it was until the next step.
-            self._is_near = bool(self._moved) or any(self._nears(each, reach) for each in robots)
+            boxes = [self._box(robot) for robot in robots if self._indices[robot.parts.body]]
+            for cycles in _AGAIN:
+                reach = 2.0 * _FAST * cycles * period
+                # PyBullet finds a robot that was placed where it was, until the next step.
+                self._is_near = bool(self._moved) or any(self._nears(box, reach) for box in boxes)
+                self._valid = cycles - 1
+                if not self._is_near:
+                    break
         return bool(robots) and (self.always or self._is_near)
 
-    def _nears(self, robot: RobotBody, reach: float) -> bool:
+    def _box(self, robot: RobotBody) -> _Box:
+        """Return what encloses a robot now, in the world's axes."""
+        body = robot.parts.body
+        lows, highs = zip(
+            *(self._bullet.getAABB(body, i) for i in self._indices[body]), strict=True
+        )
+        low, high = map(min, zip(*lows, strict=True)), map(max, zip(*highs, strict=True))
+        return body, tuple(low), tuple(high)
+
+    def _nears(self, box: _Box, reach: float) -> bool:
         """Return whether anything but the ground is within ``reach`` of a robot, m."""
-        body, ground = robot.parts.body, self._ground
-        boxes = [self._bullet.getAABB(*place) for place in self._shapes if place[0] == body]
-        lows, highs = zip(*boxes, strict=True)
-        low = [min(values) - reach for values in zip(*lows, strict=True)]
-        high = [max(values) + reach for values in zip(*highs, strict=True)]
-        near = self._bullet.getOverlappingObjects(low, high) or ()
-        return any(other not in (body, ground) for other, _ in near)
+        body, (left, back, bottom), (right, front, top) = box
+        near = self._bullet.getOverlappingObjects(
+            (left - reach, back - reach, bottom - reach),
+            (right + reach, front + reach, top + reach),
+        )
+        return any(other not in (body, self._ground) for other, _ in near or ())
 
     def begin(self, *, recorded: bool) -> None:
         """Begin a control cycle."""
