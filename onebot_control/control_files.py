@@ -74,7 +74,7 @@ def drive_name(files: Iterable[Path]) -> str:
     for file in files:
         for section, parameters in read_sections(read_text(file), str(file)).items():
             for name, value in parameters.values.items():
-                if value in DRIVES:
+                if isinstance(value, str) and value in DRIVES:
                     own = section.rpartition("/")[2]
                     return own if name == "type" else name.removesuffix(_TYPE)
     return DRIVE_CONTROLLER

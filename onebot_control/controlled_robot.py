@@ -478,7 +478,7 @@ class ControlledRobot:
         """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
         if self.drive:
             self.body.turn(self.drive.velocities)
-        if self.body.commanded:
+        if self.followers or (self.drive and self.drive.wheels.steering):
             self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
         self.ticks += 1
 

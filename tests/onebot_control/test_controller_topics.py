@@ -142,7 +142,7 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         assert not result.successful and reason in result.reason
     for wanted in (False, True):
         assert given(publish_limited_velocity=wanted)
-        topics = {publisher.topic_name for publisher in stepped.ros._nodes[0].publishers}
+        topics = {publisher.topic_name for publisher in stepped.ros._robot_nodes[0].publishers}
         assert (OUT in topics) == wanted
         limited.clear()
         stepped.simulation.run(0.1)
@@ -191,7 +191,7 @@ def test_commands_on_cmd_vel_are_reported_if_nobody_receives_them(
     stepped = Stepped(ros_simulation(robot()))
     relay = stepped.client.create_subscription(Twist, "/cmd_vel", print, 10)
     stepped.client.create_publisher(Twist, "/cmd_vel", 10)
-    [controller] = stepped.ros._nodes
+    [controller] = stepped.ros._robot_nodes
 
     def reports(relays: int) -> int:
         """How often it is reported within some looks, from when the relay is known or gone."""
@@ -292,5 +292,5 @@ def test_robots_of_one_world(ros_simulation: RosSimulation) -> None:
     stepped.simulation.run(0.04)
     assert x(truth["b"][-1]) == pytest.approx(-0.8, abs=1e-3)
     assert stepped.set_parameters(f"/b{NODE}", real_time_factor=2.0)[0].successful
-    factors = [node.get_parameter("real_time_factor").value for node in stepped.ros._nodes]
+    factors = [node.get_parameter("real_time_factor").value for node in stepped.ros._robot_nodes]
     assert factors == [2.0] * 3

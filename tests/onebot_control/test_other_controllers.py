@@ -17,8 +17,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from onebot_bringup.testing.domains import used_domain
-from onebot_control import simulation as simulation_module
+from onebot_control import robot_setup
 from onebot_control.control_files import read_joint_controllers
+from onebot_control.fleet import Member
 from onebot_control.joint_controllers import JOINT_CONTROLLERS
 from onebot_control.nodes import controller_node
 from onebot_control.nodes.joint_controller_nodes import controller_interfaces
@@ -123,14 +124,13 @@ def started(
     file = folder / "control.yaml"
     file.write_text(control)
     controllers = read_joint_controllers([file], "/").controllers
-    member = simulation_module._member
     start = {"initial_positions.finger": OPEN}
     with pytest.MonkeyPatch.context() as patch, used_domain() as domain:
         patch.setattr(controller_node, "_IGNORED_EVERY", 0.0)
         patch.setattr(
-            simulation_module,
-            "_member",
-            lambda *arguments: member(*arguments)._replace(controllers=controllers),
+            robot_setup,
+            "Member",
+            lambda *arguments: Member(*arguments, controllers=controllers),
         )
         with Simulation(ROBOT, world=world, parameters=start) as simulation:
             with simulation.ros(domain) as ros:
