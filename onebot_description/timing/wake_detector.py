@@ -1,6 +1,7 @@
 """Detects that this process woke from a stop: robots brake, and what came before is outdated."""
 
 import math
+import sys
 import time
 from collections.abc import Callable
 
@@ -11,13 +12,14 @@ _DOUBTFUL_GAP, _SIGNAL_DELAY = 0.15, 0.05  # s
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
 _QUEUED = 0.25  # s after a wake in which what was sent, or typed, before it still arrives
 _POLL = 0.001  # s
-# Unlike the monotonic clock, it includes time in which the computer is suspended.
-_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 def boot_time() -> float:
     """Return the seconds since the computer started, by a clock that nobody can set."""
-    return time.clock_gettime(_CLOCK)
+    if sys.platform == "linux":
+        # Unlike the monotonic clock, it includes time in which the computer is suspended.
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()
 
 
 class WakeDetector:
