@@ -15,7 +15,7 @@ from onebot_control.conventions import (
     DRIVE_CONTROLLER,
     MANAGER,
 )
-from onebot_control.drive_kinds import DRIVES
+from onebot_control.drive_kinds import DEFAULT_DRIVE, DRIVES, ControlConfig, suited
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
@@ -47,12 +47,7 @@ from onebot_description.parameters.reader import (
 )
 
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
-_DEFAULT_DRIVE = "diff_drive_controller/DiffDriveController"  # of a robot without a control file
-_OTHER_DRIVES = tuple(
-    "mecanum_drive_controller omni_wheel_drive_controller ackermann_steering_controller "
-    "bicycle_steering_controller tricycle_steering_controller tricycle_controller "
-    "swerve_drive_controller four_wheel_steering_controller".split()
-)
+_OTHER_DRIVES = "swerve_drive_controller", "four_wheel_steering_controller"
 _TYPE, _FILE = ".type", ".params_file"
 # Suffixes of the parameters that controller_manager has for each controller.
 _OF_CONTROLLERS = (_TYPE, _FILE, ".fallback_controllers", ".node_options_args")
@@ -80,7 +75,12 @@ def drive_name(files: Iterable[Path]) -> str:
     return DRIVE_CONTROLLER
 
 
-def read_control_files(files: Sequence[Path], namespace: str, controller: str) -> Parameters:
+def read_control_files(
+    files: Sequence[Path],
+    namespace: str,
+    controller: str,
+    found: type[SimulationConfig] = ControlConfig,
+) -> Parameters:
     """Read the parameters of controller_manager, joint_state_broadcaster and a controller.
 
     Args:
@@ -88,6 +88,7 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         namespace: namespace of the nodes, such as "/".
         controller: name of the controller's node, such as "velocity_controller"; controller_manager
             for a robot that stands.
+        found: parameters of the robot's drive, unless the files name its type.
 
     Returns:
         The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
@@ -96,7 +97,7 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         ConfigError: values are wrong, or the robot has another kind of drive; it names file and
             line.
     """
-    control = _ControlFiles(files, namespace)
+    control = _ControlFiles(files, namespace, found)
     manager = control.manager()
     drive = manager if controller == MANAGER else control.drive(controller)
     broadcaster = control.section(
@@ -116,6 +117,13 @@ def read_control_files(files: Sequence[Path], namespace: str, controller: str) -
         if not is_parameter(declared, name) and not is_of_every_node(name):
             drive.drop(name)
     return drive
+
+
+def declared_parameters(
+    files: Sequence[Path], namespace: str, controller: str, found: type[SimulationConfig]
+) -> type[SimulationConfig]:
+    """Return the dataclass of a drive's parameters: of the type in the files, or else ``found``."""
+    return _ControlFiles(files, namespace, found).declared(controller)
 
 
 class JointControllers(NamedTuple):
@@ -191,7 +199,10 @@ def foreign_sections(
 
 
 def unknown_by_node(
-    controller: str, files: Sequence[Path] = (), namespaces: Sequence[str] = ("/",)
+    controller: str,
+    files: Sequence[Path] = (),
+    namespaces: Sequence[str] = ("/",),
+    found: type[SimulationConfig] = ControlConfig,
 ) -> dict[str, Unknown]:
     """Return the nodes that control files are for, each with a check for unknown parameters.
 
@@ -199,11 +210,15 @@ def unknown_by_node(
         controller: as for ``read_control_files``.
         files: control files; the joint controllers that they name are included.
         namespaces: namespaces of the nodes.
+        found: as for ``read_control_files``.
     """
-    declared = ManagerConfig if controller == MANAGER else DRIVES[_DEFAULT_DRIVE]
+    declared: type[SimulationConfig] = ManagerConfig
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     for namespace in namespaces:
-        kinds.update(_ControlFiles(files, namespace).kinds)
+        control = _ControlFiles(files, namespace, found)
+        kinds.update(control.kinds)
+        if controller != MANAGER:
+            declared = control.declared(controller)
     return {
         **{name: kind.parameters.unknown for name, kind in kinds.items()},
         controller: partial(unknown_parameters, declared),
@@ -221,7 +236,13 @@ class _ControlFiles:
         broadcaster: name of the first joint_state_broadcaster.
     """
 
-    def __init__(self, files: Sequence[Path], namespace: str) -> None:
+    def __init__(
+        self,
+        files: Sequence[Path],
+        namespace: str,
+        found: type[SimulationConfig] = ControlConfig,
+    ) -> None:
+        self._found = found
         self._texts = {file: read_text(file) for file in files}
         self._space = namespace.rstrip("/")
         manager = self._parameters(MANAGER)
@@ -234,6 +255,8 @@ class _ControlFiles:
             name, value = section.rpartition("/")[2], parameters.values.get("type")
             if value is not None and section_matches(section, f"{self._space}/{name}"):
                 self.types.setdefault(name, (str(value), parameters.places["type"]))
+        if found is not ControlConfig and any(map(_is_own, files)):
+            self.types.pop(DRIVE_CONTROLLER, None)  # OneBot's own file is for other drives, too
         self._files = {
             name.removesuffix(_FILE): value if isinstance(value, list) else [str(value)]
             for name, value in manager.values.items()
@@ -275,18 +298,18 @@ class _ControlFiles:
         kinds = {kind for kind, _ in self.types.values()}
         for name, (kind, place) in self.types.items():
             if kind.partition("/")[0] in _OTHER_DRIVES and kinds.isdisjoint(DRIVES):
-                text = f"{kind} cannot be simulated yet, and as a differential drive, which is the "
-                text += "only one here, the robot would move wrongly"
+                text = f"{kind} cannot be simulated yet, and as another drive the robot would move "
+                text += f"wrongly; those that can are {listing(DRIVES)}"
                 raise ConfigError([Problem(f"{name}{_TYPE}", text)], {f"{name}{_TYPE}": place})
-        if self.types.get(controller, (_DEFAULT_DRIVE,))[0] not in DRIVES:
+        if self.types.get(controller, (DEFAULT_DRIVE,))[0] not in DRIVES:
             return Parameters()  # the section is another controller's
-        return self.section(controller, partial(unknown_parameters, self.declared(controller)))
+        declared = self.declared(controller)
+        return self.section(controller, partial(unknown_parameters, declared))
 
     def declared(self, controller: str) -> type[SimulationConfig]:
         """Return the dataclass of the parameters of the node ``controller``."""
-        kind, _ = self.types.get(controller, (_DEFAULT_DRIVE, ""))
-        drive = DRIVES.get(kind, DRIVES[_DEFAULT_DRIVE])
-        return SimulationConfig if controller == MANAGER else drive
+        kind, _ = self.types.get(controller, ("", ""))
+        return SimulationConfig if controller == MANAGER else DRIVES.get(kind, self._found)
 
     def skipped(self, controller: str) -> list[str]:
         """Return a warning for each controller whose type does not run here."""
@@ -309,8 +332,17 @@ class _ControlFiles:
         if node != MANAGER:
             texts |= {Path(file): read_text(Path(file)) for file in self._files.get(node, ())}
         for file, text in texts.items():
-            parameters.update(read_parameters(text, str(file), f"{self._space}/{node}"))
+            of_file = read_parameters(text, str(file), f"{self._space}/{node}")
+            if node == DRIVE_CONTROLLER and self._found is not ControlConfig and _is_own(file):
+                of_file.values = suited(of_file.values, self._found)
+                of_file.places = suited(of_file.places, self._found)
+            parameters.update(of_file)
         return parameters
+
+
+def _is_own(file: Path) -> bool:
+    """Return whether a file is OneBot's control.yaml, which is the default for all robots."""
+    return file.absolute() == default_control_file().absolute()
 
 
 def _reason(kind: str) -> str:

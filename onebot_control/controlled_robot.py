@@ -513,7 +513,7 @@ class ControlledRobot:
             for follower in self.followers.values()
             for position in follower.reference(ahead)
         ]
-        return [*positions, *self.drive.command.steering] if self.drive else positions
+        return [*positions, *self.drive.steering] if self.drive else positions
 
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""

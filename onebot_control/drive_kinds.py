@@ -1,12 +1,21 @@
-"""The kinds of drives, by their types in ros2_control."""
+"""The kinds of drives, by their types in ros2_control; a new kind is a row of ``DRIVES``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from onebot_control.drive.diff_drive import DiffDriveParameters
+from onebot_control.drive.mecanum import MecanumParameters
+from onebot_control.drive.omni import OmniParameters
+from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive.steered import SteeringParameters, TricycleParameters
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_description.parameters.reader import read
+from onebot_description.parameters.reader import is_parameter, read
+
+if TYPE_CHECKING:
+    from onebot_description.description import Description
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -25,14 +34,72 @@ class ControlConfig(DiffDriveParameters, SimulationConfig):
         """
         return read(cls, values)
 
-    @property
-    def standing(self) -> SimulationConfig:
-        """The same without the drive's parameters, for a robot that stands."""
-        names = [field.name for field in fields(SimulationConfig)]
-        return SimulationConfig(**{name: getattr(self, name) for name in names})
+
+@dataclass(frozen=True)
+class MecanumConfig(MecanumParameters, SimulationConfig):
+    """All parameters of the node of a mecanum drive."""
 
 
+@dataclass(frozen=True)
+class OmniConfig(OmniParameters, SimulationConfig):
+    """All parameters of the node of a drive by omni wheels."""
+
+
+@dataclass(frozen=True)
+class SteeringConfig(SteeringParameters, SimulationConfig):
+    """All parameters of the node of a car, a bicycle or a tricycle with driven rear wheels."""
+
+
+@dataclass(frozen=True)
+class TricycleConfig(TricycleParameters, SimulationConfig):
+    """All parameters of the node of a tricycle whose steered wheel is driven."""
+
+
+DEFAULT_DRIVE = "diff_drive_controller/DiffDriveController"
 DRIVES: Mapping[str, type[SimulationConfig]] = {
-    "diff_drive_controller/DiffDriveController": ControlConfig
+    DEFAULT_DRIVE: ControlConfig,
+    "mecanum_drive_controller/MecanumDriveController": MecanumConfig,
+    "clearpath_mecanum_drive_controller/MecanumDriveController": MecanumConfig,
+    "omni_wheel_drive_controller/OmniWheelDriveController": OmniConfig,
+    "ackermann_steering_controller/AckermannSteeringController": SteeringConfig,
+    "bicycle_steering_controller/BicycleSteeringController": SteeringConfig,
+    "tricycle_steering_controller/TricycleSteeringController": SteeringConfig,
+    "tricycle_controller/TricycleController": TricycleConfig,
 }
 """The parameters of each drive's node, by the drive's type."""
+
+
+def found_drive(description: "Description") -> str:
+    """Return the type of the drive that a robot has by its description; the default in doubt.
+
+    Raises:
+        OneBotError: the mesh of a collision shape cannot be read.
+    """
+    from onebot_control.drive.wheels.geometry import Wheels  # imports numpy
+
+    wheels = Wheels(description)
+    kinds = DRIVES.items()
+    found = [
+        k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(wheels)
+    ]
+    return next(iter(found), DEFAULT_DRIVE)
+
+
+def standing(config: SimulationConfig) -> SimulationConfig:
+    """Return a config without the drive's parameters, for a robot that stands."""
+    names = [field.name for field in fields(SimulationConfig)]
+    return SimulationConfig(**{name: getattr(config, name) for name in names})
+
+
+def suited(values: Mapping[str, T], declared: type[SimulationConfig]) -> dict[str, T]:
+    """Return what OneBot's file has for another drive: the parameters that it has, too.
+
+    Limits of driving sideways are those of driving forward.
+    """
+    sideways = {
+        name.replace("linear.x.", "linear.y."): value
+        for name, value in values.items()
+        if name.startswith("linear.x.")
+    }
+    known = {**sideways, **values}
+    return {name: value for name, value in known.items() if is_parameter(declared, name)}

@@ -10,18 +10,21 @@ from typing import Annotated, Any
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import has_wheels
-from onebot_control.drive_kinds import ControlConfig
+from onebot_control.drive_kinds import DRIVES, ControlConfig, found_drive, standing, suited
 from onebot_control.fleet import Member
 from onebot_control.joint_controllers import named
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description.loading import XacroValues, load_world
 from onebot_description.description.xacro import xacro_arguments
-from onebot_description.errors import OneBotError
+from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters.arguments import checked_methods
-from onebot_description.parameters.reader import ConfigError, Problem, leaves
+from onebot_description.parameters.reader import ConfigError, Problem, leaves, read
 from onebot_description.parameters.values import Rule, plain
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
+# Parameters that name what moves a robot, whatever its joints look like.
+_WHEELS = {"type", "left_wheel_names", "wheel_names", "front_left_wheel_command_joint_name"}
 # Parameters of velocity_controller that do not apply to a Simulation.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
@@ -96,30 +99,44 @@ def fleet_members(
         OneBotError: a model or a parameter cannot be used.
     """
     defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER).values
-    values = [
-        {
-            **defaults,
-            **given_parameters({**parameters, **setup.parameters}),
-            **{"x": setup.x, "y": setup.y, "yaw": setup.yaw},
-        }
-        for setup in setups.values()
-    ]
-    members = []
-    for (name, setup), given in zip(setups.items(), values, strict=True):
+    members, values = [], []
+    for name, setup in setups.items():
         description = default if setup.model is None else _described(setup.model, {}, optional)
+        given = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            config = ControlConfig.from_parameters(given)
-        has_drive = bool(config.left_wheel_names) or has_wheels(description)
-        members.append(Member(description, config if has_drive else config.standing, name))
+            names_drive = not _WHEELS.isdisjoint(given)
+            kind = _drive(given, description)
+            place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
+            values.append({**suited(defaults, kind), **given, **place})
+            config = read(kind, values[-1])
+        has_drive = names_drive or has_wheels(description)
+        members.append(Member(description, config if has_drive else standing(config), name))
     return members, values
 
 
-def given_parameters(parameters: Mapping[str, Any], *, running: bool = False) -> dict[str, Any]:
+def _drive(given: dict[str, Any], description: Description) -> type[SimulationConfig]:
+    """Return the parameters of a robot's drive: of the ``type`` among those given, or found.
+
+    Raises:
+        ConfigError: there is no such type.
+    """
+    if "type" in given:
+        kind = given.pop("type")
+        if kind not in DRIVES:
+            text = f'no drive is of the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
+            raise ConfigError([Problem("type", text)])
+        return DRIVES[kind]
+    return ControlConfig if "left_wheel_names" in given else DRIVES[found_drive(description)]
+
+
+def given_parameters(
+    parameters: Mapping[str, Any], running: type[SimulationConfig] | None = None
+) -> dict[str, Any]:
     """Return given parameters as plain Python values.
 
     Args:
         parameters: the values, by ROS names.
-        running: whether the simulation has started.
+        running: dataclass of the parameters of a robot whose simulation has started.
 
     Raises:
         ConfigError: one has no effect in a Simulation, or none after the start.
@@ -129,7 +146,7 @@ def given_parameters(parameters: Mapping[str, Any], *, running: bool = False) ->
         "has no effect here; Simulation has arguments for what can be chosen",
     )
     if running:
-        fixed = {leaf.name for leaf in leaves(ControlConfig) if leaf.type.rule.read_only}
+        fixed = {leaf.name for leaf in leaves(running) if leaf.type.rule.read_only}
         _refuse(
             [name for name in parameters if name in fixed],
             "is read at the start; give it to Simulation(parameters=...)",

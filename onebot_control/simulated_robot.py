@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.drive import Drive
+from onebot_control.drive.wheels.geometry import WheelGeometry
 from onebot_control.physics.contacts import Contact
 from onebot_control.robot_setup import Parameters, given_parameters
 from onebot_control.sensing.instrument import Instrument
@@ -53,7 +54,7 @@ class SimulatedRobot:
         """Take the robot ``row`` of a world; users get it from ``Simulation.robots``."""
         self._core, self._row, self._name = core, row, core.names[row]
 
-    def drive(self, linear: float, angular: float = 0.0) -> None:
+    def drive(self, linear: float, angular: float = 0.0, *, lateral: float = 0.0) -> None:
         """Command a velocity; it holds until the next call, as if sent in every cycle.
 
         From then on, commands of ROS nodes in lockstep have no effect. The controller limits speed
@@ -62,13 +63,16 @@ class SimulatedRobot:
         Args:
             linear: forward, m/s.
             angular: velocity of turning to the left, rad/s.
+            lateral: to the left, m/s, of a drive by mecanum or omni wheels.
 
         Raises:
             ValueError: a velocity is not finite.
-            OneBotError: the robot has no wheels.
+            OneBotError: the robot has no wheels, or these do not drive it sideways.
         """
+        if lateral and "linear.y" not in self._drive.config.limits:
+            raise OneBotError("the robot's drive does not move sideways: leave lateral out")
         if self._drive:
-            self._core.commands[self._row] = linear, angular
+            self._core.commands[self._row] = linear, lateral, angular
 
     def move_to(self, positions: _Positions, *, seconds: Positive) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
@@ -223,7 +227,7 @@ class SimulatedRobot:
         if core.publish is not None:
             text = "ROS nodes are in lockstep with the simulation"
             raise OneBotError(f"{text}: set the parameters of the robot's node")
-        given = given_parameters(parameters, running=True)
+        given = given_parameters(parameters, type(self._controlled.config))
         core.configure(self._row, {**core.parameters[self._row], **given})
 
     @property
@@ -238,8 +242,15 @@ class SimulatedRobot:
 
     @property
     def wheel_separation(self) -> float:
-        """Distance between the wheels, m: the parameter, or the value from the URDF."""
-        return float(self._drive.geometry.separation)
+        """Distance between the wheels of a differential drive, m: the parameter, or by the URDF.
+
+        Raises:
+            OneBotError: the robot has no wheels, or another drive.
+        """
+        geometry = self._drive.geometry
+        if not isinstance(geometry, WheelGeometry):
+            raise OneBotError(f"the robot has no differential drive, but {geometry}")
+        return geometry.separation
 
     @property
     def wheel_radius(self) -> float:
@@ -255,23 +266,24 @@ class SimulatedRobot:
     def twist(self) -> PlanarVelocity:
         """The true velocity of the robot's root link, in its own axes."""
         linear, angular = self._controlled.snapshot().velocity
-        return PlanarVelocity(linear[0], angular[2])
+        return PlanarVelocity(linear[0], angular[2], linear[1])
 
     @property
     def odometry(self) -> OdometryReading:
         """Pose and velocity by the wheels' odometry."""
-        (x, y, yaw), covariances, (linear, _, angular), _ = self._drive.state(
+        (x, y, yaw), covariances, (linear, lateral, angular), _ = self._drive.state(
             self._controlled.pace.value
         )
         xx, xy, yy, xt, yt, tt = covariances
         covariance = ((xx, xy, xt), (xy, yy, yt), (xt, yt, tt))
-        return OdometryReading(x, y, math.remainder(yaw, math.tau), linear, angular, covariance)
+        yaw = math.remainder(yaw, math.tau)
+        return OdometryReading(x, y, yaw, linear, angular, covariance, lateral)
 
     @property
     def command(self) -> PlanarVelocity:
         """The limited velocity that the controller set in the last cycle, as in ~/cmd_vel_out."""
         command = self._drive.command
-        return PlanarVelocity(command.linear, command.angular)
+        return PlanarVelocity(command.linear, command.angular, command.lateral)
 
     @property
     def joints(self) -> Mapping[str, JointState]:

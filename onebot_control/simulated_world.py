@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.drive_kinds import ControlConfig
+from onebot_control.drive_kinds import ControlConfig, standing
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics.contacts import Contact
 from onebot_control.recording import Moment, MomentLog
@@ -20,7 +20,8 @@ from onebot_control.sensing.surroundings import LinkPose, SensedRobot
 from onebot_description.description import Description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import Transform
+from onebot_description.geometry.poses import Transform, Triple
+from onebot_description.parameters.reader import read
 
 _CLOSED = "this simulation has been closed; make a new one"
 _REACH = 1e4  # m; rays that go farther hit nothing
@@ -39,8 +40,8 @@ class SimulatedWorld:
         seed: seed of that noise.
         names: the robots' names, in the order of the fleet; that of a single one is "".
         parameters: parameters of each robot's controller, by name.
-        commands: the commanded linear (m/s) and angular (rad/s) velocity of each robot, which is
-            sent in every cycle; None if there was no command.
+        commands: the commanded velocity of each robot forward and to the left, m/s, and of turning
+            to the left, rad/s, which is sent in every cycle; None if there was no command.
         after_cycle: functions that are called after each cycle, by any key.
         publish: publishes the states at the beginning of a cycle and their stamp, ns, to ROS nodes
             in lockstep, and runs these; None if there are none.
@@ -99,7 +100,7 @@ class SimulatedWorld:
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
         self._contacts_wanted = False  # whether contacts have been asked for
-        self.commands: list[tuple[float, float] | None] = [None] * len(self.names)
+        self.commands: list[Triple | None] = [None] * len(self.names)
         self.sensors.restart()
         self.fleet.observe()
         self._current_frame()  # an IMU needs the orientation at the start
@@ -141,8 +142,10 @@ class SimulatedWorld:
         Raises:
             OneBotError: a value is wrong; then nothing has changed.
         """
-        config, robot = ControlConfig.from_parameters(parameters), self.fleet.robots[row]
-        robot.configure(config if robot.drive else config.standing)
+        robot = self.fleet.robots[row]
+        # A robot that stands has the parameters of a drive, too, which have no effect.
+        config = read(type(robot.config) if robot.drive else ControlConfig, parameters)
+        robot.configure(config if robot.drive else standing(config))
         self.parameters[row] = parameters
 
     def cycle(self, *, last: bool) -> None:
@@ -155,7 +158,8 @@ class SimulatedWorld:
         fleet = self.fleet
         for robot, command in zip(fleet.robots, self.commands, strict=True):
             if command is not None:
-                robot.accept(*command)
+                linear, lateral, angular = command
+                robot.accept(linear, angular, lateral=lateral)
         self._before = fleet.begin()
         try:
             if self.publish is not None:

@@ -11,7 +11,7 @@ from onebot_control.drive.kinematics import (
     Share,
     check_lengths,
 )
-from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive.parameters import DriveParameters, read_from_urdf, wheel_noise
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import Triple
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
@@ -19,9 +19,6 @@ from onebot_description.parameters.reader import Problem, group, ignored, parame
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import SideWheels, WheelGeometry
     from onebot_description.description import Description
-
-_FROM_URDF = "0: read from the URDF"
-_NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
 
 
 class DiffDriveKinematics(Kinematics):
@@ -72,30 +69,21 @@ def _multiplier(what: str) -> Any:
     return parameter(1.0, f"corrects {what}", above=0.0)
 
 
-def _noise() -> Any:
-    text = "standard deviation of the wheels' path after 1 m, m; grows with the root of the path"
-    return parameter(_NOISE, text, at_least=0.0, at_most=1.0)
-
-
 @dataclass(frozen=True)
 class SideParameters:
     """The parameters of the wheels on two sides."""
 
     left_wheel_names: tuple[str, ...] = _names()
     right_wheel_names: tuple[str, ...] = _names()
-    wheel_separation: float = parameter(
-        0.0,
-        f"distance between the wheels, effective for skid steer, m; {_FROM_URDF}",
-        at_least=0.0,
+    wheel_separation: float = read_from_urdf(
+        "distance between the wheels, effective for skid steer"
     )
-    wheel_radius: float = parameter(
-        0.0, f"radius of the driven wheels, m; {_FROM_URDF}", at_least=0.0
-    )
+    wheel_radius: float = read_from_urdf("radius of the driven wheels")
     wheel_separation_multiplier: float = _multiplier("wheel_separation")
     left_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
     right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
-    left_wheel_noise: float = _noise()
-    right_wheel_noise: float = _noise()
+    left_wheel_noise: float = wheel_noise()
+    right_wheel_noise: float = wheel_noise()
 
     def check(self) -> Iterator[Problem]:
         """Report sides with different numbers of wheels."""
@@ -120,8 +108,7 @@ class DiffDriveParameters(DriveParameters["WheelGeometry"], SideParameters):
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "angular.z": self.angular}
 
-    @property
-    def noise(self) -> Sequence[float]:
+    def noise(self, paths: int) -> Sequence[float]:
         return self.left_wheel_noise**2, self.right_wheel_noise**2
 
     def wheels(self, description: "Description") -> "SideWheels":

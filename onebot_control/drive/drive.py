@@ -71,6 +71,7 @@ class Drive:
         command: the command in force.
         origin: the odometry's frame in the world, as long as the wheels do not slip.
         drift: compares the odometry with the true pose.
+        notice: what the drive cannot do of a command, the last such; "" if there was none.
     """
 
     def __init__(
@@ -92,13 +93,17 @@ class Drive:
             [(joints.index(name), wheels.directions[name]) for name in names]
             for names in wheels.groups
         ]
-        self._steering_rows = [joints.index(name) for name in wheels.steering]
+        # Likewise of each steering joint; 1 if it steers to the left by positive positions.
+        self._steering_rows = [
+            (joints.index(name), math.copysign(1.0, wheels.axles[name].axis[2]))
+            for name in wheels.steering
+        ]
         self._steering: Sequence[float] = (0.0,) * len(wheels.steering)
         self.command = DriveCommand(0.0, 0.0, 0.0, (), self._steering)
         _, kinematics = self.fitted(config)
-        self.odometry = Odometry(kinematics, config.velocity_rolling_window_size, config.noise)
+        self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self.origin = PlanarPose()
-        self.drift = DriftCheck(skids=wheels.skids)
+        self.drift, self.notice = DriftCheck(skids=wheels.skids), ""
         self.configure(config)
         self.halt()
 
@@ -129,7 +134,7 @@ class Drive:
         limits = config.limits
         self._limiters = [(_AXES.index(axis), SpeedLimiter(limits[axis])) for axis in limits]
         self.odometry.set_window(config.velocity_rolling_window_size)
-        self.odometry.noise = config.noise
+        self.odometry.noise = config.noise(len(self.odometry.kinematics.shares))
 
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
@@ -148,10 +153,14 @@ class Drive:
         """
         if not (math.isfinite(linear) and math.isfinite(lateral) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
-        timeout = self.config.cmd_vel_timeout
+        timeout = self.config.timeout
         age = max(0.0, age or 0.0)
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
+        if lateral and "linear.y" not in self.config.limits:
+            self.notice = "linear.y is ignored: the drive does not move sideways"
+        elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
+            self.notice = fault
         self._reference = (
             clamp(linear, -_FASTEST, _FASTEST),
             clamp(lateral, -_FASTEST, _FASTEST),
@@ -162,16 +171,20 @@ class Drive:
 
     def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
         """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
+        before, steering = self._steering, self._steering
         if self._steering_rows:
-            self._steering = [positions[row] for row in self._steering_rows]
+            self._steering = [sign * positions[row] for row, sign in self._steering_rows]
+            steering = [
+                (last + now) / 2.0 for last, now in zip(before, self._steering, strict=True)
+            ]
         if self.config.open_loop:
             return
         if self.config.position_feedback:
             turned = [_mean(group, positions) for group in self._groups]
-            self.odometry.update_from_positions(turned, dt, self._steering)
+            self.odometry.update_from_positions(turned, dt, steering)
         else:
             turned = [_mean(group, velocities) for group in self._groups]
-            self.odometry.update_from_velocities(turned, dt, self._steering)
+            self.odometry.update_from_velocities(turned, dt, steering)
 
     def decide(self, dt: float) -> DriveCommand:
         """Update ``command`` for the next ``dt`` seconds, and return it."""
@@ -189,6 +202,12 @@ class Drive:
         pairs = zip(self._groups, self.command.wheels, strict=True)
         return [direction * speed for group, speed in pairs for _, direction in group]
 
+    @property
+    def steering(self) -> list[float]:
+        """The position of each joint of ``wheels.steering`` for the command in force, rad."""
+        pairs = zip(self._steering_rows, self.command.steering, strict=True)
+        return [sign * position for (_, sign), position in pairs]
+
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
         self._age += seconds
@@ -202,8 +221,8 @@ class Drive:
 
     @property
     def timed_out(self) -> bool:
-        """Whether the last command is older than cmd_vel_timeout."""
-        timeout = self.config.cmd_vel_timeout
+        """Whether the last command is older than the timeout."""
+        timeout = self.config.timeout
         return bool(timeout) and self._age > timeout + _ROUNDING
 
     def place(self, pose: PlanarPose, truth: PlanarPose) -> None:

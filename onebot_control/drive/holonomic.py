@@ -1,45 +1,71 @@
-"""Kinematics of drives that move in all directions of the plane, by mecanum or omni wheels."""
+"""What drives by wheels with rollers have in common: they move in all directions of the plane."""
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
+from onebot_control.drive.kinematics import (
+    DriveCommand,
+    Kinematics,
+    Share,
+    check_lengths,
+)
+from onebot_control.drive.parameters import DriveParameters, wheel_noise
+from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import PlanarPose, Triple, cross, scaled, total
+from onebot_description.parameters.reader import group
 
-_LEAST = 1e-6  # m; with shorter lengths, results might not be finite
 _SINGULAR = 1e-9  # share of the determinant of independent directions
 
 _CENTER = PlanarPose(0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class HolonomicKinematics:
+class HolonomicKinematics(Kinematics):
     """Converts between wheel and body motion of wheels with rollers.
 
     The body's frame has x forward and y to the left (REP-103).
     """
 
-    # For each wheel its velocity, rad/s, per m/s forward, per m/s to the left, and per rad/s of
-    # turning to the left.
-    rows: tuple[Triple, ...]
+    def __init__(self, radius: float, rows: Sequence[Triple]) -> None:
+        """Take the geometry.
 
-    def __post_init__(self) -> None:
-        """Check that the wheels move the robot in all directions.
+        Args:
+            radius: of the wheels, m.
+            rows: (N, 3), for each wheel its path, m, per metre forward, per metre to the left, and
+                per rad of turning to the left.
 
         Raises:
-            ValueError: they do not, or a number is not finite.
+            ValueError: the wheels do not move the robot in all directions, or a number is not
+                finite.
         """
+        self.radius, self.rows = radius, tuple(rows)
+        check_lengths(self, "radius")
         if not all(math.isfinite(value) for row in self.rows for value in row):
             raise ValueError(f"the wheels' geometry must be finite, not {self.rows}")
-        if len(self.rows) < 3 or self._determinant <= _SINGULAR * math.prod(
-            math.hypot(*row) for row in self._normal
-        ):
+        if len(self.rows) < 3:
+            raise ValueError(f"it needs three wheels or more, not {len(self.rows)}")
+        columns = list(zip(*self.rows, strict=True))
+        # The symmetric matrix A'A (3, 3), with the rows A. In floats: numpy's results differ in the
+        # last bits between processors.
+        x, y, turn = (
+            (_dot(a, columns[0]), _dot(a, columns[1]), _dot(a, columns[2])) for a in columns
+        )
+        determinant = _dot(x, cross(y, turn))
+        most = math.prod(math.hypot(*row) for row in (x, y, turn))
+        if determinant <= _SINGULAR * most:
             raise ValueError(
-                "the wheels do not move the robot forward, sideways and round independently: it "
-                "needs three or more, whose rollers point in different directions"
+                "the wheels do not move the robot forward, sideways and round independently; their "
+                "rollers must point in different directions"
             )
+        # The pseudo-inverse (A'A)^-1 A' (3, N): how much each wheel's path moves the body.
+        adjugate = cross(y, turn), cross(turn, x), cross(x, y)
+        self._inverse = [[_dot(part, row) / determinant for row in self.rows] for part in adjugate]
+        self.shares = [
+            Share(forward, left, 1.0 / turned if turned else math.inf)
+            for forward, left, turned in zip(*self._inverse, strict=True)
+        ]
 
     @classmethod
     def mecanum(
@@ -63,7 +89,6 @@ class HolonomicKinematics:
         Raises:
             ValueError: a length is not finite, or too short.
         """
-        _check_lengths(radius=radius, reach=reach)
         corners = ((1.0, -1.0, -reach), (1.0, 1.0, reach), (1.0, -1.0, reach), (1.0, 1.0, -reach))
         cos, sin = math.cos(offset.yaw), math.sin(offset.yaw)
         rows = [
@@ -71,7 +96,7 @@ class HolonomicKinematics:
             for (x, y, turn), count in zip(corners, counts, strict=True)
             for _ in range(count)
         ]
-        return cls(tuple([scaled(row, 1.0 / radius) for row in rows]))
+        return cls(radius, rows)
 
     @classmethod
     def omni(
@@ -88,62 +113,59 @@ class HolonomicKinematics:
         Raises:
             ValueError: a length is not finite, or too short, or there are fewer than 3 wheels.
         """
-        _check_lengths(wheel_radius=radius, robot_radius=robot_radius)
         angles = [wheel_offset + 2.0 * math.pi * wheel / count for wheel in range(count)]
         rows = [(math.sin(angle), -math.cos(angle), -robot_radius) for angle in angles]
-        return cls(tuple([scaled(row, 1.0 / radius) for row in rows]))
+        return cls(radius, rows)
 
-    def wheel_velocities(
-        self, linear_x: float, linear_y: float, angular: float
-    ) -> tuple[float, ...]:
-        """Return the velocities of the wheels, rad/s, for a body twist.
+    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
+        return DriveCommand(*twist, [path / self.radius for path in self.paths(twist)])
 
-        Args:
-            linear_x: forward, m/s.
-            linear_y: to the left, m/s.
-            angular: velocity of turning to the left, rad/s.
-        """
-        return tuple([x * linear_x + y * linear_y + turn * angular for x, y, turn in self.rows])
+    def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:
+        """Return the motion of the body that fits best, by least squares, if wheels slipped."""
+        forward, left, turn = self._inverse
+        motion = _dot(forward, turned), _dot(left, turned), _dot(turn, turned)
+        return scaled(motion, self.radius)
 
-    def body_motion(self, wheels: Sequence[float]) -> Triple:
-        """Return travel forward and to the left (m), and left turn (rad), for wheel angles in rad.
-
-        It is the one that fits best, by least squares, if wheels slipped. For wheel velocities in
-        rad/s, the results are the body's velocities.
-        """
-        x, y, turn = (_dot(shares, wheels) for shares in self._shares)
-        return x, y, turn
-
-    @cached_property
-    def _normal(self) -> tuple[Triple, Triple, Triple]:
-        """The symmetric matrix A'A (3, 3), with the rows A."""
-        columns = list(zip(*self.rows, strict=True))
-        x, y, turn = (
-            (_dot(a, columns[0]), _dot(a, columns[1]), _dot(a, columns[2])) for a in columns
-        )
-        return x, y, turn
-
-    @cached_property
-    def _determinant(self) -> float:
-        x, y, turn = self._normal
-        return _dot(x, cross(y, turn))
-
-    @cached_property
-    def _shares(self) -> tuple[tuple[float, ...], ...]:
-        """The pseudo-inverse (A'A)^-1 A' (3, N): how much each wheel moves the body."""
-        # In floats: numpy's results differ in the last bits between processors.
-        x, y, turn = self._normal
-        adjugate = cross(y, turn), cross(turn, x), cross(x, y)
-        return tuple(
-            tuple([_dot(part, row) / self._determinant for row in self.rows]) for part in adjugate
-        )
+    def paths(self, motion: Triple) -> list[float]:
+        forward, left, turn = motion
+        return [x * forward + y * left + lever * turn for x, y, lever in self.rows]
 
 
 def _dot(first: Sequence[float], second: Sequence[float]) -> float:
     return total(map(operator.mul, first, second))
 
 
-def _check_lengths(**lengths: float) -> None:
-    for name, value in lengths.items():
-        if not (math.isfinite(value) and value >= _LEAST):
-            raise ValueError(f"{name} must be at least {_LEAST:g} m, not {value:g} m")
+class HolonomicGeometry(NamedTuple):
+    """The geometry of a drive by wheels with rollers; see ``HolonomicKinematics``."""
+
+    kinematics: HolonomicKinematics
+    kind: str  # of the wheels
+
+    @property
+    def radius(self) -> float:
+        """Radius of the wheels, m."""
+        return self.kinematics.radius
+
+    def __str__(self) -> str:
+        wheels = self.kinematics
+        return f"{len(wheels.rows)} {self.kind} wheels of radius {wheels.radius:g} m"
+
+
+@dataclass(frozen=True)
+class HolonomicParameters(DriveParameters[HolonomicGeometry]):
+    """The parameters that all drives by wheels with rollers have."""
+
+    linear: SpeedLimits = group(SpeedLimits, "linear.x")
+    lateral: SpeedLimits = group(SpeedLimits, "linear.y")
+    angular: SpeedLimits = group(SpeedLimits, "angular.z")
+    wheel_noise: float = wheel_noise()
+
+    @property
+    def limits(self) -> Mapping[str, SpeedLimits]:
+        return {"linear.x": self.linear, "linear.y": self.lateral, "angular.z": self.angular}
+
+    def noise(self, paths: int) -> Sequence[float]:
+        return (self.wheel_noise**2,) * paths
+
+    def kinematics(self, geometry: HolonomicGeometry) -> HolonomicKinematics:
+        return geometry.kinematics

@@ -61,6 +61,10 @@ class Kinematics(ABC):
             steering: measured positions of the steering joints, rad.
         """
 
+    def fault(self, twist: Triple) -> str:
+        """Return what of a wanted twist the drive cannot do, in the same words for all such."""
+        return ""
+
     @abstractmethod
     def body_motion(self, turned: Sequence[float], steering: Sequence[float]) -> Triple:
         """Return the motion of the body.

@@ -14,12 +14,24 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
 
 G = TypeVar("G")
+_NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
 
 
-def variances(zeros: str = "") -> Any:
+def variances(zeros: str = "", **rules: Any) -> Any:
     """Return a field for the diagonal of a covariance; ``zeros`` says what zeros are for."""
     text = f"variances of x, y, z, roll, pitch, yaw{zeros}"
-    return parameter((0.0,) * 6, text, at_least=0.0)
+    return parameter((0.0,) * 6, text, at_least=0.0, **rules)
+
+
+def wheel_noise() -> Any:
+    """Return a field for the error of a wheel's path."""
+    text = "standard deviation of the wheels' path after 1 m, m; grows with the root of the path"
+    return parameter(_NOISE, text, at_least=0.0, at_most=1.0)
+
+
+def read_from_urdf(description: str, **rules: Any) -> Any:
+    """Return a field for a length, m, that is read from the URDF unless it is given."""
+    return parameter(0.0, f"{description}, m; 0: read from the URDF", at_least=0.0, **rules)
 
 
 _Six = tuple[float, float, float, float, float, float]
@@ -54,14 +66,23 @@ class DriveParameters(ABC, Generic[G]):
     )
 
     @property
+    def timeout(self) -> float:
+        """Time without a command until the robot brakes, s; 0: it never does."""
+        return self.cmd_vel_timeout
+
+    @classmethod
+    def is_found(cls, wheels: "Wheels") -> bool:
+        """Return whether a robot has such a drive, by its description; no other is asked then."""
+        return False
+
+    @property
     @abstractmethod
     def limits(self) -> Mapping[str, SpeedLimits]:
         """The limits of each axis that the drive has: of linear.x, linear.y and angular.z."""
 
-    @property
     @abstractmethod
-    def noise(self) -> Sequence[float]:
-        """The variance of each wheel's path, m^2 per metre."""
+    def noise(self, paths: int) -> Sequence[float]:
+        """Return the variance of each of the kinematics' ``paths``, m^2 per metre."""
 
     @abstractmethod
     def wheels(self, description: "Description") -> "Wheels":

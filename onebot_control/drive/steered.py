@@ -1,12 +1,21 @@
-"""Kinematics of drives that steer front wheels: bicycles, cars and tricycles."""
+"""Drives that steer front wheels: bicycles, cars and tricycles, with their standard parameters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+from onebot_control.drive.kinematics import DriveCommand, Kinematics, Share, check_lengths
+from onebot_control.drive.parameters import DriveParameters, read_from_urdf, wheel_noise
+from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import Triple, clamp, total
+from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
-_LEAST = 1e-6  # m; with shorter lengths, results might not be finite
+if TYPE_CHECKING:
+    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.steering import SteeredGeometry, SteeredWheels
+    from onebot_description.description import Description
+
 _ACROSS = 1e-9  # cosine of the angle from which a steered wheel counts as standing across
 # A wheel this near to the point about which the robot turns, as a share of the radius, says
 # nothing of the robot's speed.
@@ -14,50 +23,97 @@ _PIVOT = 1e-3
 # How far the steering may be off before the wheels slow down, and where they slow down no more,
 # rad: as steering_controllers_library.
 _FAR, _FARTHEST = math.pi / 6.0, 1.5608
+_QUARTER = math.pi / 2.0
+_ROUNDING = 1e-6  # relative, of a radius
 
 
-@dataclass(frozen=True)
-class SteeredKinematics:
+class SteeredKinematics(Kinematics):
     """Converts between wheel and body motion of a robot that steers its front wheels.
 
-    The body's frame is in the middle of the rear axle, x forward, y to the left (REP-103). Where
-    there are two wheels, the one on the right is the first. The steering angle is that of a wheel
-    in the middle of the front axle, rad to the left.
-
-    Bicycle: both tracks are zero. Tricycle with two driven wheels: the steering track is. Car: none
-    is (Ackermann steering). A tricycle whose steered wheel is driven has ``front_driven``.
+    The body's frame has x forward and y to the left (REP-103); the rear axle does not move
+    sideways. Where there are two wheels, the one on the right is the first. The steering angle is
+    that of a wheel in the middle of the front axle, rad to the left.
     """
 
-    wheelbase: float  # distance between the axles, m
-    radius: float  # of the driven wheels, m
-    traction_track: float = 0.0  # distance between the driven wheels, m; 0: there is one
-    steering_track: float = 0.0  # distance between the steered wheels, m; 0: there is one
-    limit: float = math.pi / 2.0  # the greatest steering angle, rad
-    front_driven: bool = False  # the steered wheel is driven; then it is the only one
+    def __init__(self, geometry: "SteeredGeometry", *, waits: bool = False) -> None:
+        """Take the lengths.
 
-    def __post_init__(self) -> None:
-        """Check the lengths.
+        Args:
+            geometry: the lengths.
+            waits: whether the wheels wait for the steering
+                (reduce_wheel_speed_until_steering_reached).
 
         Raises:
             ValueError: a length or the limit is not finite, too short, or of another drive.
         """
-        for name in ("wheelbase", "radius"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= _LEAST):
-                raise ValueError(f"{name} must be at least {_LEAST:g} m, not {value:g} m")
+        self.wheelbase, self.radius = geometry.wheelbase, geometry.radius
+        self.traction_track, self.steering_track = geometry.traction_track, geometry.steering_track
+        self.limit, self.front_driven, self.axle = geometry[4:]
+        self._waits = waits
+        check_lengths(self, "wheelbase", "radius")
         for name in ("traction_track", "steering_track"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must be at least 0 m, not {value:g} m")
             if value and self.front_driven:
                 raise ValueError(f"{name} must be 0 m if the steered wheel is driven")
-        if not 0.0 < self.limit <= math.pi / 2.0:
+        if not 0.0 < self.limit <= _QUARTER:
             raise ValueError(f"limit must be above 0 and at most pi/2 rad, not {self.limit:g} rad")
+        # The heading's errors are as if the wheels were on two sides, as far apart as the axles.
+        self.shares = Share(0.5, 0.0, -self.wheelbase), Share(0.5, 0.0, self.wheelbase)
 
-    @property
-    def least_radius(self) -> float:
-        """The least radius of a curve, m, of the middle of the rear axle."""
-        return self.wheelbase / math.tan(self.limit) if self.limit < math.pi / 2.0 else 0.0
+    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
+        """Return what the joints do for a twist.
+
+        The robot drives as fast as commanded, and turns as far as it can; only a driven front wheel
+        that can be steered across turns it on the spot.
+        """
+        linear, _, angular = twist
+        angle = self.steering_angle(linear, angular)
+        speed = self._speed(linear, angular, angle)
+        if self.front_driven:
+            turn = speed * math.sin(angle) / self.wheelbase
+        else:
+            turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
+        speed /= self.radius
+        if self._waits and steering:
+            missing = abs(angle - self.middle_angle(steering))
+            if missing >= _FAR:
+                speed *= math.cos(min(missing, _FARTHEST)) / math.cos(_FAR)
+        bend = 0.0 if self.front_driven else self._bend(angle, self.traction_track)
+        wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
+        steered = self._steering_positions(angle)
+        return DriveCommand(linear, -self.axle * turn, turn, wheels, steered)
+
+    def fault(self, twist: Triple) -> str:
+        linear, _, angular = twist
+        least = self.wheelbase / math.tan(self.limit)
+        if abs(linear) >= abs(angular) * least * (1.0 - _ROUNDING) or self.limit >= _QUARTER:
+            return ""
+        return (
+            f"it turns less than commanded: the steering allows curves of {least:.3g} m radius "
+            "and more, and no turn on the spot"
+        )
+
+    def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:
+        angle = self.middle_angle(steering)
+        if self.front_driven:
+            path = turned[0] * self.radius
+            way, turn = path * math.cos(angle), path * math.sin(angle) / self.wheelbase
+        else:
+            bend = self._bend(angle, self.traction_track)
+            shares = (1.0 + bend, 1.0 - bend) if self.traction_track else (1.0,)
+            ways = [
+                wheel * self.radius / share
+                for wheel, share in zip(turned, shares, strict=True)
+                if abs(share) > _PIVOT
+            ]
+            way = total(ways) / len(ways)
+            turn = math.tan(angle) * way / self.wheelbase
+        return way, -self.axle * turn, turn
+
+    def paths(self, motion: Triple) -> tuple[float, float]:
+        return motion[0], motion[0]
 
     def steering_angle(self, linear: float, angular: float) -> float:
         """Return the steering angle, rad, for a body twist, clipped to the limit.
@@ -69,53 +125,8 @@ class SteeredKinematics:
         across = angular * self.wheelbase
         if not across:
             return 0.0
-        angle = math.atan(across / linear) if linear else math.copysign(math.pi / 2.0, across)
+        angle = math.atan(across / linear) if linear else math.copysign(_QUARTER, across)
         return clamp(angle, -self.limit, self.limit)
-
-    def commands(
-        self, linear: float, angular: float, steering: float | None = None
-    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return velocities of the driven wheels, rad/s, and positions of the steered ones, rad.
-
-        The robot drives as fast as commanded, and turns as far as it can; only a driven front wheel
-        that can be steered across turns it on the spot.
-
-        Args:
-            linear: forward, m/s.
-            angular: velocity of turning to the left, rad/s.
-            steering: the present steering angle, rad, if the wheels are to wait for the steering
-                (reduce_wheel_speed_until_steering_reached).
-        """
-        angle = self.steering_angle(linear, angular)
-        speed = self._speed(linear, angular, angle) / self.radius
-        if steering is not None and abs(angle - steering) >= _FAR:
-            speed *= math.cos(min(abs(angle - steering), _FARTHEST)) / math.cos(_FAR)
-        bend = 0.0 if self.front_driven else self._bend(angle, self.traction_track)
-        wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
-        return wheels, self._steering_positions(angle)
-
-    def body_motion(self, traction: Sequence[float], steering: Sequence[float]) -> Triple:
-        """Return travel forward and to the left (m), and left turn (rad), for wheel angles in rad.
-
-        For wheel velocities in rad/s, the results are the body's velocities.
-
-        Args:
-            traction: angles or velocities of the driven wheels.
-            steering: positions of the steered wheels, rad.
-        """
-        angle = self.middle_angle(steering)
-        if self.front_driven:
-            way = traction[0] * self.radius
-            return way * math.cos(angle), 0.0, way * math.sin(angle) / self.wheelbase
-        bend = self._bend(angle, self.traction_track)
-        shares = (1.0 + bend, 1.0 - bend) if self.traction_track else (1.0,)
-        ways = [
-            wheel * self.radius / share
-            for wheel, share in zip(traction, shares, strict=True)
-            if abs(share) > _PIVOT
-        ]
-        way = total(ways) / len(ways)
-        return way, 0.0, math.tan(angle) * way / self.wheelbase
 
     def middle_angle(self, steering: Sequence[float]) -> float:
         """Return the steering angle, rad, for positions of the steered wheels, rad."""
@@ -151,3 +162,156 @@ class SteeredKinematics:
         )
         side = 2.0 * self.wheelbase * math.sin(angle)
         return math.atan2(side, ahead + across), math.atan2(side, ahead - across)
+
+
+@dataclass(frozen=True)
+class SteeredParameters(DriveParameters["SteeredGeometry"]):
+    """The parameters that all drives with steered front wheels have."""
+
+    linear: SpeedLimits = group(SpeedLimits, "linear.x")
+    angular: SpeedLimits = group(SpeedLimits, "angular.z")
+    wheel_noise: float = wheel_noise()
+    wheelbase: float = read_from_urdf("distance between the axles")
+    steering_limit: float = parameter(
+        0.0,
+        "the greatest steering angle, rad; 0: by the joints' limits",
+        at_least=0.0,
+        at_most=_QUARTER,
+    )
+    minimum_turning_radius: float = parameter(
+        0.0, "the least radius of a curve, m, which the node sets", read_only=True
+    )
+
+    @property
+    def limits(self) -> Mapping[str, SpeedLimits]:
+        return {"linear.x": self.linear, "angular.z": self.angular}
+
+    def noise(self, paths: int) -> Sequence[float]:
+        return (self.wheel_noise**2,) * paths
+
+    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
+        geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
+        return geometry._replace(limit=self.steering_limit) if self.steering_limit else geometry
+
+    def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
+        return SteeredKinematics(geometry)
+
+    @property
+    def _radius(self) -> float:
+        """The radius of the driven wheels, m; 0: that of the URDF."""
+        return 0.0
+
+    @property
+    def _tracks(self) -> tuple[float, float]:
+        """The distances of the driven and of the steered wheels, m; 0: those of the URDF."""
+        return 0.0, 0.0
+
+
+def _joints(what: str) -> Any:
+    description = f"joints of {what}; empty: found in the URDF"
+    return parameter((), description, unique=True, read_only=True)
+
+
+_SAME = "the states are those of the same joints"
+
+
+@dataclass(frozen=True)
+class SteeringParameters(SteeredParameters):
+    """The parameters of the ackermann, bicycle and tricycle_steering_controller."""
+
+    traction_joints_names: tuple[str, ...] = _joints("the driven wheels")
+    steering_joints_names: tuple[str, ...] = _joints("the steering")
+    rear_wheels_names: tuple[str, ...] = _joints("the driven wheels, by an older name")
+    front_wheels_names: tuple[str, ...] = _joints("the steering, by an older name")
+    front_steering: bool = parameter(True, "the front wheels are steered; no others are here")
+    traction_joints_state_names: tuple[str, ...] = ignored((), _SAME)
+    steering_joints_state_names: tuple[str, ...] = ignored((), _SAME)
+    rear_wheels_state_names: tuple[str, ...] = ignored((), _SAME)
+    front_wheels_state_names: tuple[str, ...] = ignored((), _SAME)
+    traction_wheels_radius: float = read_from_urdf("radius of the driven wheels")
+    traction_wheel_radius: float = read_from_urdf("the same, of a bicycle")
+    rear_wheels_radius: float = read_from_urdf("the same, by an older name")
+    rear_wheel_radius: float = read_from_urdf("the same, by an older name")
+    front_wheels_radius: float = ignored(0.0, "the front wheels are not driven")
+    front_wheel_radius: float = ignored(0.0, "the front wheels are not driven")
+    traction_track_width: float = read_from_urdf("distance between the driven wheels")
+    rear_wheel_track: float = read_from_urdf("the same, by an older name")
+    wheel_track: float = read_from_urdf("the same, by an older name")
+    steering_track_width: float = read_from_urdf("distance between the steered wheels")
+    front_wheel_track: float = read_from_urdf("the same, by an older name")
+    reduce_wheel_speed_until_steering_reached: bool = parameter(
+        False, "the wheels slow down while the steering is more than 30 degrees off"
+    )
+    reference_timeout: float = parameter(
+        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
+    )
+
+    @property
+    def timeout(self) -> float:
+        given = self.reference_timeout
+        return self.cmd_vel_timeout if math.isnan(given) else given
+
+    def check(self) -> Iterator[Problem]:
+        """Report rear wheels that are steered."""
+        if not self.front_steering:
+            text = "vehicles that steer their rear wheels are not simulated; write true"
+            yield Problem("front_steering", text)
+
+    @classmethod
+    def is_found(cls, wheels: "Wheels") -> bool:
+        return bool(wheels.steered)
+
+    def wheels(self, description: "Description") -> "SteeredWheels":
+        from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
+
+        return SteeredWheels(
+            description,
+            self.traction_joints_names or self.rear_wheels_names,
+            self.steering_joints_names or self.front_wheels_names,
+        )
+
+    def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
+        return SteeredKinematics(geometry, waits=self.reduce_wheel_speed_until_steering_reached)
+
+    @property
+    def _radius(self) -> float:
+        wheels = self.traction_wheels_radius or self.rear_wheels_radius
+        return wheels or self.traction_wheel_radius or self.rear_wheel_radius
+
+    @property
+    def _tracks(self) -> tuple[float, float]:
+        traction = self.traction_track_width or self.rear_wheel_track or self.wheel_track
+        return traction, self.steering_track_width or self.front_wheel_track
+
+
+@dataclass(frozen=True)
+class TricycleParameters(SteeredParameters):
+    """tricycle_controller's parameters: of a tricycle whose steered wheel is driven."""
+
+    traction_joint_name: str = parameter(
+        "", "joint of the driven wheel; empty: found in the URDF", read_only=True
+    )
+    steering_joint_name: str = parameter(
+        "", "joint that steers it; empty: found in the URDF", read_only=True
+    )
+    wheel_radius: float = read_from_urdf("radius of the driven wheel")
+    cmd_vel_timeout: float = parameter(
+        500, "time without a command until the robot brakes, ms; 0: it never does", at_least=0.0
+    )
+    odom_only_twist: bool = ignored(False, "the odometry has its pose, too")
+    publish_ackermann_command: bool = ignored(False, "~/cmd_vel_out has the limited command")
+
+    @property
+    def timeout(self) -> float:
+        return self.cmd_vel_timeout / 1000.0
+
+    def wheels(self, description: "Description") -> "SteeredWheels":
+        from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
+
+        traction, steering = self.traction_joint_name, self.steering_joint_name
+        names = [[name] if name else [] for name in (traction, steering)]
+        return SteeredWheels(description, *names, front_driven=True)
+
+    @property
+    def _radius(self) -> float:
+        return self.wheel_radius

@@ -9,10 +9,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
+    declared_parameters,
     foreign_sections,
     read_control_files,
     read_joint_controllers,
 )
+from onebot_control.drive.parameters import DriveParameters
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.parameters.reader import (
     ConfigError,
@@ -58,15 +60,20 @@ class ControlParameters:
         Args:
             node: node to declare them on.
             arguments: the node's ROS arguments.
-            declared: dataclass of the parameters.
+            declared: dataclass of the parameters; those of a drive are replaced if a file names
+                another type.
             given: values that override files and command line.
 
         Raises:
             ConfigError: values are wrong; it names each of them.
         """
         namespace, name = node.get_namespace(), node.get_name()
+        if issubclass(declared, DriveParameters):
+            file = read_control_files(arguments.files, namespace, name, declared)
+            declared = declared_parameters(arguments.files, namespace, name, declared)
+        else:
+            file = read_control_files(arguments.files, namespace, name)
         self.declared = declared
-        file = read_control_files(arguments.files, namespace, name)
         self.joints = read_joint_controllers(arguments.files, namespace, name)
         self.foreign_sections = foreign_sections(arguments.files, namespace, name)
         self._ignored = [*file.warnings, *self.joints.warnings]

@@ -22,7 +22,7 @@ from onebot_control.runtime.frames import Frames
 from onebot_control.runtime.sensing import Channel, Sensing
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -178,8 +178,8 @@ class RobotInterface:
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
         drive = self.slot.robot.drive if self.slot.loop is not None else None
-        if drive is not None and drive.drift.warning:
-            self._warn.once(drive.drift.warning)
+        for warning in filter(None, (drive.drift.warning, drive.notice) if drive else ()):
+            self._warn.once(warning)
         if self._controllers is not None and self.slot.running.paused:
             # No cycle passes on the goals that a lock or a reset has ended.
             self.slot.running.post(self._controllers.finish)
@@ -187,14 +187,19 @@ class RobotInterface:
 
     # The description ---------------------------------------------------------------------------
 
-    def describe(self, file: str | None) -> None:
-        """Use the description of a file or the parameter, or wait for the topic."""
+    def describe(self, description: Description | None, *, follow: bool) -> None:
+        """Use a description, or that of the parameter, and wait for others on the topic.
+
+        Args:
+            description: the description; None for that of the parameter, if it is given.
+            follow: whether to use those on the topic.
+        """
         text = self.settings.values["robot_description"]
-        if file:
-            self._start(load_description(file))
-        elif text:
-            self._start(parse_description(text, "robot_description"))
-        if not file:
+        if description is None and text:
+            description = parse_description(text, "robot_description")
+        if description is not None:
+            self._start(description)
+        if follow:
             places = self.settings.places
             DescriptionTopic(self.node, lambda: self.description, self._use, places)
 

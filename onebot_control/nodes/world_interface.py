@@ -8,7 +8,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from onebot_control.control_files import read_control_files
 from onebot_control.controlled_robot import Snapshot
+from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive_kinds import DRIVES, found_drive
 from onebot_control.fleet import Divider, Fleet, located
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
@@ -24,7 +27,7 @@ from onebot_control.runtime.frames import Frames, check_frames
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_description.description import Description
+from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import listing, printable
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.run_node import steady_timer
@@ -104,16 +107,21 @@ class WorldInterface:
         Raises:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
-        pairs = zip(nodes, arguments, strict=True)
-        settings = [ControlParameters(*pair, parameters) for pair in pairs]
+        described = [
+            _described(file, node, own) for node, own in zip(nodes, arguments, strict=True)
+        ]
+        settings = [
+            ControlParameters(node, own, _declared(parameters, description))
+            for node, own, description in zip(nodes, arguments, described, strict=True)
+        ]
         config = settings[0].config  # what concerns the world is the first robot's
         simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
         try:
             # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
-            for robot in interface.robots:
-                robot.describe(file)
+            for robot, description in zip(interface.robots, described, strict=True):
+                robot.describe(description, follow=file is None)
         except BaseException:  # Ctrl-C, too: Python aborts at its exit if threads run then
             interface.stop()
             raise
@@ -270,6 +278,24 @@ class NodeLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self._logger.warning(record.getMessage())
+
+
+def _described(file: str | None, node: Node, arguments: RosArguments) -> Description | None:
+    """Return the description in a file or in a node's parameters; None if a topic will have it."""
+    if file is not None:
+        return load_description(file)
+    namespace, name = node.get_namespace(), node.get_name()
+    text = read_control_files(arguments.files, namespace, name).values.get("robot_description")
+    return parse_description(text, "robot_description") if text else None
+
+
+def _declared(
+    parameters: type[SimulationConfig], description: Description | None
+) -> type[SimulationConfig]:
+    """Return the parameters of a robot's node: of the drive that the description shows."""
+    if description is None or not issubclass(parameters, DriveParameters):
+        return parameters
+    return DRIVES[found_drive(description)]
 
 
 def _moved_text(fleet: Fleet) -> str:

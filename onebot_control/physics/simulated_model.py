@@ -24,6 +24,7 @@ from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
+from onebot_control.physics.roller_wheels import RollerWheel, with_rollers
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
@@ -96,7 +97,8 @@ def simulated_model(
     Raises:
         OneBotError: a named joint does not move, or a commanded one mimics another.
     """
-    tyres = {name: wheels.tyres.tyre(name) for name in wheels.names} if wheels else {}
+    rolling = (*wheels.names, *wheels.free) if wheels else ()
+    tyres = {name: wheels.tyres.tyre(name) for name in rolling} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
     roles = _Roles(description, {*tyres, *casters}, commanded, positions)
     weight = _GRAVITY * wheels.robot.mass if wheels else 0.0
@@ -104,7 +106,7 @@ def simulated_model(
     for joint in description.joints:
         if joint.name in roles.fixed:
             joint = _fixed(joint, roles.fixed[joint.name])
-        elif joint.name in tyres:
+        elif wheels and joint.name in wheels.names:
             joint = _motor(joint, weight, tyres[joint.name])
             if wheels and wheels.skids:
                 joint = SkidAxle(**vars(joint))
@@ -122,7 +124,27 @@ def simulated_model(
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
+    if wheels and wheels.rollers:
+        rigid = with_rollers(rigid, _roller_wheels(wheels, tyres))
     return SimulatedModel(rigid, roles.held, roles.mimic_joints, roles.gears, starts)
+
+
+def _roller_wheels(wheels: Wheels, tyres: Mapping[str, Tyre | None]) -> dict[str, RollerWheel]:
+    """Return the driven wheels with rollers.
+
+    Raises:
+        OneBotError: one has no round shape.
+    """
+    found = {}
+    for name, angle in wheels.rollers.items():
+        tyre = tyres[name]
+        if tyre is None:
+            raise OneBotError(
+                f'{wheels.description.source}: joint "{name}": the link that it moves has no '
+                "sphere, cylinder or round mesh to roll on"
+            )
+        found[name] = RollerWheel(tyre.radius, angle, tyre.offset)
+    return found
 
 
 def independent(description: Description) -> Description:
@@ -203,7 +225,7 @@ def _positioned_names(description: Description) -> set[str]:
 
 def _rolling(wheels: Wheels) -> set[str]:
     """Return the joints of wheels and casters, and those that carry them."""
-    rolling = {*wheels.names, *casters_of(wheels)}
+    rolling = {*wheels.names, *wheels.free, *casters_of(wheels)}
     chains = [chain for chain in _chains(wheels) if chain[0].name in rolling]
     return {joint.name for chain in chains for joint in chain}
 
@@ -464,7 +486,7 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
     for chain in chains:
         if any(joint.kind != "continuous" or joint.mimic is not None for joint in chain):
             bound.update(joint.name for joint in chain)
-    return {chain[0].name for chain in chains} - bound - {*wheels.names}
+    return {chain[0].name for chain in chains} - bound - {*wheels.names, *wheels.free}
 
 
 def _fixed(joint: Joint, position: float) -> Joint:
@@ -497,12 +519,14 @@ def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
 
 def _massive(wheels: Wheels, link: Link) -> Link:
     """Return a link; a driven wheel gets the inertia that the simulation needs."""
+    if wheels.rollers:  # ``with_rollers`` has inertias of its own
+        return link
     first, _ = wheels.rigid[link.name]
     driven = {wheels.axles[name].joint.child: name for name in wheels.names}
     tyre = wheels.tyres.tyre(driven[first]) if first in driven else None
     if tyre is None:
         return link
-    if len(driven) > 2:
+    if wheels.skids:
         ring = _ring(wheels, driven[first], tyre) if link.name == first else None
         return replace(link, inertial=ring)
     if link.name != first or link.inertial is None:

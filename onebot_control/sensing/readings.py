@@ -50,10 +50,12 @@ class PlanarVelocity:
     Attributes:
         linear: forward, m/s.
         angular: velocity of turning to the left, rad/s.
+        lateral: velocity to the left, m/s.
     """
 
     linear: float
     angular: float
+    lateral: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,7 @@ class OdometryReading:
         linear: forward velocity, m/s, averaged over velocity_rolling_window_size cycles.
         angular: velocity of turning to the left, rad/s, likewise.
         covariance: (3, 3), of x, y and yaw, in m^2, m rad, rad^2. It grows with the distance.
+        lateral: velocity to the left, m/s, likewise averaged.
     """
 
     x: float
@@ -75,6 +78,7 @@ class OdometryReading:
     linear: float
     angular: float
     covariance: tuple[tuple[float, float, float], ...]
+    lateral: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,8 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
         ("wheel_radius: 0.1", "wheel_radius: big", ':13: wheel_radius: "big" is a string'),
         (
             "diff_drive_controller/DiffDriveController",
-            "mecanum_drive_controller/MecanumDriveController",
-            ":4: velocity_controller.type: mecanum_drive_controller/MecanumDriveController cannot",
+            "swerve_drive_controller/SwerveController",
+            ":4: velocity_controller.type: swerve_drive_controller/SwerveController cannot",
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),

@@ -4,6 +4,7 @@ import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -48,8 +49,7 @@ class Parameters(DriveParameters[None]):
         names = ("linear.x", "linear.y", "angular.z")
         return {name: SpeedLimits(max_velocity=1.0 + row) for row, name in enumerate(names)}
 
-    @property
-    def noise(self) -> Sequence[float]:
+    def noise(self, paths: int) -> Sequence[float]:
         return 0.01, 0.02, 0.03, 0.04
 
     def wheels(self, description: Description) -> Wheels:
@@ -68,6 +68,7 @@ class FourWheels:
     groups = (("fl",), ("fr", "fr2"), ("rr",), ("rl",))
     steering = ("steer",)
     directions = {"fl": 1.0, "fr": 1.0, "fr2": -1.0, "rr": 1.0, "rl": 1.0}  # noqa: RUF012
+    axles = {"steer": SimpleNamespace(axis=(0.0, 0.0, 1.0))}  # noqa: RUF012
     skids = False
 
 

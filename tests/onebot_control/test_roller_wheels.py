@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from onebot_control.drive.arcs import along_arc
 from onebot_control.drive.holonomic import HolonomicKinematics
+from onebot_control.drive.odometry import Odometry
 from onebot_control.physics import RobotBody, RobotSpawn, World
 from onebot_control.physics.roller_wheels import RollerWheel, with_rollers
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
+from onebot_description.geometry.poses import Triple, yaw_of
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body
 from tests.onebot_control.simulation_support import bits, planar, robot
@@ -40,7 +40,7 @@ class Rolling(NamedTuple):
 
     def turn(self, body: RobotBody, twist: Sequence[float]) -> None:
         x, y, turn = map(float, twist)
-        body.turn(self.kinematics.wheel_velocities(x, y, turn))
+        body.turn(self.kinematics.command((x, y, turn)).wheels)
 
 
 def _wheel(name: str, x: float, y: float, yaw: float) -> str:
@@ -98,7 +98,8 @@ class Driver:
 
     def __init__(self, model: Rolling, world: World) -> None:
         self.model, self.world, (self.body,) = model, world, world.robots
-        self.odometry = PlanarPose(*planar(self.body))
+        self._odometry = Odometry(model.kinematics)
+        self._odometry.set_pose(*planar(self.body))
         self.driven = self.turned = 0.0
         self._twist = np.zeros(3)
 
@@ -111,7 +112,7 @@ class Driver:
             self.world.step(PERIOD)
             angles = [now - then for now, then in zip(self._wheels(), before, strict=True)]
             motion = self.model.kinematics.body_motion(angles)
-            self.odometry = along_arc(self.odometry, motion)
+            self._odometry.update_from_positions(self._wheels(), PERIOD)
             self.driven += math.hypot(*motion[:2])
             self.turned += abs(motion[2])
 
@@ -124,8 +125,8 @@ class Driver:
         (x, y, _), rotation = self.body.pose
         yaw = yaw_of(*rotation)
         off = (
-            math.dist((x, y), self.odometry[:2]),
-            math.remainder(yaw - self.odometry.yaw, math.tau),
+            math.dist((x, y), self._odometry.pose[:2]),
+            math.remainder(yaw - self._odometry.heading, math.tau),
         )
         return off[0] / max(self.driven, 0.1), abs(off[1]) / max(self.turned, 0.1)
 

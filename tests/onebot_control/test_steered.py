@@ -7,8 +7,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from onebot_control.drive.steered import SteeredKinematics
+from onebot_control.drive.wheels.steering import SteeredGeometry
 
 EXACT = 1e-12
+
+
+def kinematics_of(*lengths: float, waits: bool = False, **more: float) -> SteeredKinematics:
+    return SteeredKinematics(SteeredGeometry(*lengths, **more), waits=waits)
+
+
 speeds = st.floats(-3.0, 3.0).filter(lambda speed: abs(speed) > 1e-3)
 turns = st.floats(-2.0, 2.0)
 bases, radii = st.floats(0.2, 3.0), st.floats(0.03, 0.5)
@@ -19,8 +26,8 @@ positions = st.floats(-0.7, 0.7)
 @given(speeds, turns, bases, radii)
 def test_bicycle_equations(linear, angular, base, radius) -> None:
     phi = math.atan(angular * base / linear)
-    kinematics = SteeredKinematics(base, radius)
-    (wheel,), (steering,) = kinematics.commands(linear, angular)
+    kinematics = kinematics_of(base, radius)
+    (wheel,), (steering,) = kinematics.command((linear, 0.0, angular))[3:]
     assert (wheel, steering) == pytest.approx((linear / radius, phi), rel=EXACT, abs=EXACT)
     x, y, turn = kinematics.body_motion([wheel], [steering])
     assert (x, y) == pytest.approx((radius * wheel, 0.0), rel=EXACT, abs=EXACT)
@@ -31,8 +38,8 @@ def test_bicycle_equations(linear, angular, base, radius) -> None:
 @given(speeds, turns, bases, radii, tracks)
 def test_tricycle_with_two_driven_wheels(linear, angular, base, radius, track) -> None:
     phi = math.atan(angular * base / linear)
-    kinematics = SteeredKinematics(base, radius, track)
-    (right, left), (steering,) = kinematics.commands(linear, angular)
+    kinematics = kinematics_of(base, radius, track)
+    (right, left), (steering,) = kinematics.command((linear, 0.0, angular))[3:]
     speed = linear / radius
     if abs(math.tan(phi)) > 1e-9:
         curve = base / math.tan(phi)
@@ -46,8 +53,8 @@ def test_tricycle_with_two_driven_wheels(linear, angular, base, radius, track) -
 @given(speeds, turns, bases, radii, tracks, tracks)
 def test_ackermann_equations(linear, angular, base, radius, track, front) -> None:
     phi = math.atan(angular * base / linear)
-    kinematics = SteeredKinematics(base, radius, track, front)
-    (right, left), (right_angle, left_angle) = kinematics.commands(linear, angular)
+    kinematics = kinematics_of(base, radius, track, front)
+    (right, left), (right_angle, left_angle) = kinematics.command((linear, 0.0, angular))[3:]
     sin, cos = math.sin(phi), math.cos(phi)
     expected = (
         math.atan2(2.0 * base * sin, 2.0 * base * cos + front * sin),
@@ -74,7 +81,7 @@ def test_ackermann_odometry(wheels, steering, track, front) -> None:
         right_speed * radius * curve / (curve + track / 2.0)
         + left_speed * radius * curve / (curve - track / 2.0)
     ) / 2.0
-    kinematics = SteeredKinematics(base, radius, track, front)
+    kinematics = kinematics_of(base, radius, track, front)
     x, y, turn = kinematics.body_motion(wheels, steering)
     expected = speed, 0.0, math.tan(phi) * speed / base
     assert (x, y, turn) == pytest.approx(expected, rel=EXACT, abs=EXACT)
@@ -84,8 +91,8 @@ def test_ackermann_odometry(wheels, steering, track, front) -> None:
 def test_tricycle_controller_equations(linear, angular, base, radius) -> None:
     """The steered wheel is driven."""
     alpha = math.atan(angular * base / linear)
-    kinematics = SteeredKinematics(base, radius, front_driven=True)
-    (wheel,), (steering,) = kinematics.commands(linear, angular)
+    kinematics = kinematics_of(base, radius, front_driven=True)
+    (wheel,), (steering,) = kinematics.command((linear, 0.0, angular))[3:]
     speed = linear / (radius * math.cos(alpha))
     assert (wheel, steering) == pytest.approx((speed, alpha), rel=EXACT, abs=EXACT)
     rim = wheel * radius
@@ -97,37 +104,38 @@ def test_tricycle_controller_equations(linear, angular, base, radius) -> None:
 
 @pytest.mark.parametrize("angular", [1.0, -0.5])
 def test_only_a_driven_front_wheel_turns_on_the_spot(angular: float) -> None:
-    tricycle = SteeredKinematics(0.5, 0.1, front_driven=True)
-    assert tricycle.body_motion(*tricycle.commands(0.0, angular)) == pytest.approx(
+    tricycle = kinematics_of(0.5, 0.1, front_driven=True)
+    assert tricycle.body_motion(*tricycle.command((0.0, 0.0, angular))[3:]) == pytest.approx(
         (0.0, 0.0, angular), abs=1e-12
     )
     for other in (
-        SteeredKinematics(0.5, 0.1, front_driven=True, limit=1.0),
-        SteeredKinematics(0.5, 0.1, 0.3, 0.3, limit=0.6),
-        SteeredKinematics(0.5, 0.1),
+        kinematics_of(0.5, 0.1, front_driven=True, limit=1.0),
+        kinematics_of(0.5, 0.1, 0.3, 0.3, limit=0.6),
+        kinematics_of(0.5, 0.1),
     ):
-        wheels, (*steering,) = other.commands(0.0, angular)
+        wheels, (*steering,) = other.command((0.0, 0.0, angular))[3:]
         assert max(map(abs, wheels)) < 1e-12
         assert other.middle_angle(steering) == pytest.approx(math.copysign(other.limit, angular))
 
 
 @given(speeds, turns)
 def test_curves_are_no_narrower_than_the_limit(linear: float, angular: float) -> None:
-    car = SteeredKinematics(0.3, 0.05, 0.2, 0.2, limit=0.5)
-    assert car.least_radius == pytest.approx(0.3 / math.tan(0.5))
-    x, _, turn = car.body_motion(*car.commands(linear, angular))
-    most = abs(linear) / car.least_radius
+    car = kinematics_of(0.3, 0.05, 0.2, 0.2, limit=0.5)
+    least = 0.3 / math.tan(0.5)
+    assert SteeredGeometry(0.3, 0.05, 0.2, 0.2, 0.5).least_radius == pytest.approx(least)
+    x, _, turn = car.body_motion(*car.command((linear, 0.0, angular))[3:])
+    most = abs(linear) / least
     assert (x, turn) == pytest.approx((linear, max(-most, min(most, angular))), abs=1e-9)
 
 
 def test_wheels_wait_for_the_steering() -> None:
     """As reduce_wheel_speed_until_steering_reached: from 30 degrees on, by the cosine."""
-    car = SteeredKinematics(0.3, 0.05)
+    car = kinematics_of(0.3, 0.05, waits=True)
     full = 1.0 / 0.05
     for off, share in ((0.0, 1.0), (0.5, 1.0), (1.0, math.cos(1.0) / math.cos(math.pi / 6.0))):
-        (wheel,), _ = car.commands(1.0, 0.0, steering=off)
+        (wheel,), _ = car.command((1.0, 0.0, 0.0), [off])[3:]
         assert wheel == pytest.approx(full * share, rel=EXACT)
-    (wheel,), _ = car.commands(1.0, 0.0, steering=-2.0)
+    (wheel,), _ = car.command((1.0, 0.0, 0.0), [-2.0])[3:]
     assert wheel == pytest.approx(full * math.cos(1.5608) / math.cos(math.pi / 6.0), rel=EXACT)
 
 
@@ -144,4 +152,4 @@ def test_wheels_wait_for_the_steering() -> None:
 )
 def test_what_is_no_drive_is_refused(arguments, fault) -> None:
     with pytest.raises(ValueError, match=fault):
-        SteeredKinematics(*arguments)
+        kinematics_of(*arguments)

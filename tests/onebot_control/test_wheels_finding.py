@@ -308,7 +308,7 @@ def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str
         SideWheels(car)
     message = str(caught.value)
     assert f'joint "{hinge}_joint" steers the wheel of "{wheel}_joint"' in message
-    assert "Ackermann" in message and "sim:=false" in message
+    assert "ackermann_steering_controller/AckermannSteeringController" in message
 
 
 def box(width: float, length: float, height: float, z: float) -> str:

@@ -1,8 +1,8 @@
-"""Finds the wheels of a differential drive among a robot's joints, by their geometry.
+"""Finds the wheels of a drive among a robot's joints, by their geometry.
 
-A drive wheel turns about a lateral axis, reaches the ground with a round shape, is on the left or
-the right, and is not carried by a joint that swivels it. Names decide only if several sets of
-wheels remain.
+A wheel turns about a level axis and reaches the ground with a round shape. Wheels on two sides turn
+about a lateral axis, are on the left or the right, and are not carried by a joint that swivels
+them. Names decide only if several sets of wheels remain.
 """
 
 import math
@@ -25,10 +25,12 @@ _MIDDLE = 0.005  # m; a wheel closer to the middle line is on neither side
 _GROUND = 0.1  # a wheel on the ground is at most this fraction of its radius above the lowest one
 _ALIKE = 0.01  # relative difference of radii in a set; also m above the lowest wheel
 _ACROSS = math.cos(math.radians(1.0))  # cosine of the greatest angle of an axle to the lateral axis
+_LEVEL = math.sin(math.radians(1.0))  # sine of the greatest angle of an axle to the ground
 _TRAIL = 0.1  # a caster's wheel trails its swivel by at least this fraction of its radius
 _VERTICAL = 0.9  # cosine of the greatest angle of a swivel joint to the vertical
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # Matches the names of omnidirectional wheels and of their meshes.
+_FEWEST_OMNI = 3  # wheels that drive a robot without any that is lateral
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
 
@@ -45,6 +47,11 @@ class Axle(NamedTuple):
         return abs(float(self.axis[1])) >= _ACROSS
 
     @property
+    def level(self) -> bool:
+        """Whether it is level within a degree, as each wheel's axle is."""
+        return abs(float(self.axis[2])) <= _LEVEL
+
+    @property
     def direction(self) -> float:
         """1 if a positive velocity of a wheel on it drives forward, -1 if backward."""
         return 1.0 if self.axis[1] > 0.0 else -1.0
@@ -55,7 +62,9 @@ class Axle(NamedTuple):
         return position if tyre is None else position + tyre.offset * self.axis
 
 
-class _Wheel(NamedTuple):
+class Wheel(NamedTuple):
+    """What rolls, in the root link's frame with all joints at 0."""
+
     name: str  # the joint's
     x: float  # position of its middle in the frame of the root link, m
     y: float  # likewise
@@ -79,14 +88,15 @@ def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, A
 
 
 def find_wheels(
-    description: Description, turning: Mapping[str, Axle], tyres: Tyres
+    description: Description, turning: Mapping[str, Axle], tyres: Tyres, *, rollers: bool = False
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Find the wheels that drive the robot.
+    """Find the wheels on two sides that drive the robot.
 
     Args:
         description: the robot.
         turning: its rotating joints; see ``axles``.
         tyres: the round shapes of its links.
+        rollers: whether its wheels have rollers, as those of a mecanum drive; else that is refused.
 
     Returns:
         The wheels' joints on the left, and those on the right, from front to rear.
@@ -95,24 +105,52 @@ def find_wheels(
         OneBotError: there are no such wheels, or several sets of them, or they are steered or
             omnidirectional; the text lists the rotating joints.
     """
-    rolling = _on_ground(_rolling(turning, tyres))
-    swivels = {wheel.name: _swivel(description, wheel.name, turning) for wheel in rolling}
-    _check_steering(description, rolling, swivels, turning)
-    wheels = [wheel for wheel in rolling if swivels[wheel.name] is None]
+    lateral = _on_ground(_lateral(turning, tyres))
+    swivels = {wheel.name: swivel(description, wheel.name, turning) for wheel in lateral}
+    _check_steering(description, turning, tyres)
+    wheels = [wheel for wheel in lateral if swivels[wheel.name] is None]
     sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
     sets = [group for group in sets if not any(map(_is_passive, group))] or sets
     if len(sets) != 1:
         raise _not_driven(description, turning, _why_not_one_set(sets))
     [drive] = sets
-    if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
-        reason = "by their names, its wheels are omnidirectional, with rollers around them"
-        raise _not_driven(description, turning, f"it is no differential drive: {reason}")
-    if len(drive) > 2 and description.sideways_drive:
-        reason = "it drives sideways, too, by mecanum or omni wheels, which is not simulated yet"
-        raise _not_driven(description, turning, f"{reason} ({description.sideways_drive})")
+    if not rollers and (reason := rollers_reason(description, drive)):
+        text = f"it is no differential drive: {reason}; let the control file name the type of its"
+        raise _not_driven(description, turning, f"{text} drive, or none")
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
+
+
+def steered_wheels(
+    description: Description, turning: Mapping[str, Axle], tyres: Tyres
+) -> dict[str, str]:
+    """Return the joints that steer wheels on the ground, by the wheels' joints."""
+    steered = {}
+    for wheel in _on_ground(_lateral(turning, tyres)):
+        joint = swivel(description, wheel.name, turning)
+        if joint and _is_steered(wheel, turning[wheel.name], turning[joint.name]):
+            steered[wheel.name] = joint.name
+    return steered
+
+
+def rollers_reason(description: Description, wheels: Sequence[Wheel]) -> str:
+    """Return why wheels have rollers by which they drive sideways, too; "" if they have not."""
+    if len(wheels) <= 2:
+        return ""
+    if all(_has_rollers(description, wheel) for wheel in wheels):
+        return "by their names, its wheels are omnidirectional, with rollers around them"
+    if description.sideways_drive:
+        return f"it drives sideways, too ({description.sideways_drive})"
+    return ""
+
+
+def ground_wheels(
+    description: Description, turning: Mapping[str, Axle], tyres: Tyres
+) -> list[Wheel]:
+    """Return all that rolls on the ground on a level axis and that no joint swivels."""
+    wheels = _on_ground(_rolling(turning, tyres))
+    return [wheel for wheel in wheels if swivel(description, wheel.name, turning) is None]
 
 
 def has_wheels(description: Description) -> bool:
@@ -128,8 +166,11 @@ def has_wheels(description: Description) -> bool:
         return False
     tyres = Tyres(description, rigid_frames(description))
     places = RobotModel.from_description(description).link_matrices({})
-    if not (wheels := _rolling(axles(description, places), tyres)):
-        return False
+    turning = axles(description, places)
+    if not (wheels := _lateral(turning, tyres)):
+        wheels = ground_wheels(description, turning, tyres)
+        if len(wheels) < _FEWEST_OMNI:
+            return False
     bottoms = [
         lowest_point(collision.shape, places[link.name] @ matrices.of_origin(collision.origin))
         for link in description.links
@@ -139,30 +180,23 @@ def has_wheels(description: Description) -> bool:
     return any(wheel.bottom - wheel.radius <= lowest for wheel in wheels)
 
 
-def _why_not_one_set(sets: Sequence[Sequence[_Wheel]]) -> str:
+def _why_not_one_set(sets: Sequence[Sequence[Wheel]]) -> str:
     if sets:
         names = " or ".join(", ".join(wheel.name for wheel in group) for group in sets)
         return f"it is not clear which of its wheels drive it: {names}"
     return "no wheel on the left that has its like on the right was found among its joints"
 
 
-def _check_steering(
-    description: Description,
-    wheels: Iterable[_Wheel],
-    swivels: Mapping[str, Joint | None],
-    turning: Mapping[str, Axle],
-) -> None:
+def _check_steering(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> None:
     """Raise OneBotError if a wheel is steered, as a car's are."""
-    for wheel in wheels:
-        swivel = swivels[wheel.name]
-        if swivel and _is_steered(wheel, turning[wheel.name], turning[swivel.name]):
-            raise OneBotError(
-                f'robot "{description.robot_name}" cannot be driven: it is no differential drive: '
-                f'joint "{swivel.name}" steers the wheel of "{wheel.name}". That takes a '
-                "controller for Ackermann steering, which is not here; show the robot without a "
-                "simulation: sim:=false. If it is a caster, name it so, have its wheel trail it, "
-                "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
-            )
+    for wheel, joint in steered_wheels(description, turning, tyres).items():
+        raise OneBotError(
+            f'robot "{description.robot_name}" cannot be driven: it is no differential drive: '
+            f'joint "{joint}" steers the wheel of "{wheel}". Let the control file name the type of '
+            "its drive, such as ackermann_steering_controller/AckermannSteeringController, or "
+            "none. If it is a caster, name it so, have its wheel trail it, "
+            "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
+        )
 
 
 def _not_driven(description: Description, turning: Mapping[str, Axle], reason: str) -> OneBotError:
@@ -183,24 +217,29 @@ def _seen(axle: Axle) -> str:
     return f"({axle.joint.kind}, at {x} {y} {z}, axis {pointing})"
 
 
-def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[_Wheel]:
-    """Return everything that rolls, at any height: continuous joints with a lateral axis."""
+def _lateral(turning: Mapping[str, Axle], tyres: Tyres) -> list[Wheel]:
+    """Return everything that rolls on a lateral axis, at any height."""
+    return [wheel for wheel in _rolling(turning, tyres) if turning[wheel.name].across]
+
+
+def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[Wheel]:
+    """Return everything that rolls, at any height: continuous joints with a level axis."""
     wheels = []
     for name, axle in turning.items():
-        if axle.joint.kind != "continuous" or not axle.across:
+        if axle.joint.kind != "continuous" or not axle.level:
             continue
         if (tyre := tyres.tyre(name)) is not None:
             x, y, z = axle.middle(tyre).tolist()
-            wheels.append(_Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
+            wheels.append(Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
     return wheels
 
 
-def _on_ground(wheels: Sequence[_Wheel]) -> list[_Wheel]:
+def _on_ground(wheels: Sequence[Wheel]) -> list[Wheel]:
     ground = min((wheel.bottom for wheel in wheels), default=0.0)
     return [w for w in wheels if w.bottom - ground <= max(_ALIKE, _GROUND * w.radius)]
 
 
-def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
+def swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
     """Return the vertical joint that swivels the wheel of a joint; None if there is none."""
     above = {joint.child: joint for joint in description.joints}
     link = turning[name].joint.parent
@@ -211,7 +250,7 @@ def _swivel(description: Description, name: str, turning: Mapping[str, Axle]) ->
     return None
 
 
-def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
+def _is_steered(wheel: Wheel, axle: Axle, swivel: Axle) -> bool:
     """Return whether a wheel is steered; a caster's swivel is continuous, and its wheel trails."""
     if _PASSIVE.search(f"{swivel.joint.name} {wheel.name} {wheel.link}"):
         return False
@@ -220,9 +259,9 @@ def _is_steered(wheel: _Wheel, axle: Axle, swivel: Axle) -> bool:
     return swivel.joint.kind == "revolute" or abs(float(trail)) < _TRAIL * wheel.radius
 
 
-def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
+def _sets(wheels: Iterable[Wheel]) -> list[list[Wheel]]:
     """Group wheels of similar radius; keep groups with as many wheels left as right."""
-    sets: list[list[_Wheel]] = []
+    sets: list[list[Wheel]] = []
     for wheel in sorted(wheels, key=lambda wheel: wheel.radius):
         if sets and wheel.radius <= sets[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
             sets[-1].append(wheel)
@@ -231,11 +270,11 @@ def _sets(wheels: Iterable[_Wheel]) -> list[list[_Wheel]]:
     return [group for group in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
 
 
-def _is_passive(wheel: _Wheel) -> bool:
+def _is_passive(wheel: Wheel) -> bool:
     return bool(_PASSIVE.search(f"{wheel.name} {wheel.link}"))
 
 
-def _has_rollers(description: Description, wheel: _Wheel) -> bool:
+def _has_rollers(description: Description, wheel: Wheel) -> bool:
     link = next(link for link in description.links if link.name == wheel.link)
     shapes = [geometry.shape for geometry in (*link.collisions, *link.visuals)]
     # Only the folders next to the file; those above may belong to the user.

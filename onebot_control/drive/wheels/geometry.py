@@ -2,11 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.finding import axles, find_wheels
+from onebot_control.drive.wheels.finding import (
+    axles,
+    find_wheels,
+    ground_wheels,
+    rollers_reason,
+    steered_wheels,
+)
 from onebot_control.drive.wheels.rolling_shapes import Tyres
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description
@@ -40,12 +47,18 @@ class Wheels:
         axles: the rotating joints, by name.
         groups: names of the driven joints, those that turn as one wheel together.
         steering: names of the joints that steer wheels.
+        free: names of the joints of wheels that roll freely, besides casters.
+        rollers: of driven wheels with rollers, the direction of the axle of the roller at the
+            ground, rad to the left of the wheel's forward, by the wheel's joint.
         skids: whether the wheels slide sideways in turns.
     """
 
     groups: Sequence[Sequence[str]] = ()
     steering: Sequence[str] = ()
+    free: Sequence[str] = ()
+    rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
+    several_radii = "driven wheels need the same"  # what to do about them
 
     def __init__(self, description: Description) -> None:
         """Read the joints that turn; which of them are wheels, a drive's own class decides."""
@@ -53,6 +66,27 @@ class Wheels:
         self.tyres = Tyres(description, self.rigid)
         self._places = RobotModel.from_description(description).link_matrices({})
         self.axles = axles(description, self._places)
+
+    @cached_property
+    def rolling(self) -> Mapping[str, Floats]:
+        """The middle (3,), m, of each wheel on the ground that no joint swivels, by its joint."""
+        found = ground_wheels(self.description, self.axles, self.tyres)
+        return {wheel.name: self.middle(wheel.name) for wheel in found}
+
+    @cached_property
+    def steered(self) -> Mapping[str, str]:
+        """The joint that steers each steered wheel, by the wheel's joint."""
+        return steered_wheels(self.description, self.axles, self.tyres)
+
+    @property
+    def has_rollers(self) -> bool:
+        """Whether the wheels that no joint swivels have rollers, as those of a mecanum drive."""
+        found = ground_wheels(self.description, self.axles, self.tyres)
+        return bool(rollers_reason(self.description, found))
+
+    def middle(self, name: str) -> Floats:
+        """Return the middle of the wheel on a joint, (3,), m, in the root link's frame."""
+        return self.axles[name].middle(self.tyres.tyre(name))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -89,8 +123,7 @@ class Wheels:
             listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
             raise OneBotError(
                 f'robot "{self.description.robot_name}" has wheels of several radii ({listed}): '
-                "set wheel_radius, and left_wheel_radius_multiplier and "
-                "right_wheel_radius_multiplier"
+                f"{self.several_radii}"
             )
         return next(iter(radii.values()))
 
@@ -109,6 +142,22 @@ class Wheels:
         if problems:
             raise ConfigError(problems)
 
+    def check_across(self) -> None:
+        """Check that each driven wheel turns about a lateral axis.
+
+        Raises:
+            OneBotError: it does not.
+        """
+        for name in self.names:
+            axle = self.axles[name]
+            if not axle.across:
+                direction = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
+                raise OneBotError(
+                    f'robot "{self.description.robot_name}", joint "{name}": its axis points to '
+                    f"({direction}) in the frame of {self.description.root_link}; that of a wheel "
+                    "must point to the left, (0 1 0), or to the right, (0 -1 0)"
+                )
+
     def _radius(self, name: str) -> float:
         if (tyre := self.tyres.tyre(name)) is not None:
             return tyre.radius
@@ -126,6 +175,10 @@ class SideWheels(Wheels):
         left: names of the driven joints on the left.
         right: names of the driven joints on the right.
     """
+
+    several_radii = (
+        "set wheel_radius, and left_wheel_radius_multiplier and right_wheel_radius_multiplier"
+    )
 
     def __init__(
         self, description: Description, left: Sequence[str] = (), right: Sequence[str] = ()
@@ -149,8 +202,7 @@ class SideWheels(Wheels):
             self.left, self.right = find_wheels(description, self.axles, self.tyres)
         self.groups = self.left, self.right
         self.skids = len(self.names) > 2
-        for name in self.names:
-            self._check_axle(name)
+        self.check_across()
 
     def geometry(self, separation: float = 0.0, radius: float = 0.0) -> WheelGeometry:
         """Return the drive's geometry; an argument of 0 is read from the description.
@@ -176,8 +228,7 @@ class SideWheels(Wheels):
             OneBotError: the left wheels are not left of the right ones.
         """
         lefts, rights = (
-            np.array([self.axles[name].middle(self.tyres.tyre(name)) for name in names])
-            for names in (self.left, self.right)
+            np.array([self.middle(name) for name in names]) for names in (self.left, self.right)
         )
         left, right = lefts.mean(axis=0), rights.mean(axis=0)
         across, apart = float(left[1] - right[1]), float(np.linalg.norm(left - right))
@@ -194,18 +245,6 @@ class SideWheels(Wheels):
             return across
         along = np.concatenate([lefts, rights])[:, 0]
         return skid_separation(across, along, float(self.robot.center[0]))
-
-    def _check_axle(self, name: str) -> None:
-        axle = self.axles[name]
-        if axle.across:
-            return
-        direction = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
-        raise OneBotError(
-            f'robot "{self.description.robot_name}", joint "{name}": its axis points to '
-            f"({direction}) "
-            f"in the frame of {self.description.root_link}; that of a wheel must point to the "
-            "left, (0 1 0), or to the right, (0 -1 0)"
-        )
 
 
 def skid_separation(across: float, along: Floats, center: float) -> float:

@@ -1,0 +1,103 @@
+"""The mecanum drive: its parameters, as mecanum_drive_controller's."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from onebot_control.drive.holonomic import (
+    HolonomicGeometry,
+    HolonomicKinematics,
+    HolonomicParameters,
+)
+from onebot_control.drive.parameters import read_from_urdf
+from onebot_description.geometry.poses import PlanarPose
+from onebot_description.parameters.reader import Problem, group, ignored, parameter
+
+if TYPE_CHECKING:
+    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.rollers import MecanumWheels
+    from onebot_description.description import Description
+
+CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
+"""The corners, in the order of their wheels."""
+
+_SAME = "the states of a wheel are those of its joint"
+
+
+def _wheel(corner: str) -> Any:
+    return parameter("", f"joint of the {corner} wheel; empty: found in the URDF", read_only=True)
+
+
+@dataclass(frozen=True)
+class BaseFrameOffset:
+    """mecanum_drive_controller's parameters ``kinematics.base_frame_offset.*``."""
+
+    x: float = parameter(0.0, "the base's frame from the middle between the wheels, m")
+    y: float = parameter(0.0, "the base's frame from the middle between the wheels, m")
+    theta: float = parameter(0.0, "the base's frame from forward by the wheels, rad")
+
+
+@dataclass(frozen=True)
+class MecanumLengths:
+    """mecanum_drive_controller's parameters ``kinematics.*``."""
+
+    wheels_radius: float = read_from_urdf("radius of the wheels")
+    sum_of_robot_center_projection_on_X_Y_axis: float = read_from_urdf(  # noqa: N815 - as there
+        "half the wheelbase plus half the distance between the sides"
+    )
+    base_frame_offset: BaseFrameOffset = group(BaseFrameOffset)
+
+
+@dataclass(frozen=True)
+class MecanumParameters(HolonomicParameters):
+    """mecanum_drive_controller's parameters."""
+
+    front_left_wheel_command_joint_name: str = _wheel("front left")
+    front_right_wheel_command_joint_name: str = _wheel("front right")
+    rear_right_wheel_command_joint_name: str = _wheel("rear right")
+    rear_left_wheel_command_joint_name: str = _wheel("rear left")
+    front_left_wheel_state_joint_name: str = ignored("", _SAME)
+    front_right_wheel_state_joint_name: str = ignored("", _SAME)
+    rear_right_wheel_state_joint_name: str = ignored("", _SAME)
+    rear_left_wheel_state_joint_name: str = ignored("", _SAME)
+    lengths: MecanumLengths = group(MecanumLengths, "kinematics")
+    reference_timeout: float = parameter(
+        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
+    )
+
+    @property
+    def timeout(self) -> float:
+        given = self.reference_timeout
+        return self.cmd_vel_timeout if math.isnan(given) else given
+
+    @property
+    def _names(self) -> list[str]:
+        return [getattr(self, f"{corner}_wheel_command_joint_name") for corner in CORNERS]
+
+    def check(self) -> Iterator[Problem]:
+        """Report wheels of which only some are named."""
+        if any(self._names):
+            for corner, name in zip(CORNERS, self._names, strict=True):
+                if not name:
+                    text = "is missing; name the wheels of all four corners, or none"
+                    yield Problem(f"{corner}_wheel_command_joint_name", text)
+
+    @classmethod
+    def is_found(cls, wheels: "Wheels") -> bool:
+        return wheels.has_rollers and all(wheels.axles[name].across for name in wheels.rolling)
+
+    def wheels(self, description: "Description") -> "MecanumWheels":
+        from onebot_control.drive.wheels.rollers import MecanumWheels  # imports numpy
+
+        return MecanumWheels(description, [name for name in self._names if name])
+
+    def geometry(self, wheels: "MecanumWheels") -> HolonomicGeometry:
+        lengths, offset = self.lengths, self.lengths.base_frame_offset
+        radius = lengths.wheels_radius or wheels.radius
+        if reach := lengths.sum_of_robot_center_projection_on_X_Y_axis:
+            pose = PlanarPose(offset.x, offset.y, offset.theta)
+            kinematics = HolonomicKinematics.mecanum(radius, reach, wheels.counts, pose)
+        else:
+            kinematics = HolonomicKinematics(radius, wheels.rows)
+        return HolonomicGeometry(kinematics, "mecanum")

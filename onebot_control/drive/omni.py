@@ -1,0 +1,61 @@
+"""The drive by omni wheels on a circle: its parameters, as omni_wheel_drive_controller's."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from onebot_control.drive.holonomic import (
+    HolonomicGeometry,
+    HolonomicKinematics,
+    HolonomicParameters,
+)
+from onebot_control.drive.parameters import read_from_urdf, variances
+from onebot_description.parameters.reader import parameter
+
+if TYPE_CHECKING:
+    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.rollers import OmniWheels
+    from onebot_description.description import Description
+
+_Six = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class OmniParameters(HolonomicParameters):
+    """omni_wheel_drive_controller's parameters."""
+
+    wheel_names: tuple[str, ...] = parameter(
+        (),
+        "joints of the wheels, anticlockwise; empty: found in the URDF",
+        unique=True,
+        read_only=True,
+    )
+    robot_radius: float = read_from_urdf("radius of the circle of wheels about the base's frame")
+    wheel_radius: float = read_from_urdf("radius of the wheels")
+    wheel_offset: float = parameter(
+        0.0, "direction of the first wheel, rad to the left of forward; used with robot_radius"
+    )
+    pose_covariance_diagonal: _Six = variances(
+        "; zeros: they grow on the way", name="diagonal_covariance.pose"
+    )
+    twist_covariance_diagonal: _Six = variances(name="diagonal_covariance.twist")
+
+    @classmethod
+    def is_found(cls, wheels: "Wheels") -> bool:
+        return len(wheels.rolling) >= 3 and not any(
+            wheels.axles[name].across for name in wheels.rolling
+        )
+
+    def wheels(self, description: "Description") -> "OmniWheels":
+        from onebot_control.drive.wheels.rollers import OmniWheels  # imports numpy
+
+        return OmniWheels(description, self.wheel_names)
+
+    def geometry(self, wheels: "OmniWheels") -> HolonomicGeometry:
+        radius, count = self.wheel_radius or wheels.radius, len(wheels.names)
+        if self.robot_radius:
+            kinematics = HolonomicKinematics.omni(
+                radius, self.robot_radius, count, self.wheel_offset
+            )
+        else:
+            kinematics = HolonomicKinematics(radius, wheels.rows)
+        return HolonomicGeometry(kinematics, "omni")

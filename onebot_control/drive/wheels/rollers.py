@@ -1,0 +1,156 @@
+"""The wheels of drives that move sideways, too: mecanum and omni wheels, with rollers."""
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from onebot_control.drive.wheels.finding import find_wheels
+from onebot_control.drive.wheels.geometry import Wheels
+from onebot_description.arrays import Floats
+from onebot_description.elements.urdf import Description
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Triple
+
+_SLANT = math.pi / 4.0  # of the rollers of mecanum wheels, unless the description says otherwise
+
+
+def _row(middle: Floats, forward: float, roller: float) -> Triple:
+    """Return the path of a wheel for each motion of the body; see ``HolonomicKinematics``.
+
+    In the direction of the roller's axle, the wheel grips. So there, the velocity of the ground's
+    point below the wheel is that of the wheel's rim.
+
+    Args:
+        middle: of the wheel, (3,), m.
+        forward: the wheel's direction of travel, rad to the left of the robot's.
+        roller: direction of the roller's axle, rad to the left of the wheel's direction.
+    """
+    x, y = math.cos(forward + roller), math.sin(forward + roller)
+    grip = math.cos(roller)
+    return x / grip, y / grip, float(middle[0] * y - middle[1] * x) / grip
+
+
+class MecanumWheels(Wheels):
+    """The wheels of a mecanum drive: front left, front right, rear right, rear left.
+
+    Attributes:
+        counts: the number of wheels at each of these corners.
+        rows: how the wheels turn for each motion of the body; see ``HolonomicKinematics``.
+    """
+
+    def __init__(self, description: Description, names: Sequence[str] = ()) -> None:
+        """Take the named wheels, or find the wheels if none are named.
+
+        Args:
+            description: the robot.
+            names: joints of the wheels, one for each corner in that order.
+
+        Raises:
+            OneBotError: a named joint is missing or its axis is not lateral, or no wheels are
+                found.
+        """
+        super().__init__(description)
+        if names:
+            self.check_names(wheel_names=names)
+            corners = [[name] for name in names]
+        else:
+            corners = self._corners(*find_wheels(description, self.axles, self.tyres, rollers=True))
+        self.counts = [len(corner) for corner in corners]
+        self.groups = [[name] for corner in corners for name in corner]
+        self.check_across()
+        signs = (-1.0, 1.0, -1.0, 1.0)
+        self.rollers = {
+            name: self._slant(name, sign * _SLANT)
+            for corner, sign in zip(corners, signs, strict=True)
+            for name in corner
+        }
+        self.rows = [_row(self.middle(name), 0.0, self.rollers[name]) for name in self.names]
+
+    def _corners(self, left: Sequence[str], right: Sequence[str]) -> list[list[str]]:
+        """Return the wheels at each corner."""
+        places = {name: float(self.middle(name)[0]) for name in (*left, *right)}
+        between = float(np.mean([*places.values()]))
+        front, rear = (
+            {name for name, x in places.items() if (x > between) == ahead}
+            for ahead in (True, False)
+        )
+        corners = [
+            [name for name in side if name in end]
+            for side, end in ((left, front), (right, front), (right, rear), (left, rear))
+        ]
+        if not all(corners):
+            raise OneBotError(
+                f'robot "{self.description.robot_name}" cannot be driven: a mecanum drive has '
+                f"wheels at four corners, and this one has {', '.join(places)}"
+            )
+        return corners
+
+    def _slant(self, name: str, usual: float) -> float:
+        """Return the direction of a wheel's roller, as described, or else the ``usual`` one."""
+        first = self.axles[name].joint.child
+        links = [link for link, (body, _) in self.rigid.items() if body == first]
+        written = [
+            self.description.rollers[link] for link in links if link in self.description.rollers
+        ]
+        return written[0] if written else usual
+
+
+class OmniWheels(Wheels):
+    """Omni wheels, whose rollers turn across the wheel; anticlockwise from forward.
+
+    Attributes:
+        rows: how the wheels turn for each motion of the body; see ``HolonomicKinematics``.
+    """
+
+    def __init__(self, description: Description, names: Sequence[str] = ()) -> None:
+        """Take the named wheels, or find the wheels if none are named.
+
+        Args:
+            description: the robot.
+            names: joints of the wheels.
+
+        Raises:
+            OneBotError: a named joint is missing, or its axis is not level.
+        """
+        super().__init__(description)
+        self.check_names(wheel_names=names)
+        for name in names:
+            if not self.axles[name].level:
+                raise OneBotError(
+                    f'robot "{description.robot_name}", joint "{name}": the axis of a wheel must '
+                    "be level"
+                )
+        self._middles = {name: self.middle(name) for name in names} or self.rolling
+        names = names or sorted(self._middles, key=self._direction)
+        self.groups = [[name] for name in names]
+        self.rollers = dict.fromkeys(names, 0.0)
+        self.rows = [_row(self.middle(name), self._forward(name), 0.0) for name in names]
+
+    @cached_property
+    def directions(self) -> Mapping[str, float]:
+        """1 for each joint whose axis points outward, as omni_wheel_drive_controller's, else -1."""
+        return {
+            name: 1.0 if float(self.axles[name].axis @ self._outward(name)) >= 0.0 else -1.0
+            for name in self.names
+        }
+
+    @cached_property
+    def _center(self) -> Floats:
+        center: Floats = np.mean([*self._middles.values()], axis=0)
+        return center
+
+    def _outward(self, name: str) -> Floats:
+        outward: Floats = self._middles[name] - self._center
+        return outward
+
+    def _direction(self, name: str) -> float:
+        """Return the direction in which a wheel is, from 0 (forward) to 2 pi, anticlockwise."""
+        x, y, _ = self._outward(name)
+        return round(math.atan2(y, x), 6) % math.tau
+
+    def _forward(self, name: str) -> float:
+        """Return where a wheel drives, to the right of its outward axis, rad left of forward."""
+        x, y, _ = self.directions[name] * self.axles[name].axis
+        return math.atan2(y, x) - math.pi / 2.0

@@ -1,0 +1,159 @@
+"""The wheels of drives that steer: bicycles, cars and tricycles."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from onebot_control.drive.wheels.finding import swivel
+from onebot_control.drive.wheels.geometry import Wheels
+from onebot_description.arrays import Floats
+from onebot_description.elements.urdf import Description
+from onebot_description.errors import OneBotError
+
+_QUARTER = math.pi / 2.0  # rad
+_AHEAD = 1e-3  # m by which the steered wheels must be in front of the others
+
+
+class SteeredGeometry(NamedTuple):
+    """The lengths of a drive that steers its front wheels.
+
+    Bicycle: both tracks are zero. Tricycle with two driven wheels: the steering track is. Car: none
+    is (Ackermann steering). A tricycle whose steered wheel is driven has ``front_driven``.
+    """
+
+    wheelbase: float  # distance between the axles, m
+    radius: float  # of the driven wheels, m
+    traction_track: float = 0.0  # distance between the driven wheels, m; 0: there is one
+    steering_track: float = 0.0  # distance between the steered wheels, m; 0: there is one
+    limit: float = _QUARTER  # the greatest steering angle, rad
+    front_driven: bool = False  # the steered wheel is driven; then it is the only one
+    axle: float = 0.0  # x of the rear axle in the base's frame, m
+
+    @property
+    def least_radius(self) -> float:
+        """The least radius of a curve, m, of the middle of the rear axle."""
+        return self.wheelbase / math.tan(self.limit) if self.limit < _QUARTER else 0.0
+
+    def __str__(self) -> str:
+        text = f"a wheelbase of {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
+        return f"{text}, curves of {self.least_radius:.3g} m and more"
+
+
+def _middle_angle(inner: float, wheelbase: float, track: float) -> float:
+    """Return the steering angle, rad, of a wheel in the middle of the front axle.
+
+    Args:
+        inner: steering angle of the wheel at the inside of the curve, rad.
+        wheelbase: distance between the axles, m.
+        track: distance between the steered wheels, m.
+    """
+    return math.atan2(wheelbase, wheelbase / math.tan(inner) + track / 2.0)
+
+
+class SteeredWheels(Wheels):
+    """The wheels of a drive that steers its front wheels; those on the right come first."""
+
+    def __init__(
+        self,
+        description: Description,
+        traction: Sequence[str] = (),
+        steering: Sequence[str] = (),
+        *,
+        front_driven: bool = False,
+    ) -> None:
+        """Take the named joints, or find them if none are named.
+
+        Args:
+            description: the robot.
+            traction: joints of the driven wheels.
+            steering: joints that steer wheels.
+            front_driven: whether the steered wheel is driven if no joints are named.
+
+        Raises:
+            OneBotError: a named joint is missing or its axis is not lateral or vertical; no such
+                wheels are found, or the rear ones are steered.
+        """
+        super().__init__(description)
+        self.check_names(traction_joints_names=traction, steering_joints_names=steering)
+        self.steering = self._rightmost(steering or dict.fromkeys(self.steered.values()))
+        rear = [name for name in self.rolling if name not in self.steered]
+        found = list(self.steered) if front_driven else self._driven(rear)
+        names = self._rightmost(traction or found)
+        self.groups = [[name] for name in names]
+        self.free = [name for name in (*rear, *self.steered) if name not in names]
+        self.check_across()
+        self._check_counts()
+        swivels = [swivel(description, name, self.axles) for name in names]
+        self._front_driven = any(joint and joint.name in self.steering for joint in swivels)
+        behind = [name for name in rear if name not in names] if self._front_driven else names
+        self._rear = np.mean([self.middle(name) for name in behind or names], axis=0)
+        self._front = np.mean([self._pivot(name) for name in self.steering], axis=0)
+        if self._front[0] < self._rear[0] + _AHEAD:
+            self._refuse(
+                f"its steered wheels ({', '.join(self.steering)}) are not in front of the others; "
+                "vehicles that steer their rear wheels are not simulated"
+            )
+
+    def geometry(
+        self, radius: float, wheelbase: float, traction_track: float, steering_track: float
+    ) -> SteeredGeometry:
+        """Return the drive's geometry; an argument of 0 is read from the description, m.
+
+        Raises:
+            OneBotError: the description does not define it.
+        """
+        wheelbase = wheelbase or float(self._front[0] - self._rear[0])
+        traction = traction_track or self._track([self.middle(name) for name in self.names])
+        pivots = [self._pivot(name) for name in self.steering]
+        steering = steering_track or self._track(pivots)
+        ranges = [self.axles[name].joint for name in self.steering]
+        most = min(
+            math.inf if joint.kind == "continuous" else min(-joint.range[0], joint.range[1])
+            for joint in ranges
+        )
+        if most <= 0.0:
+            self._refuse(f"{', '.join(self.steering)} cannot be turned to both sides")
+        return SteeredGeometry(
+            wheelbase,
+            radius or self.radius,
+            traction if len(self.names) > 1 else 0.0,
+            steering if len(self.steering) > 1 else 0.0,
+            _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering),
+            self._front_driven,
+            float(self._rear[0]),
+        )
+
+    def _driven(self, rear: Sequence[str]) -> Sequence[str]:
+        """Return which wheels are driven: those with a velocity command, or else the rear ones."""
+        interfaces = self.description.interfaces
+        commanded = {name for name, listed in interfaces.items() if "velocity" in listed.commands}
+        behind = [name for name in rear if name in commanded]
+        ahead = [name for name in self.steered if name in commanded]
+        return behind or ahead or rear
+
+    def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:
+        return sorted(names, key=lambda name: float(self._pivot(name)[1]))
+
+    def _pivot(self, name: str) -> Floats:
+        position: Floats = self.axles[name].pose[:3, 3]
+        return position
+
+    @staticmethod
+    def _track(places: Sequence[Floats]) -> float:
+        return float(places[-1][1] - places[0][1])
+
+    def _check_counts(self) -> None:
+        for what, names in (("driven wheels", self.names), ("joints that steer", self.steering)):
+            if len(names) not in (1, 2):
+                listed = ", ".join(names) or "none"
+                self._refuse(f"it must have one or two {what} at the front or rear, not {listed}")
+        for name in self.steering:
+            if abs(self.axles[name].axis[2]) < 1.0 - 1e-3:
+                self._refuse(f'joint "{name}" steers, so its axis must be vertical')
+
+    def _refuse(self, reason: str) -> None:
+        raise OneBotError(
+            f'robot "{self.description.robot_name}" cannot be driven as a car: {reason}'
+        )
