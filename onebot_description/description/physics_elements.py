@@ -4,7 +4,7 @@ These are the children of ``<gazebo>``, as sdformat converts them, except sensor
 the limits of URDF 1.2.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
 from onebot_description.description.sensors.unread import asks_for_something
@@ -41,7 +41,10 @@ class LinkPhysics(NamedTuple):
 
 
 def read_physics(
-    findings: Findings, links: Collection[str], joints: Mapping[str, Joint]
+    findings: Findings,
+    links: Collection[str],
+    joints: Mapping[str, Joint],
+    read: frozenset[Element] = frozenset(),
 ) -> dict[str, LinkPhysics]:
     """Return the physics of links by name; what nothing simulates is a warning for each reason.
 
@@ -49,6 +52,7 @@ def read_physics(
         findings: findings of the document; faults are added.
         links: names of the links.
         joints: joints by name.
+        read: elements for friction that something else simulates.
     """
     unused, physics, names = _Unused(findings), dict[str, LinkPhysics](), {*links, *joints}
     rolls = any(joint.kind == "continuous" for joint in joints.values())
@@ -65,11 +69,15 @@ def read_physics(
                 or name not in links
                 or element.tag not in (_GRAVITY, _NO_GRAVITY, *_FRICTION)
             ):
-                if asks_for_something(element):
+                if asks_for_something(element) and not read.issuperset(_leaves(element)):
                     unused.add(_reason(element.tag), f"<{element.tag}>", element, name)
                 continue
             physics[name] = _read(findings, element, physics.get(name, LinkPhysics()))
-            if element.tag in _FRICTION and (rolls or not _is_usual(element, physics[name])):
+            if (
+                element.tag in _FRICTION
+                and element not in read
+                and (rolls or not _is_usual(element, physics[name]))
+            ):
                 unused.add(_FRICTION_USED, f"<{element.tag}>", element, name)
     for joint in findings.document.root.iterfind("joint"):
         for limit in joint.iterfind("limit"):
@@ -85,6 +93,10 @@ def _is_of_others(element: Element) -> bool:
     return element.tag in _FULFILLED or any(
         part.tag in ("sensor", "plugin") for part in element.iter()
     )
+
+
+def _leaves(element: Element) -> Iterator[Element]:
+    return (part for part in element.iter() if not len(part))
 
 
 class _Unused:

@@ -221,8 +221,9 @@ def test_a_robot_that_a_plugin_moves_sideways_is_not_driven() -> None:
     plugin = '<gazebo><plugin name="drive" filename="libgazebo_ros_planar_move.so"/></gazebo>'
     skid = parse_description(urdf(*wheels))
     sideways = parse_description(urdf(*wheels, plugin))
-    assert not skid.sideways_drive
-    assert sideways.sideways_drive.endswith(": plugin libgazebo_ros_planar_move.so")
+    assert skid.drive_plugin is None
+    assert sideways.drive_plugin is not None
+    assert sideways.drive_plugin.where.endswith(": plugin libgazebo_ros_planar_move.so")
     Simulation(skid).close()
     with pytest.raises(OneBotError, match="by mecanum or omni wheels, which is not simulated yet"):
         Simulation(sideways)

@@ -107,9 +107,10 @@ def find_wheels(
     if len(drive) > 2 and all(_has_rollers(description, wheel) for wheel in drive):
         reason = "by their names, its wheels are omnidirectional, with rollers around them"
         raise _not_driven(description, turning, f"it is no differential drive: {reason}")
-    if len(drive) > 2 and description.sideways_drive:
+    plugin = description.drive_plugin
+    if len(drive) > 2 and plugin is not None and plugin.kind != "ackermann":
         reason = "it drives sideways, too, by mecanum or omni wheels, which is not simulated yet"
-        raise _not_driven(description, turning, f"{reason} ({description.sideways_drive})")
+        raise _not_driven(description, turning, f"{reason} ({plugin.where})")
     drive.sort(key=lambda wheel: -wheel.x)
     left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
     return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
