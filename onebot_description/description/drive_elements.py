@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from onebot_description.elements.reading import Element, Findings, number_fault
@@ -10,40 +10,18 @@ from onebot_description.elements.urdf import DriveKind, DrivePlugin, Joint
 from onebot_description.errors import shortened
 from onebot_description.geometry.poses import Triple, from_rpy, rotate
 
+# The names of plugins of each kind, and their elements that name joints, with the role as a group.
 # Gazebo moves the base of a "planar" robot as a whole, so its wheels may look like any others.
-_KINDS: dict[DriveKind, re.Pattern[str]] = {
-    "mecanum": re.compile(r"mec+anum.?drive", re.IGNORECASE),
-    "ackermann": re.compile(r"ackerman+", re.IGNORECASE),
-    "planar": re.compile(
-        r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", re.IGNORECASE
-    ),
+_KINDS: dict[DriveKind, tuple[str, str]] = {
+    "mecanum": (r"mec+anum.?drive", r"((?:front|back)_(?:left|right))_joint"),
+    "ackermann": (r"ackerman+", r"(?:front_|rear_)?((?:left|right)(?:_steering)?)_joint"),
+    "planar": (r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", ""),
 }
 _CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
-_TAGS_BY_ROLE: dict[DriveKind, dict[str, tuple[str, ...]]] = {
-    "mecanum": {
-        "front_left": ("front_left_joint",),
-        "front_right": ("front_right_joint",),
-        "rear_right": ("back_right_joint",),
-        "rear_left": ("back_left_joint",),
-    },
-    "ackermann": {
-        "left": ("left_joint", "front_left_joint", "rear_left_joint"),
-        "right": ("right_joint", "front_right_joint", "rear_right_joint"),
-        "left_steering": ("left_steering_joint",),
-        "right_steering": ("right_steering_joint",),
-    },
-    "planar": {},
-}
-_LENGTHS = {
-    "wheelbase": "wheelbase",
-    "wheel_base": "wheelbase",
-    "wheel_separation": "wheel_separation",
-    "wheel_radius": "wheel_radius",
-    "kingpin_width": "kingpin_width",
-    "steering_limit": "steering_limit",
-    "max_steer": "steering_limit",
-}
-_DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), "mu2"
+_LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "steering_limit")
+_SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit"}
+_DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
+_FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
 _SLIDES = 0.2  # A wheel with rollers has at most this fraction of its friction across their axles.
 _OBLIQUE = math.sin(math.radians(5.0))  # sine of the least angle between oblique lines
 _ROUNDING = 1e-9  # rad
@@ -59,51 +37,40 @@ def read_drive_plugin(findings: Findings, joints: Collection[str]) -> DrivePlugi
     for plugin in findings.document.root.iterfind("gazebo/plugin"):
         filename = plugin.get("filename", "")
         words = f"{filename} {plugin.get('name', '')}"
-        kind = next((kind for kind, pattern in _KINDS.items() if pattern.search(words)), None)
-        if kind is not None and not _CONTROL.search(filename):
-            return DrivePlugin(
-                kind,
-                f"{findings.where(plugin)}: plugin {filename}",
-                {
-                    role: names
-                    for role, tags in _TAGS_BY_ROLE[kind].items()
-                    if (names := tuple(_joints(findings, plugin, tags, joints)))
-                },
-                dict(_lengths(findings, plugin)),
-                (plugin.findtext("topic") or "").strip(),
-            )
+        for kind, (names, _) in _KINDS.items():
+            if re.search(names, words, re.IGNORECASE) and not _CONTROL.search(filename):
+                return _read_plugin(findings, plugin, kind, joints)
     return None
 
 
-def _joints(
-    findings: Findings, plugin: Element, tags: Collection[str], joints: Collection[str]
-) -> Iterator[str]:
-    """Yield the joints that exist of those that a plugin names in these elements."""
+def _read_plugin(
+    findings: Findings, plugin: Element, kind: DriveKind, joints: Collection[str]
+) -> DrivePlugin:
+    named: dict[str, tuple[str, ...]] = {}
+    lengths: dict[str, float] = {}
     for element in plugin:
-        if element.tag in tags:
-            name = (element.text or "").strip()
-            if name in joints:
-                yield name
+        text = (element.text or "").strip()
+        if match := re.fullmatch(_KINDS[kind][1], element.tag):
+            role = match[1].replace("back", "rear")
+            if text in joints:
+                named[role] = (*named.get(role, ()), text)
             else:
-                hint = findings.hint(name, joints, "joints")
-                findings.warning(element, f'the robot has no joint "{name}"{hint}')
-
-
-def _lengths(findings: Findings, plugin: Element) -> Iterator[tuple[str, float]]:
-    for element in plugin:
-        if element.tag in _LENGTHS:
-            text = (element.text or "").strip()
-            if not (fault := number_fault(text)) and float(text) > 0.0:
-                yield _LENGTHS[element.tag], float(text)
-            else:
+                hint = findings.hint(text, joints, "joints")
+                findings.warning(element, f'the robot has no joint "{text}"{hint}')
+        elif (length := _SPELLINGS.get(element.tag, element.tag)) in _LENGTHS:
+            if (fault := number_fault(text)) or float(text) <= 0.0:
                 findings.problem(element, fault or f'"{text}" is not positive; it must be')
+            else:
+                lengths[length] = float(text)
+    where = f"{findings.where(plugin)}: plugin {plugin.get('filename', '')}"
+    return DrivePlugin(kind, where, named, lengths, (plugin.findtext("topic") or "").strip())
 
 
 class Rollers(NamedTuple):
     """The rollers of wheels."""
 
     angles: Mapping[str, float]  # by link; see Description.rollers
-    elements: frozenset[Element]  # they say so
+    elements: frozenset[Element]  # those that say so
 
 
 def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Joint]) -> Rollers:
@@ -120,42 +87,32 @@ def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Jo
     above = {joint.child: joint for joint in joints}
     friction: dict[str, list[Element]] = {}
     for block in findings.document.root.iterfind("gazebo[@reference]"):
-        link = _body(block.get("reference", ""), above)
+        link = block.get("reference", "")
         if link in above and above[link].kind in ("continuous", "revolute"):
-            tags = (_DIRECTION, *_FIRST, _SECOND)
-            friction.setdefault(link, []).extend(e for e in block.iter() if e.tag in tags)
-    angles, elements = {}, set[Element]()
+            friction.setdefault(link, []).extend(e for e in block.iter() if e.tag in _FRICTION)
+    angles: dict[str, float] = {}
+    elements: set[Element] = set()
     for link, parts in friction.items():
         direction = next((part for part in parts if part.tag == _DIRECTION), None)
         if direction is None or (vector := _vector(findings, direction)) is None:
             continue
-        frame = _frame(findings, direction, links)
-        grips, axle = _angle(vector, frame, above), _angle(above[link].axis, link, above)
-        across = abs(math.sin(grips - axle))
-        first, second = _number(parts, _FIRST), _number(parts, (_SECOND,))
-        if first is None and second is None:
-            rolls = across > _OBLIQUE and abs(math.cos(grips - axle)) > _OBLIQUE
-        else:
-            most = _SLIDES * (1.0 if first is None else first)
-            rolls = across > _OBLIQUE and (1.0 if second is None else second) <= most
-        if rolls:
-            angles[link] = grips
+        angle = _angle(vector, _frame(findings, direction, links), above)
+        turn = angle - _angle(above[link].axis, link, above)
+        numbers = [_number(parts, tags) for tags in (_FIRST, _SECOND)]
+        first, second = (1.0 if number is None else number for number in numbers)
+        slides = second <= _SLIDES * first and first > 0.0
+        if numbers == [None, None]:
+            slides = abs(math.cos(turn)) > _OBLIQUE
+        if slides and abs(math.sin(turn)) > _OBLIQUE:  # otherwise they turn as the wheel does
+            angles[link] = angle
             elements.update(parts)
     return Rollers(angles, frozenset(elements))
 
 
-def _body(link: str, above: Mapping[str, Joint]) -> str:
-    """Return the link that carries ``link`` by fixed joints, which Gazebo makes one."""
-    left = dict(above)  # each once, because the links may still form a loop
-    while link in left and left[link].kind == "fixed":
-        link = left.pop(link).parent
-    return link
-
-
 def _vector(findings: Findings, element: Element) -> Triple | None:
-    """Return the direction in an element; None if it is faulty, or zero, which means none."""
+    """Return the direction in an element; None if it is faulty, empty or zero."""
     text = element.get("value", element.text or "")
-    words = text.split()
+    words = text.split() or ["0"] * 3
     if len(words) != 3 or any(map(number_fault, words)):
         findings.problem(element, f'"{shortened(text)}" is not a direction; write x y z')
         return None
@@ -185,9 +142,10 @@ def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
         link: the frame.
         above: the joint above each link.
     """
-    left = dict(above)
-    while link in left:
-        joint = left.pop(link)
+    seen = {""}
+    while link in above and link not in seen:  # The links may still form a loop.
+        seen.add(link)
+        joint = above[link]
         vector, link = rotate(from_rpy(joint.origin.rpy), vector), joint.parent
     x, y, _ = vector
     if math.hypot(x, y) < _OBLIQUE * math.hypot(*vector):

@@ -4,7 +4,7 @@ These are the children of ``<gazebo>``, as sdformat converts them, except sensor
 the limits of URDF 1.2.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from onebot_description.description.sensors.unread import asks_for_something
@@ -44,7 +44,7 @@ def read_physics(
     findings: Findings,
     links: Collection[str],
     joints: Mapping[str, Joint],
-    read: frozenset[Element] = frozenset(),
+    used: frozenset[Element],
 ) -> dict[str, LinkPhysics]:
     """Return the physics of links by name; what nothing simulates is a warning for each reason.
 
@@ -52,9 +52,9 @@ def read_physics(
         findings: findings of the document; faults are added.
         links: names of the links.
         joints: joints by name.
-        read: elements for friction that something else simulates.
+        used: elements that something else has read.
     """
-    unused, physics, names = _Unused(findings), dict[str, LinkPhysics](), {*links, *joints}
+    unused, physics, names = _Unused(findings, used), dict[str, LinkPhysics](), {*links, *joints}
     rolls = any(joint.kind == "continuous" for joint in joints.values())
     for block in findings.document.root.iterfind("gazebo"):
         name = block.get("reference")
@@ -69,15 +69,11 @@ def read_physics(
                 or name not in links
                 or element.tag not in (_GRAVITY, _NO_GRAVITY, *_FRICTION)
             ):
-                if asks_for_something(element) and not read.issuperset(_leaves(element)):
+                if asks_for_something(element):
                     unused.add(_reason(element.tag), f"<{element.tag}>", element, name)
                 continue
             physics[name] = _read(findings, element, physics.get(name, LinkPhysics()))
-            if (
-                element.tag in _FRICTION
-                and element not in read
-                and (rolls or not _is_usual(element, physics[name]))
-            ):
+            if element.tag in _FRICTION and (rolls or not _is_usual(element, physics[name])):
                 unused.add(_FRICTION_USED, f"<{element.tag}>", element, name)
     for joint in findings.document.root.iterfind("joint"):
         for limit in joint.iterfind("limit"):
@@ -95,18 +91,16 @@ def _is_of_others(element: Element) -> bool:
     )
 
 
-def _leaves(element: Element) -> Iterator[Element]:
-    return (part for part in element.iter() if not len(part))
-
-
 class _Unused:
-    """Collects what has no effect, to report each reason once."""
+    """Collects what has no effect, to report each reason once; what is ``used`` has one."""
 
-    def __init__(self, findings: Findings) -> None:
-        self._findings = findings
+    def __init__(self, findings: Findings, used: frozenset[Element]) -> None:
+        self._findings, self._used = findings, used
         self._found: dict[str, tuple[Element, dict[str, None], dict[str, None]]] = {}
 
     def add(self, reason: str, what: str, element: Element, owner: str | None) -> None:
+        if self._used.issuperset(part for part in element.iter() if not len(part)):
+            return
         _, names, owners = self._found.setdefault(reason, (element, {}, {}))
         names[what], owners[owner or "the robot"] = None, None
 

@@ -127,11 +127,11 @@ def _with_prefix(data: bytes, prefix: str) -> tuple[bytes, str]:
     root = re.search(rb"<robot(?=[\s/>])", bare)
     if not used or not root or f"xmlns:{prefix}".encode() in bare:
         return data, ""
-    declaration = f' xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
-    text = f"the prefix {prefix} is not declared, which some programs refuse: write"
-    line = data.count(b"\n", 0, used.end()) + 1
-    data = data[: root.end()] + declaration.encode() + data[root.end() :]
-    return data, f"{line}: {text} <robot{declaration} ...>"
+    declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
+    text = f"the prefix {prefix} is not declared, which some programs refuse: write {declared} ...>"
+    data = data[: root.start()] + declared.encode() + data[root.end() :]
+    line = bare.count(b"\n", 0, used.end()) + 1
+    return data, f"{line}: {text}"
 
 
 def _emptied(comment: re.Match[bytes]) -> bytes:
@@ -231,6 +231,7 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
     reason = expat.ErrorString(error.code)
     if reason == "unbound prefix":
         remedy = f'for xacro: write <robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>'
+        remedy += f', for gz: xmlns:gz="{_GAZEBO_NAMESPACE}"'
         return f"{place}: the prefix of a name is not declared; {remedy}"
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return f"{place}: is not XML: URDF starts with <robot ...>"
