@@ -22,7 +22,8 @@ _LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "s
 _SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit"}
 _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
-_SLIDES = 0.2  # A wheel with rollers has at most this fraction of its friction across their axles.
+# The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
+_SLIDES = 0.2
 _OBLIQUE = math.sin(math.radians(5.0))  # sine of the least angle between oblique lines
 _ROUNDING = 1e-9  # rad
 
@@ -76,8 +77,9 @@ class Rollers(NamedTuple):
 def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Joint]) -> Rollers:
     """Read the rollers of wheels from the two directions of their friction.
 
-    Friction grips along the axle of the roller at the ground, and slides across it. Directions
-    without a frame are in the base's, though Gazebo would turn them with the wheel.
+    Friction grips along the axle of the roller at the ground, and slides across it: if that axle is
+    oblique, any difference counts. Directions without a frame are in the base's, though Gazebo
+    would turn them with the wheel.
 
     Args:
         findings: findings of the document; faults are added.
@@ -100,9 +102,9 @@ def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Jo
         turn = angle - _angle(above[link].axis, link, above)
         numbers = [_number(parts, tags) for tags in (_FIRST, _SECOND)]
         first, second = (1.0 if number is None else number for number in numbers)
-        slides = second <= _SLIDES * first and first > 0.0
-        if numbers == [None, None]:
-            slides = abs(math.cos(turn)) > _OBLIQUE
+        oblique = abs(math.cos(turn)) > _OBLIQUE
+        slides = second < first and second <= (first if oblique else _SLIDES * first)
+        slides = slides or (oblique and numbers == [None, None])
         if slides and abs(math.sin(turn)) > _OBLIQUE:  # otherwise they turn as the wheel does
             angles[link] = angle
             elements.update(parts)

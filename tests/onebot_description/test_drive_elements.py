@@ -77,7 +77,8 @@ def test_friction_in_one_direction_is_rollers(block: str, direction: str, angle:
         ("<mu1>0</mu1><mu2>0</mu2><fdir1>1 1 0</fdir1>", False),
         ("<mu1>1</mu1><mu2>1</mu2><fdir1>1 1 0</fdir1>", False),
         ("<mu1>1</mu1><fdir1>1 1 0</fdir1>", False),
-        ("<mu1>0.5</mu1><mu2>0.11</mu2><fdir1>1 1 0</fdir1>", False),
+        ("<mu1>0.5</mu1><mu2>0.11</mu2><fdir1>1 0 0</fdir1>", False),
+        ("<mu>1.5</mu><mu2>0.7</mu2><fdir1>1 1 0</fdir1>", True),  # of linorobot2
     ],
 )
 def test_what_is_rollers(inside: str, found: bool) -> None:
