@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from onebot_control.drive.wheels.rollers import MecanumWheels
     from onebot_description.description import Description
 
-CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
-"""The corners, in the order of their wheels."""
-
+_CORNERS = "front_left", "front_right", "rear_right", "rear_left"  # in the order of their wheels
 _SAME = "the states of a wheel are those of its joint"
 
 
@@ -73,12 +71,12 @@ class MecanumParameters(HolonomicParameters):
 
     @property
     def _names(self) -> list[str]:
-        return [getattr(self, f"{corner}_wheel_command_joint_name") for corner in CORNERS]
+        return [getattr(self, f"{corner}_wheel_command_joint_name") for corner in _CORNERS]
 
     def check(self) -> Iterator[Problem]:
         """Report wheels of which only some are named."""
         if any(self._names):
-            for corner, name in zip(CORNERS, self._names, strict=True):
+            for corner, name in zip(_CORNERS, self._names, strict=True):
                 if not name:
                     text = "is missing; name the wheels of all four corners, or none"
                     yield Problem(f"{corner}_wheel_command_joint_name", text)

@@ -18,8 +18,9 @@ from onebot_description.description.checks import (
     check_tree,
     named,
 )
+from onebot_description.description.drive_elements import read_drive_plugin, read_rollers
 from onebot_description.description.physics_elements import LinkPhysics, read_physics
-from onebot_description.description.ros2_control import read_interfaces, sideways_drive
+from onebot_description.description.ros2_control import read_interfaces
 from onebot_description.description.sensors.sensor_reader import read_sensors
 from onebot_description.elements import xml
 from onebot_description.elements.packages import package_share, resolve
@@ -245,7 +246,9 @@ def _check(
     check_schema(findings)
     sensors, bad_sensors = read_sensors(findings, links, joints.values())
     interfaces = read_interfaces(findings, joints)
-    physics = read_physics(findings, links, joints)
+    drive_plugin = read_drive_plugin(findings, joints)
+    rollers = read_rollers(findings, links, joints.values())
+    physics = read_physics(findings, links, joints, rollers.elements)
     findings.raise_errors(warnings)
     return Description(
         urdf=xml.to_text(findings.document.root),
@@ -264,7 +267,8 @@ def _check(
         sensors=sensors,
         bad_sensors=bad_sensors,
         interfaces=interfaces,
-        sideways_drive=sideways_drive(findings),
+        rollers=rollers.angles,
+        drive_plugin=drive_plugin,
     )
 
 

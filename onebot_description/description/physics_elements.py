@@ -41,7 +41,10 @@ class LinkPhysics(NamedTuple):
 
 
 def read_physics(
-    findings: Findings, links: Collection[str], joints: Mapping[str, Joint]
+    findings: Findings,
+    links: Collection[str],
+    joints: Mapping[str, Joint],
+    used: frozenset[Element],
 ) -> dict[str, LinkPhysics]:
     """Return the physics of links by name; what nothing simulates is a warning for each reason.
 
@@ -49,8 +52,9 @@ def read_physics(
         findings: findings of the document; faults are added.
         links: names of the links.
         joints: joints by name.
+        used: elements that something else has read.
     """
-    unused, physics, names = _Unused(findings), dict[str, LinkPhysics](), {*links, *joints}
+    unused, physics, names = _Unused(findings, used), dict[str, LinkPhysics](), {*links, *joints}
     rolls = any(joint.kind == "continuous" for joint in joints.values())
     for block in findings.document.root.iterfind("gazebo"):
         name = block.get("reference")
@@ -88,13 +92,15 @@ def _is_of_others(element: Element) -> bool:
 
 
 class _Unused:
-    """Collects what has no effect, to report each reason once."""
+    """Collects what has no effect, to report each reason once; what is ``used`` has one."""
 
-    def __init__(self, findings: Findings) -> None:
-        self._findings = findings
+    def __init__(self, findings: Findings, used: frozenset[Element]) -> None:
+        self._findings, self._used = findings, used
         self._found: dict[str, tuple[Element, dict[str, None], dict[str, None]]] = {}
 
     def add(self, reason: str, what: str, element: Element, owner: str | None) -> None:
+        if self._used.issuperset(part for part in element.iter() if not len(part)):
+            return
         _, names, owners = self._found.setdefault(reason, (element, {}, {}))
         names[what], owners[owner or "the robot"] = None, None
 

@@ -1,13 +1,10 @@
 """Reads ``<ros2_control>``: the command interfaces of joints, their limits and start positions."""
 
 import math
-import re
 from collections.abc import Callable, Mapping
 
 from onebot_description.elements.reading import Element, Findings, number_fault
 from onebot_description.elements.urdf import Joint, JointInterfaces
-
-_SIDEWAYS = re.compile(r"planar.?move|mec+anum|omni", re.IGNORECASE)
 
 
 def read_interfaces(findings: Findings, joints: Mapping[str, Joint]) -> dict[str, JointInterfaces]:
@@ -88,15 +85,3 @@ def _number(
         report(parameter, f"{name}: {fault}")
         return default
     return float(text)
-
-
-def sideways_drive(findings: Findings) -> str:
-    """Return where a Gazebo plugin drives the robot sideways, too, and its name; "" if none does.
-
-    Gazebo moves the base of such a robot as a whole, so its wheels may look like any others.
-    """
-    for plugin in findings.document.root.iterfind("gazebo/plugin"):
-        name = plugin.get("filename", "")
-        if _SIDEWAYS.search(f"{name} {plugin.get('name', '')}"):
-            return f"{findings.where(plugin)}: plugin {name}"
-    return ""

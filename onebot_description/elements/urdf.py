@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import DescriptionError, listing
@@ -218,6 +218,23 @@ class JointInterfaces(NamedTuple):
     faults: tuple[str, ...] = ()  # problems with which ros2_control would not start
 
 
+DriveKind = Literal["mecanum", "ackermann", "planar"]
+
+
+class DrivePlugin(NamedTuple):
+    """A Gazebo plugin that drives a robot; what it names and the robot lacks is left out."""
+
+    kind: DriveKind  # planar: it moves the base as a whole, whatever its wheels
+    where: str  # file and line, and the plugin's file
+    # Joints by role. Mecanum: front_left, front_right, rear_right, rear_left. Ackermann: left and
+    # right (driven), left_steering, right_steering.
+    joints: Mapping[str, tuple[str, ...]]
+    # What is written of wheelbase, wheel_separation, wheel_radius, kingpin_width, m, and
+    # steering_limit, rad.
+    lengths: Mapping[str, float]
+    topic: str  # of commands, as written; "" if it is not
+
+
 @dataclass(frozen=True)
 class Description:
     """A robot, or a world, as read from URDF; everything in it can be published.
@@ -240,8 +257,10 @@ class Description:
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
     # From <ros2_control>, by joint.
     interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)
-    # File and line, and name, of a Gazebo plugin that drives it sideways, too; "" for none.
-    sideways_drive: str = ""
+    # For links with rollers around them, as mecanum wheels have: how far the axle of the roller at
+    # the ground is to the left of forward, rad, in (-pi/2, pi/2], with all joints at 0.
+    rollers: Mapping[str, float] = field(default_factory=dict, hash=False)
+    drive_plugin: DrivePlugin | None = field(default=None, hash=False)
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ XACRO_NAMESPACES = (
     "http://wiki.ros.org/xacro",
     "https://www.ros.org/wiki/xacro",
 )
+_GAZEBO_PREFIXES, _GAZEBO_NAMESPACE = ("gz", "ignition"), "http://gazebosim.org/schema"
 _SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
 # A comment, with its text, or a CDATA section, which may hold what looks like one. The end of the
 # document ends either, so that the time stays linear.
@@ -91,8 +92,8 @@ def _choices(folder: Path, name: str) -> str:
 def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
     """Mend what urdfdom takes and XML forbids: elements stay on their lines.
 
-    That is blank lines before an XML declaration, which are moved behind it, and comments with "--"
-    inside, which are emptied.
+    That is blank lines before an XML declaration, which are moved behind it, comments with "--"
+    inside, which are emptied, and prefixes of Gazebo's namespace, which are declared.
 
     Returns:
         The document, and warnings of what was changed.
@@ -109,7 +110,28 @@ def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
         text = '"--" inside a comment, which some programs refuse: delete it'
         warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
+    for prefix in filter(lambda prefix: f"{prefix}:".encode() in data, _GAZEBO_PREFIXES):
+        data, fault = _with_prefix(data, prefix)
+        warnings += [f"{shown}:{fault}"] if fault else []
     return data, tuple(warnings)
+
+
+def _with_prefix(data: bytes, prefix: str) -> tuple[bytes, str]:
+    """Declare a prefix of Gazebo's namespace in <robot> if the document uses it undeclared.
+
+    Returns:
+        The document, and the line and text of a warning, "" if nothing was changed.
+    """
+    bare = _COMMENT.sub(_emptied, data)  # as long
+    used = re.search(rb"<(?:[^<>]*\s)?%s:\w" % prefix.encode(), bare)
+    root = re.search(rb"<robot(?=[\s/>])", bare)
+    if not used or not root or f"xmlns:{prefix}".encode() in bare:
+        return data, ""
+    declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
+    text = f"the prefix {prefix} is not declared, which some programs refuse: write {declared} ...>"
+    data = data[: root.start()] + declared.encode() + data[root.end() :]
+    line = bare.count(b"\n", 0, used.end()) + 1
+    return data, f"{line}: {text}"
 
 
 def _emptied(comment: re.Match[bytes]) -> bytes:
@@ -209,6 +231,7 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
     reason = expat.ErrorString(error.code)
     if reason == "unbound prefix":
         remedy = f'for xacro: write <robot xmlns:xacro="{XACRO_NAMESPACES[0]}" ...>'
+        remedy += f', for gz: xmlns:gz="{_GAZEBO_NAMESPACE}"'
         return f"{place}: the prefix of a name is not declared; {remedy}"
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return f"{place}: is not XML: URDF starts with <robot ...>"

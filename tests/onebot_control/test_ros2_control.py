@@ -211,8 +211,8 @@ def test_a_joint_without_a_command_interface_is_free(kind: str) -> None:
         assert (least, greatest) == (pytest.approx(-1.0, abs=0.02), pytest.approx(1.0, abs=0.02))
 
 
-def test_a_robot_that_a_plugin_moves_sideways_is_not_driven() -> None:
-    """Its wheels look like those of a skid steer."""
+def test_a_robot_that_a_plugin_moves_sideways_is_driven_so() -> None:
+    """Its wheels look like those of a skid steer; they count as mecanum wheels."""
     names = [("fl", 0.2, 0.15), ("fr", 0.2, -0.15), ("rl", -0.2, 0.15), ("rr", -0.2, -0.15)]
     wheels = [
         wheel(name, y).replace(f'<origin xyz="0 {y} 0"', f'<origin xyz="{x} {y} 0"')
@@ -221,8 +221,16 @@ def test_a_robot_that_a_plugin_moves_sideways_is_not_driven() -> None:
     plugin = '<gazebo><plugin name="drive" filename="libgazebo_ros_planar_move.so"/></gazebo>'
     skid = parse_description(urdf(*wheels))
     sideways = parse_description(urdf(*wheels, plugin))
-    assert not skid.sideways_drive
-    assert sideways.sideways_drive.endswith(": plugin libgazebo_ros_planar_move.so")
-    Simulation(skid).close()
-    with pytest.raises(OneBotError, match="by mecanum or omni wheels, which is not simulated yet"):
-        Simulation(sideways)
+    assert skid.drive_plugin is None
+    assert sideways.drive_plugin is not None
+    assert sideways.drive_plugin.where.endswith(": plugin libgazebo_ros_planar_move.so")
+    with Simulation(skid) as simulation, pytest.raises(OneBotError, match="not move sideways"):
+        simulation.robot.drive(0.0, lateral=0.2)
+    with Simulation(sideways) as simulation:
+        simulation.robot.drive(0.0, lateral=0.2)
+        simulation.run(3.0)
+        assert (simulation.robot.pose.x, simulation.robot.pose.yaw) == pytest.approx(
+            (0, 0), abs=1e-3
+        )
+        assert simulation.robot.pose.y == pytest.approx(simulation.robot.odometry.y, abs=1e-3)
+        assert simulation.robot.pose.y > 0.3

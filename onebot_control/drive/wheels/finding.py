@@ -30,6 +30,7 @@ _TRAIL = 0.1  # a caster's wheel trails its swivel by at least this fraction of 
 _VERTICAL = 0.9  # cosine of the greatest angle of a swivel joint to the vertical
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # Matches the names of omnidirectional wheels and of their meshes.
+_SKEW = math.sin(math.radians(5.0))  # sine of the least angle of a mecanum wheel's rollers
 _FEWEST_OMNI = 3  # wheels that drive a robot without any that is lateral
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
@@ -140,8 +141,12 @@ def rollers_reason(description: Description, wheels: Sequence[Wheel]) -> str:
         return ""
     if all(_has_rollers(description, wheel) for wheel in wheels):
         return "by their names, its wheels are omnidirectional, with rollers around them"
-    if description.sideways_drive:
-        return f"it drives sideways, too ({description.sideways_drive})"
+    plugin = description.drive_plugin
+    if plugin is not None and plugin.kind in ("mecanum", "planar"):
+        return f"it drives sideways, too ({plugin.where})"
+    oblique = [link for link, angle in description.rollers.items() if abs(math.sin(angle)) > _SKEW]
+    if oblique:
+        return f"<fdir1> says that its wheels have rollers ({', '.join(oblique)})"
     return ""
 
 

@@ -13,6 +13,8 @@ from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 
+CORNERS = "front_left", "front_right", "rear_right", "rear_left"
+"""The corners of a mecanum drive, in the order of their wheels."""
 _SLANT = math.pi / 4.0  # of the rollers of mecanum wheels, unless the description says otherwise
 
 
@@ -52,9 +54,12 @@ class MecanumWheels(Wheels):
                 found.
         """
         super().__init__(description)
+        plugin = description.drive_plugin
         if names:
             self.check_names(wheel_names=names)
             corners = [[name] for name in names]
+        elif plugin and plugin.kind == "mecanum" and all(map(plugin.joints.get, CORNERS)):
+            corners = [list(plugin.joints[corner]) for corner in CORNERS]
         else:
             corners = self._corners(*find_wheels(description, self.axles, self.tyres, rollers=True))
         self.counts = [len(corner) for corner in corners]

@@ -9,7 +9,7 @@ import numpy as np
 from onebot_control.drive.wheels.finding import swivel
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
-from onebot_description.elements.urdf import Description
+from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
 
 _QUARTER = math.pi / 2.0  # rad
@@ -52,6 +52,11 @@ def _middle_angle(inner: float, wheelbase: float, track: float) -> float:
     return math.atan2(wheelbase, wheelbase / math.tan(inner) + track / 2.0)
 
 
+def _of(plugin: DrivePlugin, *roles: str) -> list[str]:
+    """Return the joints that a plugin names for these roles."""
+    return [name for role in roles for name in plugin.joints.get(role, ())]
+
+
 class SteeredWheels(Wheels):
     """The wheels of a drive that steers its front wheels; those on the right come first."""
 
@@ -76,6 +81,9 @@ class SteeredWheels(Wheels):
                 wheels are found, or the rear ones are steered.
         """
         super().__init__(description)
+        if (plugin := description.drive_plugin) and plugin.kind == "ackermann":
+            traction = traction or _of(plugin, "left", "right")
+            steering = steering or _of(plugin, "left_steering", "right_steering")
         self.check_names(traction_joints_names=traction, steering_joints_names=steering)
         self.steering = self._rightmost(steering or dict.fromkeys(self.steered.values()))
         rear = [name for name in self.rolling if name not in self.steered]

@@ -1,0 +1,162 @@
+"""Reads what ``<gazebo>`` says of a robot's drive: its plugin, and the rollers of its wheels."""
+
+import math
+import re
+from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
+
+from onebot_description.elements.reading import Element, Findings, number_fault
+from onebot_description.elements.urdf import DriveKind, DrivePlugin, Joint
+from onebot_description.errors import shortened
+from onebot_description.geometry.poses import Triple, from_rpy, rotate
+
+# The names of plugins of each kind, and their elements that name joints, with the role as a group.
+# Gazebo moves the base of a "planar" robot as a whole, so its wheels may look like any others.
+_KINDS: dict[DriveKind, tuple[str, str]] = {
+    "mecanum": (r"mec+anum.?drive", r"((?:front|back)_(?:left|right))_joint"),
+    "ackermann": (r"ackerman+", r"(?:front_|rear_)?((?:left|right)(?:_steering)?)_joint"),
+    "planar": (r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", ""),
+}
+_CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
+_LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "steering_limit")
+_SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit"}
+_DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
+_FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
+# The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
+_SLIDES = 0.2
+_OBLIQUE = math.sin(math.radians(5.0))  # sine of the least angle between oblique lines
+_ROUNDING = 1e-9  # rad
+
+
+def read_drive_plugin(findings: Findings, joints: Collection[str]) -> DrivePlugin | None:
+    """Return the first Gazebo plugin that drives the robot, except differential drives.
+
+    Args:
+        findings: findings of the document; faults are added.
+        joints: names of the joints.
+    """
+    for plugin in findings.document.root.iterfind("gazebo/plugin"):
+        filename = plugin.get("filename", "")
+        words = f"{filename} {plugin.get('name', '')}"
+        for kind, (names, _) in _KINDS.items():
+            if re.search(names, words, re.IGNORECASE) and not _CONTROL.search(filename):
+                return _read_plugin(findings, plugin, kind, joints)
+    return None
+
+
+def _read_plugin(
+    findings: Findings, plugin: Element, kind: DriveKind, joints: Collection[str]
+) -> DrivePlugin:
+    named: dict[str, tuple[str, ...]] = {}
+    lengths: dict[str, float] = {}
+    for element in plugin:
+        text = (element.text or "").strip()
+        if match := re.fullmatch(_KINDS[kind][1], element.tag):
+            role = match[1].replace("back", "rear")
+            if text in joints:
+                named[role] = (*named.get(role, ()), text)
+            else:
+                hint = findings.hint(text, joints, "joints")
+                findings.warning(element, f'the robot has no joint "{text}"{hint}')
+        elif (length := _SPELLINGS.get(element.tag, element.tag)) in _LENGTHS:
+            if (fault := number_fault(text)) or float(text) <= 0.0:
+                findings.problem(element, fault or f'"{text}" is not positive; it must be')
+            else:
+                lengths[length] = float(text)
+    where = f"{findings.where(plugin)}: plugin {plugin.get('filename', '')}"
+    return DrivePlugin(kind, where, named, lengths, (plugin.findtext("topic") or "").strip())
+
+
+class Rollers(NamedTuple):
+    """The rollers of wheels."""
+
+    angles: Mapping[str, float]  # by link; see Description.rollers
+    elements: frozenset[Element]  # those that say so
+
+
+def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Joint]) -> Rollers:
+    """Read the rollers of wheels from the two directions of their friction.
+
+    Friction grips along the axle of the roller at the ground, and slides across it: if that axle is
+    oblique, any difference counts. Directions without a frame are in the base's, though Gazebo
+    would turn them with the wheel.
+
+    Args:
+        findings: findings of the document; faults are added.
+        links: names of the links.
+        joints: the joints.
+    """
+    above = {joint.child: joint for joint in joints}
+    friction: dict[str, list[Element]] = {}
+    for block in findings.document.root.iterfind("gazebo[@reference]"):
+        link = block.get("reference", "")
+        if link in above and above[link].kind in ("continuous", "revolute"):
+            friction.setdefault(link, []).extend(e for e in block.iter() if e.tag in _FRICTION)
+    angles: dict[str, float] = {}
+    elements: set[Element] = set()
+    for link, parts in friction.items():
+        direction = next((part for part in parts if part.tag == _DIRECTION), None)
+        if direction is None or (vector := _vector(findings, direction)) is None:
+            continue
+        angle = _angle(vector, _frame(findings, direction, links), above)
+        turn = angle - _angle(above[link].axis, link, above)
+        numbers = [_number(parts, tags) for tags in (_FIRST, _SECOND)]
+        first, second = (1.0 if number is None else number for number in numbers)
+        oblique = abs(math.cos(turn)) > _OBLIQUE
+        slides = second < first and second <= (first if oblique else _SLIDES * first)
+        slides = slides or (oblique and numbers == [None, None])
+        if slides and abs(math.sin(turn)) > _OBLIQUE:  # otherwise they turn as the wheel does
+            angles[link] = angle
+            elements.update(parts)
+    return Rollers(angles, frozenset(elements))
+
+
+def _vector(findings: Findings, element: Element) -> Triple | None:
+    """Return the direction in an element; None if it is faulty, empty or zero."""
+    text = element.get("value", element.text or "")
+    words = text.split() or ["0"] * 3
+    if len(words) != 3 or any(map(number_fault, words)):
+        findings.problem(element, f'"{shortened(text)}" is not a direction; write x y z')
+        return None
+    x, y, z = map(float, words)
+    return (x, y, z) if any((x, y, z)) else None
+
+
+def _frame(findings: Findings, direction: Element, links: Collection[str]) -> str:
+    """Return the link in whose frame a direction is; "" for the base."""
+    frames = (text for key, text in direction.items() if key.endswith("expressed_in"))
+    name = next(frames, "")  # The attribute's prefix is gz, ignition, or lost.
+    if not name or name in links:
+        return name
+    hint = findings.hint(name, links, "links")
+    text = f'expressed_in="{name}" is no link{hint}, so the direction is in the base\'s frame'
+    findings.warning(direction, text)
+    return ""
+
+
+def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
+    """Return a line's angle to the base's x axis seen from above, rad, in (-pi/2, pi/2].
+
+    It is not a number for a vertical line.
+
+    Args:
+        vector: a direction of the line, in the frame of ``link`` with all joints at 0.
+        link: the frame.
+        above: the joint above each link.
+    """
+    seen = {""}
+    while link in above and link not in seen:  # The links may still form a loop.
+        seen.add(link)
+        joint = above[link]
+        vector, link = rotate(from_rpy(joint.origin.rpy), vector), joint.parent
+    x, y, _ = vector
+    if math.hypot(x, y) < _OBLIQUE * math.hypot(*vector):
+        return math.nan
+    angle = math.remainder(math.atan2(y, x), math.pi)
+    return angle if angle > _ROUNDING - math.pi / 2 else angle + math.pi
+
+
+def _number(parts: Iterable[Element], tags: Collection[str]) -> float | None:
+    """Return the first number in elements with one of these tags; None if there is none."""
+    texts = ((part.get("value") or part.text or "").strip() for part in parts if part.tag in tags)
+    return next((float(text) for text in texts if not number_fault(text)), None)
