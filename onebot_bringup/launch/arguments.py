@@ -45,7 +45,7 @@ _FORMER = {
 _TRUE = ("true", "1")
 _FALSE = ("false", "0")
 _SWITCH = (*_TRUE, *_FALSE)
-_ARGUMENT = "launch argument"  # the key in a field's metadata
+_DECLARED = "launch argument"  # the key in a field's metadata
 _AS_DECLARED: Any = object()  # the default of a parameter's argument: the parameter's own
 _OPTIONS = {"-h": "help", "--help": "help", "--show-args": "show", "-s": "show"}
 
@@ -127,10 +127,8 @@ def argument(
         examples: other values, for tab completion.
         **rules: fields of Rule.
     """
-    rule = Rule(**rules)
-    return field_of(
-        Argument("", _text(default), description, ValueType(str, rule), examples), default
-    )
+    kind = ValueType(str, Rule(**rules))  # the annotation has the type
+    return field_of(Argument("", _text(default), description, kind, examples), default)
 
 
 def parameter_of(
@@ -156,13 +154,13 @@ def parameter_of(
     joined = "joined by commas" if leaf.type.many else ""
     description = "; ".join(filter(None, (leaf.type.rule.description, joined, note)))
     value = leaf.default if default is _AS_DECLARED else default
-    declared = Argument("", _text(value), description, leaf.type, examples, nodes, parameter)
-    return field_of(declared, value)
+    declared = Argument("", _text(value), description, leaf.type, examples)
+    return field_of(replace(declared, nodes=nodes, parameter=parameter), value)
 
 
 def field_of(declared: Argument, default: Any = "") -> Any:
     """Return a field for an argument; ``default`` is its default as a value."""
-    return field(default=default, metadata={_ARGUMENT: declared})
+    return field(default=default, metadata={_DECLARED: declared})
 
 
 def _text(value: object) -> str:
@@ -219,7 +217,7 @@ class Settings:
 @functools.cache
 def _declared(kind: Any) -> tuple[Argument, ...]:
     types = {leaf.name: leaf.type for leaf in leaves(kind)}
-    declared = {item.name: item.metadata.get(_ARGUMENT) for item in fields(kind)}
+    declared = {item.name: item.metadata.get(_DECLARED) for item in fields(kind)}
     return tuple(
         replace(argument, name=name, type=replace(types[name], rule=argument.type.rule))
         for name, argument in declared.items()
@@ -360,8 +358,7 @@ class DiscoverySettings(Settings):
 
     def variables(self) -> dict[str, str]:
         """Return the environment variables of nodes."""
-        forced = "discovery" in self.given
-        return discovery_variables(self.discovery, self.domain_id, forced=forced)
+        return discovery_variables(self.discovery, self.domain_id, forced="discovery" in self.given)
 
 
 def take_package_path(given: Mapping[str, str]) -> dict[str, str]:

@@ -67,7 +67,7 @@ class Bringup(NamedTuple):
     takes_file: bool = False  # whether the model is the command's first word instead
 
     @property
-    def settings(self) -> type["BringupSettings"]:
+    def settings_class(self) -> type["BringupSettings"]:
         """The class of the command's arguments."""
         from onebot_bringup.launch.settings import BringupSettings, StandingSettings
 
@@ -81,7 +81,7 @@ class Bringup(NamedTuple):
 
     def arguments(self) -> list[Argument]:
         """Return the command's arguments, without those of the model."""
-        return self.settings.arguments(**self.defaults)
+        return self.settings_class.arguments(**self.defaults)
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return the model's xacro arguments; those that the command has, too, as ``model.NAME``.
@@ -146,7 +146,7 @@ def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSetting
         _check_names(command, given, names)
     if not model.endswith(".urdf"):
         _warn_of_shadowed(command, given, own)
-    settings = checked_settings(command.settings, own, **command.defaults)
+    settings = checked_settings(command.settings_class, own, **command.defaults)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     _check_files(settings)
     return with_params_file(settings)

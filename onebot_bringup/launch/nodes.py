@@ -72,7 +72,8 @@ class Launch:
                 words += ["--robot", *launch.ros_nodes.arguments(name, node_parameters, files)]
         else:
             parameters |= self.parameters(row)
-        return self.ros_nodes.process(row, parameters, words, row.files(self), name)
+        files = row.files(self)
+        return self.ros_nodes.process(row, parameters, words=words, files=files, name=name)
 
     def _name(self, row: NodeRow) -> str:
         """Return the name of a row's node, which a control file may give."""
@@ -311,6 +312,7 @@ class RosNodes:
         self,
         row: NodeRow,
         parameters: Mapping[str, object],
+        *,
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
         name: str = "",

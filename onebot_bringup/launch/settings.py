@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 
 from onebot_bringup.launch.arguments import (
     NAMESPACE,
@@ -120,10 +119,9 @@ class StandingSettings(BringupSettings):
     controller: str = field(default=MANAGER, metadata=NO_PARAMETER)
 
 
-S = TypeVar("S", bound=BringupSettings)
-
-
-def checked_settings(kind: type[S], given: Mapping[str, str], **defaults: str) -> S:
+def checked_settings(
+    kind: type[BringupSettings], given: Mapping[str, str], **defaults: str
+) -> BringupSettings:
     """Return checked values of all arguments; ``defaults`` are texts by name, where they differ.
 
     As several robots may publish to one /tf, frames are prefixed with the namespace, as in
