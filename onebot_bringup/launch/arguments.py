@@ -178,7 +178,8 @@ class Settings:
     ``parameter_of`` and ``field_of`` makes are no arguments.
     """
 
-    given: frozenset[str] = field(default=frozenset(), metadata=NO_PARAMETER)  # not by default
+    # Names of the arguments that were written; the others have their defaults.
+    given: frozenset[str] = field(default=frozenset(), metadata=NO_PARAMETER)
 
     @classmethod
     def arguments(cls, **defaults: str) -> list[Argument]:
