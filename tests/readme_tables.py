@@ -9,12 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from onebot_bringup.bags.bag_recorder import RecorderParameters
 from onebot_bringup.cli.verbs import VERBS, subcommands
-from onebot_bringup.launch.arguments import (
-    Argument,
-    description_arguments,
-    simulation_arguments,
-    standing_arguments,
-)
+from onebot_bringup.launch.arguments import Argument
+from onebot_bringup.launch.settings import BringupSettings, StandingSettings
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
@@ -45,9 +41,13 @@ def tables() -> dict[str, str]:
     """Return each table by the name in its marks."""
     by_name = {f"parameters of {name}": _parameters(*kinds) for name, kinds in PARAMETERS.items()}
     by_name["commands"] = _table(("Command", "Purpose"), map(_verb, VERBS))
-    by_name["arguments"] = _arguments(description_arguments(*[_ROBOTS_OWN] * 3))
-    by_name["arguments of onebot_bringup"] = _arguments(simulation_arguments("`control.yaml`"))
-    by_name["arguments of mrm_bringup"] = _arguments(standing_arguments())
+    own = dict.fromkeys(("model", "joints", "view"), _ROBOTS_OWN)
+    drives = BringupSettings.arguments(**own, params_file="`control.yaml`")
+    stands = StandingSettings.arguments(**own)
+    common = [argument.name for argument in drives].index("sim")
+    by_name["arguments"] = _arguments(drives[:common])
+    by_name["arguments of onebot_bringup"] = _arguments(drives[common:])
+    by_name["arguments of mrm_bringup"] = _arguments(stands[common:])
     return by_name
 
 

@@ -51,8 +51,13 @@ def _complete_verb(position: int, verb: str = "", *rest: str) -> None:
         choose(commands, position + 1)
     elif verb != "run":
         completer = _of_trajectory if verb == "trajectory" else files
-        words, position = [verb, *rest], position + 1 + bool(commands)
-        complete_command(verbs.run_verb, words, position, completer, _COMPLETERS)
+        complete_command(
+            verbs.run_verb,
+            [verb, *rest],
+            position + 1 + bool(commands),
+            others=completer,
+            completers=_COMPLETERS,
+        )
     elif len(rest) < 2:
         names = EXECUTABLES.get(rest[0], ()) if rest else EXECUTABLES
         choose(dict.fromkeys(names, ""), position + 1 + len(rest))

@@ -2,20 +2,18 @@
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.options import warn
 from onebot_bringup.launch.arguments import (
-    Argument,
-    complete,
-    node_parameters,
-    number,
+    Settings,
+    argument,
     parameter_of,
-    parameters_of,
     split,
     table,
 )
@@ -40,16 +38,27 @@ below the robot plays, stops and goes to any time.
 """
 
 _VIEWER = "rerun_viewer"
-ARGUMENTS = (
-    *parameters_of(_VIEWER, ViewerParameters, "viewer"),
-    parameter_of(_VIEWER, ViewerParameters, "save", note="with viewer:=none only that"),
-    *parameters_of(_VIEWER, ViewerParameters, "view"),
-    Argument("fixed_frame", "", "the frame that stands still; empty: the view's, else a root"),
-    Argument("frame_prefix", "", "put before link names; empty: as the recorded frames are"),
-    Argument("namespace", "", "of one robot, where several are recorded; empty: all"),
-    number("max_size", "256", "MB of a message or chunk, unpacked; larger ones are not read", 0.0),
-    *parameters_of(_VIEWER, ViewerParameters, "grpc_port", "web_port", "open_browser"),
-)
+_viewer = partial(parameter_of, (_VIEWER,), ViewerParameters)
+
+
+@dataclass(frozen=True)
+class ReplaySettings(Settings):
+    """The arguments of the command."""
+
+    viewer: str = _viewer("viewer")
+    save: str = _viewer("save", note="with viewer:=none only that")
+    view: str = _viewer("view")
+    fixed_frame: str = argument("", "the frame that stands still; empty: the view's, else a root")
+    frame_prefix: str = argument("", "put before link names; empty: as the recorded frames are")
+    namespace: str = argument("", "of one robot, where several are recorded; empty: all")
+    max_size: float = argument(
+        256, "MB of a message or chunk, unpacked; larger ones are not read", at_least=0.0
+    )
+    grpc_port: int = _viewer("grpc_port")
+    web_port: int = _viewer("web_port")
+    open_browser: bool = _viewer("open_browser")
+
+
 _RRD = ".rrd"
 _RRD_STARTS = (b"RRF", b"RRIO")  # any version of Rerun writes one of them
 _ALL = "100%"  # memory limit, so that a page that is opened later gets everything
@@ -60,29 +69,29 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     arguments = split(argv)
     if arguments.help or arguments.show:
-        print(f"{HELP}\n" * arguments.help + table(ARGUMENTS))
+        print(f"{HELP}\n" * arguments.help + table(ReplaySettings.arguments()))
         return 0
     if len(arguments.positional) != 1:
         raise UsageError(f"onebot replay takes one recording, not {len(arguments.positional)}")
-    values = complete(ARGUMENTS, arguments.given)
-    if values["viewer"] == "none" and not values["save"]:
+    settings = ReplaySettings.read(arguments.given)
+    if settings.viewer == "none" and not settings.save:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     source = Path(arguments.positional[0]).expanduser()
     if not os.path.exists(source):  # also if its folder is not accessible
         raise OneBotError(f"there is no recording {source}")
     use_environment_prefix()  # it is needed to find meshes and views
     with KeyboardInterrupts() as interrupts:
-        _replay(source, values, interrupts)
+        _replay(source, settings, interrupts)
     return 0
 
 
-def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts) -> None:
+def _replay(source: Path, settings: ReplaySettings, interrupts: KeyboardInterrupts) -> None:
     is_rrd = source.suffix == _RRD and not source.is_dir()  # record:=run.rrd makes a folder, too
     if is_rrd:
-        _check_rrd(source, values)
+        _check_rrd(source, settings)
     else:
-        bag = _shown_bag(source, values, interrupts)
-    with _server(values) as server:
+        bag = _shown_bag(source, settings, interrupts)
+    with _server(settings) as server:
         if is_rrd:
             server.stream.log_file_from_path(source)
             _Log().info(f"showing {source}")
@@ -92,14 +101,14 @@ def _replay(source: Path, values: Mapping[str, str], interrupts: KeyboardInterru
             robot = f' of "{replayed.robot}"' if replayed.robot else ""
             _Log().info(f"showing {replayed.seconds:.1f} s{robot}: {replayed.messages} messages")
         with suppress(KeyboardInterrupt):  # the normal end of a view
-            while values["viewer"] != "none":
+            while settings.viewer != "none":
                 interrupts.check()
                 server.watch()
                 time.sleep(_WATCH_EVERY)
 
 
 def _shown_bag(
-    source: Path, values: Mapping[str, str], interrupts: KeyboardInterrupts
+    source: Path, settings: ReplaySettings, interrupts: KeyboardInterrupts
 ) -> "ShownBag":
     from onebot_bringup.bags.bag_reader import Bag  # slower to import
     from onebot_bringup.bags.shown_bag import ShownBag
@@ -109,25 +118,25 @@ def _shown_bag(
         _Log().info(text)
 
     return ShownBag(
-        Bag(source, int(float(values["max_size"]) * 1e6)),
-        view=values["view"],
-        fixed_frame=values["fixed_frame"],
-        frame_prefix=values["frame_prefix"],
-        namespace=values["namespace"],
+        Bag(source, int(settings.max_size * 1e6)),
+        view=settings.view,
+        fixed_frame=settings.fixed_frame,
+        frame_prefix=settings.frame_prefix,
+        namespace=settings.namespace,
         progress=progress,
         warn=_Log().warning,
     )
 
 
-def _check_rrd(source: Path, values: Mapping[str, str]) -> None:
+def _check_rrd(source: Path, settings: ReplaySettings) -> None:
     from onebot_bringup.bags.contents import open_file  # slower to import
 
     with open_file(source) as file:
         if not file.read(4).startswith(_RRD_STARTS):
             raise OneBotError(f"{source} is no recording of Rerun")
     for name in ("view", "save", "fixed_frame", "frame_prefix", "namespace"):
-        if values[name]:
-            raise UsageError(f"{name}:={values[name]}: a .rrd file is shown as it is")
+        if value := getattr(settings, name):
+            raise UsageError(f"{name}:={value}: a .rrd file is shown as it is")
 
 
 class _Log:
@@ -140,8 +149,8 @@ class _Log:
         warn(message)
 
 
-def _server(values: Mapping[str, str]) -> "closing[DisplayServer]":
+def _server(settings: ReplaySettings) -> "closing[DisplayServer]":
     from onebot_bringup.viewer.display_server import DisplayServer  # slower to import
 
-    parameters = read(ViewerParameters, node_parameters(ARGUMENTS, values, _VIEWER))
+    parameters = read(ViewerParameters, settings.parameters(_VIEWER))
     return closing(DisplayServer(replace(parameters, memory_limit=_ALL), _Log()))

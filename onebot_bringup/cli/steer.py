@@ -1,19 +1,20 @@
 """``onebot steer``: serves a page in the browser to drive a robot from, with its 3D view."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from onebot_bringup.cli.running_robots import chosen_commands, description_topics, frame_prefix
 from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
-    Argument,
-    choice,
-    complete,
-    node_parameters,
+    NAMESPACE,
+    DiscoverySettings,
+    Settings,
+    argument,
+    field_of,
     parameter_of,
-    parameters_of,
-    ros_settings,
     split,
     table,
     with_positional,
@@ -35,23 +36,34 @@ from onebot_description.ros.names import absolute
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _VIEWER = "steering_viewer"  # differs from rerun_viewer, which the robot may start later
-_ARGUMENTS = [
-    Argument("topic", "", "to steer, or a robot such as robot2; the page can change it"),
-    *parameters_of(
-        STEERING_PAGE.name,
-        PageParameters,
-        *("odom_topic", "host", "port", "token", "rate", "max_linear", "max_angular"),
-    ),
-    choice(
-        "viewer",
+_page = partial(parameter_of, (STEERING_PAGE.name,), PageParameters)
+
+
+@dataclass(frozen=True)
+class _PageSettings(Settings):
+    topic: str = argument("", "to steer, or a robot such as robot2; the page can change it")
+    odom_topic: str = _page("odom_topic")
+    host: str = _page("host")
+    port: int = _page("port")
+    token: str = _page("token")
+    rate: float = _page("rate")
+    max_linear: float = _page("max_linear")
+    max_angular: float = _page("max_angular")
+    viewer: str = argument(
         "auto",
         "the 3D view; auto: the robot's viewer, or else, and for a view:=, start one",
-        ("auto", "web", "none"),
-    ),
-    parameter_of(_VIEWER, ViewerParameters, "view"),
-    *parameters_of(STEERING_PAGE.name, PageParameters, "open_browser"),
-    *ros_settings(),
-]
+        choices=("auto", "web", "none"),
+    )
+    view: str = parameter_of((_VIEWER,), ViewerParameters, "view")
+    open_browser: bool = _page("open_browser")
+    namespace: str = field_of(NAMESPACE)
+
+
+@dataclass(frozen=True)
+class SteerSettings(DiscoverySettings, _PageSettings):
+    """The arguments of the command; those of discovery come last."""
+
+
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
 
 Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
@@ -63,7 +75,7 @@ From another computer: ssh -L 8080:127.0.0.1:8080 THIS_COMPUTER, and open http:/
 there; or host:=0.0.0.0, and open the whole address that is printed, with its token.
 
 Arguments and their defaults:
-{table(_ARGUMENTS)}
+{table(SteerSettings.arguments())}
 
 --ros-args is passed to every node. Ctrl-C stops everything. Exit codes: 0 stopped by the user,
 1 a file is wrong or a node failed, 2 the command line is wrong."""
@@ -74,31 +86,31 @@ def run(argv: Sequence[str]) -> int:
     arguments = split(argv)
     words = with_positional(arguments, "topic", "topic", "onebot steer")
     if arguments.help or arguments.show:
-        print(_HELP if arguments.help else table(_ARGUMENTS))
+        print(_HELP if arguments.help else table(SteerSettings.arguments()))
         return 0
-    values = complete(_ARGUMENTS, words)
+    settings = SteerSettings.read(words)
     # Mistakes are reported before anything starts.
-    view_file(values["view"])
-    listen(values["host"], int(values["port"])).close()
-    os.environ.update(environment(values, forced="discovery" in words))
+    view_file(settings.view)
+    listen(settings.host, settings.port).close()
+    os.environ.update(environment(settings))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder behind
         temporary_folder("launch") as folder,
     ):
-        return _launch(Path(folder), values, arguments.ros_args)
+        return _launch(Path(folder), settings, arguments.ros_args)
 
 
-def _launch(folder: Path, values: Mapping[str, str], ros_args: Sequence[str]) -> int:
-    topic, view = _found(values, ros_args)
-    page = node_parameters(_ARGUMENTS, values, STEERING_PAGE.name)
+def _launch(folder: Path, settings: SteerSettings, ros_args: Sequence[str]) -> int:
+    topic, view = _found(settings, ros_args)
+    page = settings.parameters(STEERING_PAGE.name)
     page |= {
         "topic": topic,
         "viewer_page": f"{VIEWER.name if view is None else _VIEWER}/page",
     }
-    ros_nodes, viewers = RosNodes(folder, values["namespace"], ros_args), []
+    ros_nodes, viewers = RosNodes(folder, settings.namespace, ros_args), []
     if view is not None:
         page["await_view"] = AWAIT_VIEW
-        view |= node_parameters(_ARGUMENTS, values, _VIEWER)
+        view |= settings.parameters(_VIEWER)
         view |= {"viewer": "web", "embedded": True, "grpc_port": 0, "web_port": 0}
         viewers = [ros_nodes.process(VIEWER._replace(name=_VIEWER), view)]
     nodes = [ros_nodes.process(STEERING_PAGE._replace(on_exit="shutdown"), page), *viewers]
@@ -107,19 +119,19 @@ def _launch(folder: Path, values: Mapping[str, str], ros_args: Sequence[str]) ->
 
 
 def _found(
-    values: Mapping[str, str], ros_args: Sequence[str]
+    settings: SteerSettings, ros_args: Sequence[str]
 ) -> tuple[str, dict[str, object] | None]:
     """Return the topic to steer, and the parameters of the viewer to start; None to start none.
 
     For ``auto``, try to discover the robot's viewer first.
     """
-    space = absolute(values["namespace"])
+    space = absolute(settings.namespace)
     in_namespace = ["-r", f"__ns:={space}"] if space else []
     with Session(["--ros-args", *ros_args, *in_namespace]) as session:
-        topic = chosen_commands(session, values["topic"], first=True)
-        if values["viewer"] == "none":
+        topic = chosen_commands(session, settings.topic, first=True)
+        if settings.viewer == "none":
             return topic, None
-        if values["viewer"] == "auto" and not values["view"] and _finds_viewer(session):
+        if settings.viewer == "auto" and not settings.view and _finds_viewer(session):
             return topic, None
         return topic, robot_parameters(session)
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.cli.options import joint_positions
@@ -11,27 +13,30 @@ from onebot_bringup.cli.running_controllers import (
     running_controllers,
 )
 from onebot_bringup.cli.session import Session
-from onebot_bringup.launch.arguments import Argument, complete, split, table
+from onebot_bringup.launch.arguments import Settings, argument, split, table
 from onebot_description.description.tree_text import aligned, cell
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.values import Rule, ValueType
 from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_description.description import Joint
 
-_ABOVE_ZERO = ValueType(float, Rule(above=0.0, at_most=1e6))
-_ARGUMENTS = [
-    Argument("time", "2.0", "how long the motion takes, s", _ABOVE_ZERO),
-    Argument("controller", "", "the node that moves the joints; default: the only one that can"),
-    Argument(
-        "tolerance",
-        "",
+_above_zero = partial(argument, above=0.0, at_most=1e6)
+
+
+@dataclass(frozen=True)
+class TrajectorySettings(Settings):
+    """The arguments of the command."""
+
+    time: float = _above_zero(2.0, "how long the motion takes, s")
+    controller: str = argument("", "the node that moves the joints; default: the only one that can")
+    tolerance: float | None = _above_zero(
+        None,
         "allowed error of each joint at the end, rad or m, met within twice the time; default: "
         "the controller's",
-        _ABOVE_ZERO,
-    ),
-]
+    )
+
+
 _CLOSE = 1e-3  # rad or m; error at the end that is accepted where the controller accepts any
 _ROUNDING = 2e-6  # rad or m; a controller may clamp a position to a limit
 _HELP = f"""usage: onebot trajectory [JOINT=POSITION ...] [name:=value ...] [--ros-args ...]
@@ -41,7 +46,7 @@ its result. The controller's other joints stay where they are. Ctrl-C cancels it
 Without a joint it lists the controllers, and where their joints are.
 
 Arguments and their defaults:
-{table(_ARGUMENTS)}
+{table(TrajectorySettings.arguments())}
 
 --ros-args is passed to ROS; -r __ns:=NS there restricts it to the controllers in a namespace. Exit
 codes: 0 the goal was reached; 1 it was rejected, aborted or canceled, or without tolerance:= a
@@ -58,17 +63,16 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     arguments = split(argv)
     if arguments.help or arguments.show:
-        print(_HELP if arguments.help else table(_ARGUMENTS))
+        print(_HELP if arguments.help else table(TrajectorySettings.arguments()))
         return 0
     positions = joint_positions(arguments.positional)
-    values = complete(_ARGUMENTS, arguments.given)
+    settings = TrajectorySettings.read(arguments.given)
     with Session(["--ros-args", *arguments.ros_args]) as session:
-        controllers = running_controllers(session, values["controller"])
+        controllers = running_controllers(session, settings.controller)
         if positions:
             controller = controller_of(controllers, list(positions))
-            seconds, tolerance = float(values["time"]), float(values["tolerance"] or 0.0)
-            motion = _Motion(session, controller, list(positions), seconds)
-            motion.follow(_goal(controller, positions, seconds, tolerance))
+            motion = _Motion(session, controller, list(positions), settings.time)
+            motion.follow(_goal(controller, positions, settings.time, settings.tolerance))
         else:
             print("\n".join(_listed(session, controllers)))
     return 0
@@ -119,7 +123,10 @@ def _range(joint: "Joint") -> str:
 
 
 def _goal(
-    controller: RunningController, positions: Mapping[str, float], seconds: float, tolerance: float
+    controller: RunningController,
+    positions: Mapping[str, float],
+    seconds: float,
+    tolerance: float | None,
 ) -> Any:
     """Return a goal with a single point, at which all joints of the controller are at rest."""
     from rclpy.duration import Duration

@@ -83,12 +83,9 @@ def take_settings(words: list[str]) -> list[str]:
     """Apply ``discovery:=`` and ``domain_id:=`` before the verb; return the other words."""
     count = next((n for n, word in enumerate(words) if ":=" not in word), len(words))
     if count:
-        from onebot_bringup.launch.arguments import complete, discovery_settings, split
-        from onebot_description.ros.discovery import discovery_variables
+        from onebot_bringup.launch.arguments import DiscoverySettings, split
 
-        settings = split(words[:count]).given
-        values = complete(discovery_settings(), settings)
-        os.environ.update(discovery_variables(values, forced="discovery" in settings))
+        os.environ.update(DiscoverySettings.read(split(words[:count]).given).variables())
     return words[count:]
 
 

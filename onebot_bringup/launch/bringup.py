@@ -2,7 +2,8 @@
 
 import os
 import sys
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,15 +13,12 @@ from onebot_bringup.launch.arguments import (
     OF_MODEL,
     Argument,
     Arguments,
-    checked_values,
-    description_arguments,
+    DiscoverySettings,
     model_arguments,
     model_values,
     refuse_positional,
     require_file,
-    simulation_arguments,
     split,
-    standing_arguments,
     table,
     take_package_path,
     unknown,
@@ -36,10 +34,9 @@ from onebot_bringup.launcher.console import wants_colour
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
-from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
+from onebot_control.conventions import prefixed
 from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.errors import OneBotError, UsageError
-from onebot_description.ros.discovery import discovery_variables
 from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
 from onebot_description.ros.shared_memory import remove_stale_in_background
@@ -47,7 +44,7 @@ from onebot_description.ros.signals import KeyboardInterrupts
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
-    from onebot_description.description import Description
+    from onebot_bringup.launch.settings import BringupSettings
 
 
 UP = "Ctrl-C stops everything"  # the last line that a bringup prints when it is up
@@ -69,17 +66,22 @@ class Bringup(NamedTuple):
     control: str = ""  # parameters of the controller; empty: its base is fixed
     takes_file: bool = False  # whether the model is the command's first word instead
 
+    @property
+    def settings_class(self) -> type["BringupSettings"]:
+        """The class of the command's arguments."""
+        from onebot_bringup.launch.settings import BringupSettings, StandingSettings
+
+        return BringupSettings if self.control else StandingSettings
+
+    @property
+    def defaults(self) -> dict[str, str]:
+        """The defaults of arguments that each command has of its own."""
+        files = {"model": self.model, "joints": self.joints, "view": self.view}
+        return {**files, "params_file": self.control}
+
     def arguments(self) -> list[Argument]:
         """Return the command's arguments, without those of the model."""
-        declared = description_arguments(self.model, self.joints, self.view)
-        declared += simulation_arguments(self.control) if self.control else standing_arguments()
-        return declared
-
-    def controller(self, params_file: str) -> str:
-        """Return the name of the node with the simulation's parameters."""
-        from onebot_control.control_files import drive_name
-
-        return drive_name([Path(params_file)] if params_file else []) if self.control else MANAGER
+        return self.settings_class.arguments(**self.defaults)
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
         """Return the model's xacro arguments; those that the command has, too, as ``model.NAME``.
@@ -108,64 +110,91 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
     Returns:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
     """
-    from onebot_description.description.loading import PLACES, keep_places
-    from onebot_description.description_files import load_followed
-
     arguments = split(argv)
-    assignments = _with_model(command, arguments)
-    declared = command.arguments()
-    model = assignments.get("model", command.model)
+    given = _with_model(command, arguments)
     if arguments.help or arguments.show:
-        of_model, _ = command.model_arguments(assignments)
-        print(help_text(command, declared, of_model, complete=arguments.help))
+        of_model, _ = command.model_arguments(given)
+        print(help_text(command, command.arguments(), of_model, complete=arguments.help))
         return 0
+    os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in forks
+    settings = read_settings(command, given)
+    launch = read_robots(command, settings, model_values(given, settings.given))
+    return run(command, replace(launch, ros_args=arguments.ros_args))
+
+
+def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSettings":
+    """Return the checked arguments that are the command's own; print warnings.
+
+    From now on, packages are also looked for in the given ``package_path``.
+
+    Args:
+        command: the command.
+        given: the arguments given on the command line, including those of the model.
+
+    Raises:
+        OneBotError: an argument, or a file that it names, is wrong.
+    """
+    from onebot_bringup.launch.settings import checked_settings
+
+    model = given.get("model", command.model)
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
-    own_names = {argument.name for argument in declared}
-    command_arguments = {name: value for name, value in assignments.items() if name in own_names}
-    for_xacro = model_values(assignments, own_names)
-    take_package_path(assignments)  # the model's includes may need it
-    if for_xacro:
-        _check_names(command, assignments, own_names)
+    names = {argument.name for argument in command.arguments()}
+    own = {name: value for name, value in given.items() if name in names}
+    take_package_path(given)  # the model's includes may need it
+    if len(own) < len(given):
+        _check_names(command, given, names)
     if not model.endswith(".urdf"):
-        _warn_of_shadowed(command, assignments, command_arguments)
-    values = checked_values(declared, command_arguments)
+        _warn_of_shadowed(command, given, own)
+    settings = checked_settings(command.settings_class, own, **command.defaults)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
-    os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in a fork here
-    _check_files(values)
-    controller = command.controller(values["params_file"])
-    values = with_params_file(values, command_arguments, controller)
-    description, source = load_followed(model, for_xacro)
+    _check_files(settings)
+    return with_params_file(settings)
+
+
+def read_robots(
+    command: Bringup, settings: "BringupSettings", for_model: Mapping[str, str]
+) -> Launch:
+    """Read the robot, or all of them, and what depends on them; print warnings.
+
+    Args:
+        command: the command.
+        settings: its arguments.
+        for_model: the model's xacro arguments.
+
+    Raises:
+        OneBotError: a description, or a file of robots or parameters, is wrong.
+    """
+    from onebot_description.description_files import load_followed
+
+    description, source = load_followed(settings.model, for_model)
     description.require_tree()
-    values = with_view(values, command_arguments, command, description.root_link, controller)
+    settings = with_view(settings, command, description.root_link)
     robots: list[PlacedRobot] = []
-    if values.get("robots"):
+    if settings.robots:
         from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
 
-        robots = placed_robots(values["robots"], description)
-    _check_sections(values, command_arguments, robots, controller)
-    os.environ.update(environment(values, forced="discovery" in command_arguments))
+        robots = placed_robots(settings.robots, description)
+    _check_sections(settings, robots)
+    return Launch(settings, description, source, robots=robots)
+
+
+def run(command: Bringup, launch: Launch) -> int:
+    """Start the nodes, and return the exit code when they have ended."""
+    from onebot_description.description.loading import PLACES, keep_places
+
+    os.environ.update(environment(launch.settings, several=bool(launch.robots)))
     with (
         KeyboardInterrupts(),  # Ctrl-C leaves no folder and no process behind
         temporary_folder("launch") as folder,
     ):
         remove_stale_in_background()
         os.environ[PLACES] = folder
-        descriptions = (description, *(robot.description for robot in robots))
+        descriptions = (launch.description, *(robot.description for robot in launch.robots))
         for item in {item.urdf: item for item in descriptions}.values():
             keep_places(item)
-        launch = Launch(
-            Path(folder),
-            values,
-            description,
-            arguments.ros_args,
-            source,
-            declared,
-            robots,
-            controller=controller,
-        )
-        summary = summary_text(description, values, robots, controller)
-        return Launcher(command.program).run(launch.nodes(), started_message=summary)
+        nodes = replace(launch, folder=Path(folder)).nodes()
+        return Launcher(command.program).run(nodes, started_message=summary_text(launch))
 
 
 def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
@@ -176,7 +205,7 @@ def _with_model(command: Bringup, arguments: Arguments) -> dict[str, str]:
     return dict(arguments.given)
 
 
-def _check_names(command: Bringup, given: Mapping[str, str], own_names: Set[str]) -> None:
+def _check_names(command: Bringup, given: Mapping[str, str], own_names: Iterable[str]) -> None:
     """Reject arguments that neither the command nor its model has, if all of the model's are known.
 
     Otherwise an included file was not found, and expanding the model reports the unknown ones.
@@ -199,53 +228,50 @@ def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[s
             print(f"warning: {text}", file=sys.stderr)
 
 
-def _check_files(values: Mapping[str, str]) -> None:
+def _check_files(settings: "BringupSettings") -> None:
     """Reject missing files, recordings that cannot be written, an invalid world or page address."""
-    view_file(values["view"])
-    for name in ("joints", "params_file"):
-        if values.get(name):
-            require_file(name, Path(values[name]))
-    if values["save"] and Path(values["save"]).suffix != ".rrd":
-        raise OneBotError(f"save:={values['save']}: a recording's name must end in .rrd")
-    for name in ("save", "record"):
-        if values[name]:
+    view_file(settings.view)
+    for name, file in (("joints", settings.joints), ("params_file", settings.params_file)):
+        if file:
+            require_file(name, Path(file))
+    if settings.save and Path(settings.save).suffix != ".rrd":
+        raise OneBotError(f"save:={settings.save}: a recording's name must end in .rrd")
+    for name, target in (("save", settings.save), ("record", settings.record)):
+        if target:
             try:
-                refuse_unwritable(Path(values[name]).absolute(), folder=name == "record")
+                refuse_unwritable(Path(target).absolute(), folder=name == "record")
             except OSError as error:
-                text = f"{name}:={values[name]} cannot be written: {error.strerror}"
+                text = f"{name}:={target} cannot be written: {error.strerror}"
                 raise OneBotError(text) from None
-    if values.get("world"):
+    if settings.world:
         from onebot_description.description.loading import load_world
 
-        load_world(values["world"])
-    if values["steer"] == "true":
+        load_world(settings.world)
+    if settings.steer:
         from onebot_bringup.serving.ports import listen
 
-        listen(values["host"], int(values["port"])).close()
+        listen(settings.host, settings.port).close()
 
 
-def _check_sections(
-    values: Mapping[str, str],
-    given: Mapping[str, str],
-    robots: Sequence["PlacedRobot"],
-    controller: str,
-) -> None:
+def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]) -> None:
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
     from onebot_description.parameters.files import check_sections, undeclared_warnings
     from onebot_description.parameters.reader import unknown_parameters
 
-    space = absolute(values["namespace"])
+    space = absolute(settings.namespace)
     spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
     # Each file, and the namespaces of the nodes that get it.
-    files = [(Path(values["params_file"]), spaces)] if given.get("params_file") else []
+    files: list[tuple[Path, list[str]]] = []
+    if settings.params_file and "params_file" in settings.given:
+        files.append((settings.params_file, spaces))
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
             files.append((robot.params_file, [name]))
-    nodes = unknown_by_node(controller, [file for file, _ in files], spaces)
-    if given.get("joints"):  # then it is not simulated
-        files = [(Path(values["joints"]), [space])]
+    nodes = unknown_by_node(settings.controller, [file for file, _ in files], spaces)
+    if settings.joints and "joints" in settings.given:  # then it is not simulated
+        files = [(Path(settings.joints), [space])]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
         check_sections(files[0][0], [f"{space}/{node}" for node in nodes])
     warnings: dict[str, None] = {}  # each once, since robots may share a file
@@ -255,77 +281,64 @@ def _check_sections(
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def with_params_file(
-    values: Mapping[str, str], given: Mapping[str, str], controller: str = DRIVE_CONTROLLER
-) -> dict[str, str]:
-    """Return the launch arguments, updated with settings for all nodes from the ``params_file``.
+def with_params_file(settings: "BringupSettings") -> "BringupSettings":
+    """Return the settings, updated for all nodes from the ``params_file``.
 
-    All nodes have to agree on the names of frames and on the clock. The file's settings apply
-    unless they are ``given`` on the command line.
+    All nodes have to agree on the name of the controller, on those of frames, and on the clock. The
+    file's settings apply unless they are given on the command line.
     """
-    values = dict(values)
-    if values.get("sim") == "true":
-        factor = _apply_params_file(values, given, controller) if values["params_file"] else 1.0
-        if float(values[_FACTOR] or factor) != 1.0:
-            values["use_sim_time"] = "true"  # the simulation then publishes /clock
-    return values
-
-
-def with_view(
-    values: Mapping[str, str],
-    given: Mapping[str, str],
-    command: Bringup,
-    root_link: str,
-    controller: str = DRIVE_CONTROLLER,
-) -> dict[str, str]:
-    """Return the launch arguments with the command's view of what is brought up.
-
-    A view that is ``given`` on the command line decides everything itself.
-    """
-    values = dict(values)
-    if "view" in given:
-        return values
-    frame = ""
-    if command.sim_view and values["sim"] == "true":
-        values["view"] = command.sim_view
-    elif values.get("world"):
-        values["view"] = command.world_view
-        frame = world_frame(values, given_files(values), controller)
-    elif command.control and values["sim"] == "false":
-        frame = values["frame_prefix"] + root_link  # there is no odom
-    values["fixed_frame"] = values["fixed_frame"] or frame
-    return values
-
-
-def _apply_params_file(values: dict[str, str], given: Mapping[str, str], controller: str) -> float:
-    """Update the launch arguments from the ``params_file``; return its real_time_factor."""
-    from onebot_control.control_files import read_control_files
+    from onebot_control.control_files import drive_name, read_control_files
     from onebot_control.simulation_parameters import SimulationConfig
     from onebot_description.parameters.reader import read
 
-    space = absolute(values["namespace"])
-    written = read_control_files([Path(values["params_file"])], space, controller)
+    files = [settings.params_file] if settings.params_file else []
+    if not settings.stands:
+        settings = replace(settings, controller=drive_name(files))
+    if not settings.sim:
+        return settings
+    space = absolute(settings.namespace)
+    written = read_control_files(files, space, settings.controller)
     names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
     config = read(SimulationConfig, {name: written.values[name] for name in names}, written.places)
-    if names - {_FACTOR} and "frame_prefix" not in given and not values.get("robots"):
+    if names - {_FACTOR} and "frame_prefix" not in settings.given and not settings.robots:
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
-        values["frame_prefix"] = prefixed("", enabled, prefix, space)
-    if "use_sim_time" not in given and written.values.get("use_sim_time") is True:
-        values["use_sim_time"] = "true"
-    return config.real_time_factor
+        settings = replace(settings, frame_prefix=prefixed("", enabled, prefix, space))
+    sim_time = "use_sim_time" not in settings.given and written.values.get("use_sim_time") is True
+    given_factor = settings.real_time_factor
+    factor = config.real_time_factor if given_factor is None else given_factor
+    # The simulation publishes /clock unless it runs in real time.
+    return replace(settings, use_sim_time=settings.use_sim_time or sim_time or factor != 1.0)
 
 
-def environment(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+def with_view(settings: "BringupSettings", command: Bringup, root_link: str) -> "BringupSettings":
+    """Return the settings with the command's view of what is brought up.
+
+    A view that is given on the command line decides everything itself.
+    """
+    view, frame = settings.view, ""
+    if "view" in settings.given:
+        return settings
+    if command.sim_view and settings.sim:
+        view = command.sim_view
+    elif settings.world:
+        view = command.world_view
+        frame = world_frame(settings, given_files(settings.params_file))
+    elif command.control and not settings.sim:
+        frame = settings.frame_prefix + root_link  # there is no odom
+    return replace(settings, view=view, fixed_frame=settings.fixed_frame or frame)
+
+
+def environment(settings: DiscoverySettings, *, several: bool = False) -> dict[str, str]:
     """Return the environment variables of all nodes, in addition to this process's own.
 
     Args:
-        values: the launch arguments.
-        forced: ``discovery`` was given, so it overrides the environment's setting.
+        settings: the launch arguments.
+        several: whether a process may have nodes of several robots.
     """
-    variables = discovery_variables(values, forced=forced)
+    variables = settings.variables()
     if "RCUTILS_CONSOLE_OUTPUT_FORMAT" not in os.environ:
         # The launcher prefixes each line with the node's name, but not with the robot's.
-        name = "[{name}] " if values.get("robots") else ""
+        name = "[{name}] " if several else ""
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
     if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
         variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # the nodes see a pipe instead of a terminal
@@ -354,55 +367,44 @@ def help_text(
     return "\n\n".join(parts)
 
 
-def summary_text(
-    description: "Description",
-    values: Mapping[str, str],
-    robots: Sequence["PlacedRobot"] = (),
-    controller: str = DRIVE_CONTROLLER,
-) -> str:
+def summary_text(launch: Launch) -> str:
     """Return what is running, where to find it and how to stop it."""
-    space = absolute(values["namespace"])
-    if robots:
-        lines = _robots(robots, values, space, controller)
-    else:
-        lines = _robot(description, values, space, controller)
+    space = absolute(launch.settings.namespace)
+    lines = _robots(launch, space) if launch.robots else _robot(launch, space)
     return "\n".join([*lines, f"  {UP}"])
 
 
-def _robot(
-    description: "Description", values: Mapping[str, str], space: str, controller: str
-) -> list[str]:
+def _robot(launch: Launch, space: str) -> list[str]:
+    description, settings = launch.description, launch.settings
     moving = [joint for joint in description.joints if joint.kind != "fixed"]
     lines = [
         f'Robot "{description.robot_name}": {len(description.links)} links, '
         f"{len(moving)} of {len(description.joints)} joints can move",
-        f"  model    {values['model']}",
+        f"  model    {settings.model}",
         f"  topics   /tf /tf_static {space}/robot_description {space}/joint_states",
     ]
-    if values["frame_prefix"]:
-        lines.append(f"  frames   begin with {values['frame_prefix']}")
-    if values.get("sim") == "true" and "robots" not in values:  # a standing robot
+    if settings.frame_prefix:
+        lines.append(f"  frames   begin with {settings.frame_prefix}")
+    if settings.sim and settings.stands:
         joint = next((joint.name for joint in moving), "JOINT")
         lines.append(f"  move     onebot trajectory {joint}=0.5, or any client of its action")
-    elif values.get("sim") == "true":
-        drive = command_topic(values, f"{space}/", controller)
+    elif settings.sim:
+        drive = command_topic(settings, f"{space}/")
         lines.append(
             f"  drive    onebot teleop{f' {drive}' if space else ''}, or a Twist on {drive}"
         )
-    elif values["joint_states"] == "true":
-        lines.append(f"  joints   {values['joints'] or 'swing within their limits'}")
+    elif settings.joint_states:
+        lines.append(f"  joints   {settings.joints or 'swing within their limits'}")
     else:
         lines.append(f"  joints   wait for {space}/joint_states")
     return lines
 
 
-def _robots(
-    robots: Sequence["PlacedRobot"], values: Mapping[str, str], space: str, controller: str
-) -> list[str]:
-    first, last = robots[0].name, robots[-1].name
-    drive = command_topic(values, f"{space}/{first}/", controller)
+def _robots(launch: Launch, space: str) -> list[str]:
+    first, last = launch.robots[0].name, launch.robots[-1].name
+    drive = command_topic(launch.settings, f"{space}/{first}/")
     return [
-        f"{len(robots)} robots in one world, {first} to {last}",
+        f"{len(launch.robots)} robots in one world, {first} to {last}",
         f"  topics   /tf /tf_static, and in each robot's namespace, such as "
         f"{space}/{first}/joint_states",
         f"  frames   of each robot begin with its namespace, such as {f'{space}/'[1:]}{first}/odom",

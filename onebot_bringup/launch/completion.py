@@ -45,6 +45,7 @@ def complete_command(
     run: Callable[[list[str]], int],
     words: Sequence[str],
     position: int,
+    *,
     others: Callable[[str, str], Iterable[str]] = files,
     completers: Mapping[Any, Completer] = MappingProxyType({}),
 ) -> NoReturn:

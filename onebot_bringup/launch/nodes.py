@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
-from onebot_bringup.launch.arguments import Argument, node_parameters
 from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
 from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, WORLD_FRAME
 from onebot_description.ros.names import absolute
 
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
+    from onebot_bringup.launch.settings import BringupSettings
     from onebot_description.description import Description
     from onebot_description.description_files import Source
 
@@ -38,30 +38,19 @@ Parameters = dict[str, object]
 class Launch:
     """Makes the nodes of a bringup, or of one of its robots."""
 
-    folder: Path  # folder of the nodes' parameter files
-    values: Mapping[str, str]  # the launch arguments
+    settings: BringupSettings
     description: Description  # the robot
-    ros_args: Sequence[str]  # every node gets them, after its own
     source: Source  # the files of the description
-    arguments: Sequence[Argument]  # the arguments that the command declares
+    ros_args: Sequence[str] = ()  # every node gets them, after its own
     robots: Sequence[PlacedRobot] = ()  # several robots in one world; empty for a single one
     robot: PlacedRobot | None = None  # the one of them to make nodes for
-    controller: str = DRIVE_CONTROLLER  # name of the node with the simulation's parameters
+    folder: Path = Path()  # folder of the nodes' parameter files
 
     @property
     def params_files(self) -> list[Path]:
         """The controller's parameter files; later ones override."""
         robot_file = self.robot.params_file if self.robot else None
-        return [*given_files(self.values), *filter(None, [robot_file])]
-
-    @property
-    def stands(self) -> bool:
-        """Whether the robot is simulated standing, not driving."""
-        return self.controller == MANAGER
-
-    def is_true(self, name: str) -> bool:
-        """Whether a switch is on; a switch that the command lacks is off."""
-        return self.values.get(name) == "true"
+        return [*given_files(self.settings.params_file), *filter(None, [robot_file])]
 
     def nodes(self) -> list[NodeProcess]:
         """Return the nodes to start, in order."""
@@ -73,7 +62,7 @@ class Launch:
         If there are several robots, a row with ``each_robot`` is one process with a node for each.
         """
         words, name = row.words(self), self._name(row)
-        parameters: Parameters = {"use_sim_time": self.is_true("use_sim_time")}
+        parameters: Parameters = {"use_sim_time": self.settings.use_sim_time}
         if self.robots and row.each_robot:
             for robot in self.robots:
                 launch = self._of_robot(robot)
@@ -83,40 +72,42 @@ class Launch:
                 words += ["--robot", *launch.ros_nodes.arguments(name, node_parameters, files)]
         else:
             parameters |= self.parameters(row)
-        return self.ros_nodes.process(row, parameters, words, row.files(self), name)
+        files = row.files(self)
+        return self.ros_nodes.process(row, parameters, words=words, files=files, name=name)
 
     def _name(self, row: NodeRow) -> str:
         """Return the name of a row's node, which a control file may give."""
-        return self.controller if row.node == DRIVE_CONTROLLER else row.node
+        return self.settings.controller if row.node == DRIVE_CONTROLLER else row.node
 
     def parameters(self, row: NodeRow) -> Parameters:
         """Return the parameters of a node, from the arguments and from its row."""
-        return node_parameters(self.arguments, self.values, row.node) | row.parameters(self)
+        return self.settings.parameters(row.node) | row.parameters(self)
 
     @property
     def ros_nodes(self) -> RosNodes:
         """The settings that the nodes share."""
-        values = self.values
+        settings = self.settings
         ros_args = [*self._remappings(), *self.ros_args]
-        return RosNodes(self.folder, values["namespace"], ros_args, values["log_level"])
+        return RosNodes(self.folder, settings.namespace, ros_args, settings.log_level)
 
     def _remappings(self) -> list[str]:
         """Return remappings in each robot's namespace: of nav2_topics:=true, and of a drive's name.
 
         Other nodes expect the topics of velocity_controller.
         """
-        nav2_topics = _NAV2_TOPICS if self.is_true("nav2_topics") else ()
+        nav2_topics = _NAV2_TOPICS if self.settings.nav2_topics else ()
+        controller = self.settings.controller
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
         rules = [
-            (f"{node}/{topic}", topic if topic in nav2_topics else f"{self.controller}/{topic}")
-            for node in dict.fromkeys((DRIVE_CONTROLLER, self.controller))
+            (f"{node}/{topic}", topic if topic in nav2_topics else f"{controller}/{topic}")
+            for node in dict.fromkeys((DRIVE_CONTROLLER, controller))
             for topic in _TOPICS
         ]
         return [
             word
             for space in of_robots or [""]
             for topic, name in rules
-            if topic != name and not self.stands
+            if topic != name and not self.settings.stands
             for word in ("-r", f"{space}{topic}:={space}{name}")
         ]
 
@@ -126,22 +117,19 @@ class Launch:
 
         folder = self.folder / robot.name
         folder.mkdir(exist_ok=True)
-        namespace = f"{absolute(self.values['namespace'])}/{robot.name}"[1:]
-        values = {
-            **self.values,
-            **{name: repr(getattr(robot, name)) for name in ("x", "y", "yaw")},
-            "namespace": namespace,
-            "frame_prefix": f"{namespace}/",
-            "log_level": "",  # it is set for the whole process
-        }
-        return replace(
-            self,
-            folder=folder,
-            values=values,
-            description=robot.description,
-            robot=robot,
-            controller=drive_name([*given_files(values), *filter(None, [robot.params_file])]),
+        namespace = f"{absolute(self.settings.namespace)}/{robot.name}"[1:]
+        launch = replace(self, folder=folder, description=robot.description, robot=robot)
+        settings = replace(
+            self.settings,
+            x=robot.x,
+            y=robot.y,
+            yaw=robot.yaw,
+            namespace=namespace,
+            frame_prefix=f"{namespace}/",
+            log_level="",  # it is set for the whole process
+            controller=drive_name(launch.params_files),
         )
+        return replace(launch, settings=settings)
 
 
 class NodeRow(NamedTuple):
@@ -165,66 +153,68 @@ class NodeRow(NamedTuple):
 
 
 def _controller_parameters(launch: Launch) -> Parameters:
-    values = launch.values
+    settings = launch.settings
     # All nodes of the robot use the same names of frames, also in a namespace.
-    prefix = values["frame_prefix"]
+    prefix = settings.frame_prefix
     parameters: Parameters = {
         # It would also come on the topic, but only once robot_state_publisher is up.
         "robot_description": launch.description.urdf,
         "tf_frame_prefix_enable": bool(prefix),
         "tf_frame_prefix": prefix,
     }
-    if values["world"] or launch.robot:
-        parameters["world_frame_id"] = world_frame(values, launch.params_files, launch.controller)
+    if settings.world or launch.robot:
+        parameters["world_frame_id"] = world_frame(settings, launch.params_files)
     return parameters
 
 
-def given_files(values: Mapping[str, str], argument: str = "params_file") -> list[Path]:
-    """Return the parameter file that a launch argument names, if it does."""
-    return [Path(values[argument]).absolute()] if values[argument] else []
+def given_files(file: str | Path | None) -> list[Path]:
+    """Return the file that a launch argument names, if it does."""
+    return [Path(file).absolute()] if file else []
 
 
-def world_frame(values: Mapping[str, str], params_files: Sequence[Path], controller: str) -> str:
+def world_frame(settings: BringupSettings, params_files: Sequence[Path]) -> str:
     """Return the frame that all robots of a world have in common, unless a file names one.
 
     It is world, or if the ground truth is not on TF, map, so that TF is one tree.
     """
     from onebot_control.control_files import read_control_files
 
-    space = absolute(values["namespace"])
-    written = read_control_files(params_files, space, controller).values
-    truth = values.get("ground_truth_tf") or written.get("ground_truth_tf", True)
-    return str(written.get("world_frame_id") or (WORLD_FRAME if truth in ("true", True) else _MAP))
+    space = absolute(settings.namespace)
+    written = read_control_files(params_files, space, settings.controller).values
+    truth = settings.ground_truth_tf
+    if truth is None:
+        truth = written.get("ground_truth_tf", True)
+    return str(written.get("world_frame_id") or (WORLD_FRAME if truth is True else _MAP))
 
 
 def _state_parameters(launch: Launch) -> Parameters:
     return {
         "robot_description": launch.description.urdf,
-        "frame_prefix": launch.values["frame_prefix"],
+        "frame_prefix": launch.settings.frame_prefix,
         # Where the joint states are made up, nobody knows where the robot is.
         "hold_floating_joints": _makes_joint_states(launch),
     }
 
 
 def _makes_joint_states(launch: Launch) -> bool:
-    return launch.is_true("joint_states") and not launch.is_true("sim")
+    return launch.settings.joint_states and not launch.settings.sim
 
 
 def _followed_files(launch: Launch) -> list[str]:
-    followed = launch.is_true("reload") and not launch.robots
+    followed = launch.settings.reload and not launch.robots
     return ["--follow", launch.source.to_json()] if followed else []
 
 
 def _joint_parameters(launch: Launch) -> Parameters:
-    rate = launch.values["rate"]
-    swinging = {} if launch.values["joints"] else _SWINGING
-    return {**swinging, "rate": float(rate)} if rate else {**swinging}
+    rate = launch.settings.rate
+    swinging = {} if launch.settings.joints else _SWINGING
+    return {**swinging, "rate": rate} if rate else {**swinging}
 
 
 def _viewer_parameters(launch: Launch) -> Parameters:
     parameters: Parameters = {
-        "frame_prefix": launch.values["frame_prefix"],
-        "embedded": launch.is_true("steer"),
+        "frame_prefix": launch.settings.frame_prefix,
+        "embedded": launch.settings.steer,
     }
     if launch.robots:
         parameters["robots"] = [robot.name for robot in launch.robots]
@@ -233,20 +223,17 @@ def _viewer_parameters(launch: Launch) -> Parameters:
 
 def _page_parameters(launch: Launch) -> Parameters:
     parameters: Parameters = {}
-    if launch.values["viewer"] == "web":
+    if launch.settings.viewer == "web":
         parameters["await_view"] = AWAIT_VIEW
     if launch.robots:
         space = f"{launch.robots[0].name}/"
-        parameters["topic"] = command_topic(launch.values, space, launch.controller)
+        parameters["topic"] = command_topic(launch.settings, space)
     return parameters
 
 
-def command_topic(
-    values: Mapping[str, str], space: str = "", controller: str = DRIVE_CONTROLLER
-) -> str:
+def command_topic(settings: BringupSettings, space: str) -> str:
     """Return the command topic of the robot in a namespace; ``space`` ends with /."""
-    topic = "cmd_vel"
-    return space + (topic if values.get("nav2_topics") == "true" else f"{controller}/{topic}")
+    return f"{space}cmd_vel" if settings.nav2_topics else f"{space}{settings.controller}/cmd_vel"
 
 
 NODES = (
@@ -254,15 +241,15 @@ NODES = (
     NodeRow(
         "bag_recorder",
         "onebot_bringup.bags.bag_recorder",
-        lambda launch: {"folder": launch.values["record"]},
-        starts=lambda launch: bool(launch.values["record"]),
+        lambda launch: {"folder": launch.settings.record},
+        starts=lambda launch: bool(launch.settings.record),
         on_exit="ignore",
     ),
     NodeRow(
         "velocity_controller",
         "onebot_control.velocity_controller",
         _controller_parameters,
-        starts=lambda launch: launch.is_true("sim") and not launch.stands,
+        starts=lambda launch: launch.settings.sim and not launch.settings.stands,
         each_robot=True,
         files=lambda launch: launch.params_files,
     ),
@@ -270,7 +257,7 @@ NODES = (
         "joint_trajectory_controller",
         "onebot_control.joint_trajectory_controller",
         _controller_parameters,
-        starts=lambda launch: launch.is_true("sim") and launch.stands,
+        starts=lambda launch: launch.settings.sim and launch.settings.stands,
         files=lambda launch: launch.params_files,
         parameters_of=MANAGER,
     ),
@@ -286,13 +273,13 @@ NODES = (
         "onebot_description.joint_state_publisher",
         _joint_parameters,
         starts=_makes_joint_states,
-        files=lambda launch: given_files(launch.values, "joints"),
+        files=lambda launch: given_files(launch.settings.joints),
     ),
     VIEWER := NodeRow(
         "rerun_viewer",
         "onebot_bringup.viewer.rerun_viewer",
         _viewer_parameters,
-        starts=lambda launch: launch.values["viewer"] != "none" or bool(launch.values["save"]),
+        starts=lambda launch: launch.settings.viewer != "none" or bool(launch.settings.save),
         on_exit="ignore",
         nice=5,  # on a busy computer, the robot takes precedence over its view (see nice(2))
     ),
@@ -300,7 +287,7 @@ NODES = (
         "steering_page",
         "onebot_bringup.steering.steering_page",
         _page_parameters,
-        starts=lambda launch: launch.is_true("steer"),
+        starts=lambda launch: launch.settings.steer,
         on_exit="ignore",
     ),
 )
@@ -325,6 +312,7 @@ class RosNodes:
         self,
         row: NodeRow,
         parameters: Mapping[str, object],
+        *,
         words: Sequence[str] = (),
         files: Sequence[Path] = (),
         name: str = "",

@@ -104,7 +104,8 @@ def read_robots(file: Path, description: Description) -> list[PlacedRobot]:
             problem = Problem(f"robots.{name}", str(error))
             raise OneBotError(problem.message(written.places)) from None
         place = entry.x, entry.y, entry.yaw
-        robots.append(PlacedRobot(name, *place, models[entry.model], params_file))
+        robot = PlacedRobot(name, *place, description=models[entry.model], params_file=params_file)
+        robots.append(robot)
     return robots
 
 

@@ -6,7 +6,6 @@ ROS and Fast DDS read this from environment variables when rclpy is initialised.
 import os
 import re
 import socket
-from collections.abc import Mapping
 
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
@@ -24,15 +23,16 @@ _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 MAX_DOMAIN = 232  # beyond it the ports of DDS (RTPS 2.2, section 9.6.1.1) exceed 65535
 
 
-def discovery_variables(values: Mapping[str, str], *, forced: bool) -> dict[str, str]:
+def discovery_variables(discovery: str, domain_id: int | None, *, forced: bool) -> dict[str, str]:
     """Return the environment variables for the arguments ``discovery`` and ``domain_id``.
 
     Args:
-        values: the arguments by name.
+        discovery: a range, or the address of a server.
+        domain_id: None for the environment's.
         forced: whether ``discovery`` was given, and so overrides the environment.
     """
-    variables = _variables(values["discovery"]) if forced or not _is_chosen() else {}
-    return variables | ({"ROS_DOMAIN_ID": values["domain_id"]} if values["domain_id"] else {})
+    variables = _variables(discovery) if forced or not _is_chosen() else {}
+    return variables | ({} if domain_id is None else {"ROS_DOMAIN_ID": str(domain_id)})
 
 
 def _variables(argument: str) -> dict[str, str]:

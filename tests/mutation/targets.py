@@ -22,6 +22,7 @@ _CHECKS = (
     *("description_checks", "description_unit_check", "description_problems"),
     *("description_faults", "description_loading"),
 )
+_LAUNCH = ("launcher_arguments", "robots", "bringup_nodes")
 _SOURCE = ("joints_source", "joints_mimic")
 _READER = ("parameters_reader", "parameters_values")
 
@@ -74,9 +75,8 @@ TESTS: dict[str, tuple[str, ...]] = {
         "tests/test_readme_tables.py",
     ),
     "onebot_description/parameters/values.py": _description(*_READER, "discovery"),
-    "onebot_bringup/launch/arguments.py": _tests(
-        "onebot_bringup", "launcher_arguments", "robots", "bringup_nodes"
-    ),
+    "onebot_bringup/launch/arguments.py": _tests("onebot_bringup", *_LAUNCH),
+    "onebot_bringup/launch/settings.py": _tests("onebot_bringup", *_LAUNCH),
 }
 
 

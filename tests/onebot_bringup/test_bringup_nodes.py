@@ -6,10 +6,10 @@ What the nodes then do is tested by bringing robots up (``test_mrm_bringup``,
 
 import os
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from unittest.mock import patch
 
 import pytest
@@ -18,13 +18,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from onebot_bringup.cli import check, snapshot
-from onebot_bringup.launch.arguments import (
-    PACKAGES,
-    checked_values,
-    description_arguments,
-    simulation_arguments,
-    standing_arguments,
-)
+from onebot_bringup.cli.replay import ReplaySettings
+from onebot_bringup.cli.steer import SteerSettings
+from onebot_bringup.launch.arguments import PACKAGES, Settings
 from onebot_bringup.launch.bringup import (
     Bringup,
     bring_up,
@@ -39,13 +35,15 @@ from onebot_bringup.launch.nodes import (
     write_parameters,
 )
 from onebot_bringup.launch.robots import PlacedRobot
+from onebot_bringup.launch.settings import BringupSettings, StandingSettings, checked_settings
 from onebot_bringup.launcher.process import NodeProcess
-from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER
+from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.parameters.reader import leaves
+from onebot_description.parameters.values import plain
 from tests.readme_tables import PARAMETERS
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
@@ -79,22 +77,13 @@ def make(arm: Path, described: Description) -> Make:
     def factory(
         simulated: bool = True, /, *, ros_args: tuple[str, ...] = (), **given: str
     ) -> Launch:
-        declared = description_arguments(str(arm), "", "none")
-        control = str(arm.parent / "control.yaml")
-        declared += simulation_arguments(control) if simulated else standing_arguments()
+        kind = BringupSettings if simulated else StandingSettings
+        control = str(arm.parent / "control.yaml") if simulated else ""
         source = Source(str(arm), {"height": "2.0"}, (str(arm),), 1)
         nodes = arm.parent / "nodes"
         nodes.mkdir(exist_ok=True)
-        values = checked_values(declared, given)
-        return Launch(
-            nodes,
-            values,
-            described,
-            ros_args,
-            source,
-            declared,
-            controller=DRIVE_CONTROLLER if simulated else MANAGER,
-        )
+        settings = checked_settings(kind, given, model=str(arm), view="none", params_file=control)
+        return Launch(settings, described, source, ros_args, folder=nodes)
 
     return factory
 
@@ -129,54 +118,65 @@ def parameters_of(launch: Launch, name: str, robot: str = "") -> dict[str, Any]:
     return found
 
 
-class Recorded(dict[str, str]):
-    """Launch arguments, and the names of those that were read."""
+class Recorded(BringupSettings):
+    """Launch arguments that record the names of those that are read."""
 
-    def __init__(self, values: Mapping[str, str]) -> None:
-        super().__init__(values)
-        self.names: set[str] = set()
+    names: ClassVar[set[str]] = set()
 
-    def __getitem__(self, name: str) -> str:
-        self.names.add(name)
-        return super().__getitem__(name)
-
-    def get(self, name: str, default: Any = None) -> Any:
-        self.names.add(name)
-        return super().get(name, default)
+    def __getattribute__(self, name: str) -> Any:
+        Recorded.names.add(name)
+        return super().__getattribute__(name)
 
 
 def test_every_argument_is_read_and_every_parameter_declared(make: Make) -> None:
     """Otherwise an argument is accepted without effect, or a node ignores what it is given."""
     given = {"record": "bag", "steer": "true", "world": "maze", "rate": "50"}
     launch = make(**given)
-    values = Recorded(launch.values)
-    launch = replace(launch, values=values)
+    settings = Recorded(
+        **{f.name: getattr(launch.settings, f.name) for f in fields(launch.settings)}
+    )
+    launch = replace(launch, settings=settings)
+    Recorded.names.clear()
     for row in NODES:
         row.starts(launch)
         kinds = {**PARAMETERS, "controller_manager": (SimulationConfig,)}[row.node]
         declared = {leaf.name for kind in kinds for leaf in leaves(kind)}
         assert set(parameters_of(launch, row.name)) <= {*declared, "use_sim_time"}
-    environment(values, forced=True)
-    summary_text(launch.description, values)
-    names = {argument.name for argument in launch.arguments}
-    assert names - values.names == {PACKAGES.name}  # which is used before the model is read
+    environment(settings)
+    summary_text(launch)
+    names = {argument.name for argument in settings.arguments()}
+    # These are used when the models are read.
+    assert names - Recorded.names == {PACKAGES.name, "robots"}
+
+
+@pytest.mark.parametrize("kind", [BringupSettings, StandingSettings, SteerSettings, ReplaySettings])
+def test_an_argument_has_the_type_of_its_parameter(kind: type[Settings]) -> None:
+    """Annotations of settings repeat what the nodes declare."""
+    parameters = {**PARAMETERS, "steering_viewer": PARAMETERS["rerun_viewer"]}
+    for argument in kind.arguments():
+        kinds = parameters[argument.nodes[0]] if argument.nodes else ()
+        types = {leaf.name: leaf.type for kind in kinds for leaf in leaves(kind)}
+        wanted = types.get(argument.parameter, argument.type)
+        assert (argument.type.base, argument.type.many) == (wanted.base, wanted.many)
 
 
 @pytest.mark.parametrize("sim", [True, False])
 def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
     """What a row of the nodes' table sets by itself does not override it."""
     candidates = ("0.25", "7", "false", "true", "given", "a,b")
-    for argument in make(sim).arguments:
-        if argument.node not in ("", "controller_manager"):  # what stands is not simulated here
+    for argument in make(sim).settings.arguments():
+        # What stands is not simulated here.
+        if argument.nodes and (sim or DRIVE_CONTROLLER not in argument.nodes):
             possible = (text for text in argument.choices or candidates if text != argument.default)
             text = next(text for text in possible if not argument.problem(text))
             further = {}
             if argument.name == "joints":
                 further = {"sim": "false"}
-            if argument.node == "steering_page":
+            if argument.nodes == ("steering_page",):
                 further = {"steer": "true"}
             launch = make(sim, **{**further, argument.name: text})
-            assert parameters_of(launch, argument.node)[argument.parameter] == argument.value(text)
+            found = parameters_of(launch, argument.nodes[0])[argument.parameter]
+            assert found == plain(argument.value(text))
 
 
 @pytest.mark.parametrize(
@@ -291,13 +291,13 @@ def test_the_topics_of_nav2(make: Make, described: Description) -> None:
     rules = ["-r", "velocity_controller/cmd_vel:=cmd_vel", "-r", "velocity_controller/odom:=odom"]
     for node in single.nodes():
         assert " ".join(rules) in " ".join(node.command)
-    assert "a Twist on /yard/cmd_vel" in summary_text(described, single.values)
+    assert "a Twist on /yard/cmd_vel" in summary_text(single)
     robots = [PlacedRobot(name, 0.0, 0.0, 0.0, described) for name in ("a", "b")]
     fleet = replace(make(nav2_topics="true", robots="2", steer="true"), robots=robots)
     words = " ".join(process_of(fleet, "rerun_viewer").command)
     assert "a/velocity_controller/cmd_vel:=a/cmd_vel" in words and "b/odom" in words
     assert parameters_of(fleet, "steering_page")["topic"] == "a/cmd_vel"
-    summary = summary_text(described, fleet.values, robots)
+    summary = summary_text(fleet)
     assert summary.startswith("2 robots in one world, a to b\n")
     assert "onebot teleop a, or a Twist on /a/cmd_vel" in summary and "such as a/odom" in summary
 
@@ -347,7 +347,7 @@ SPACE = {"namespace": "left"}
 @pytest.mark.parametrize(
     ("parameters", "given", "wanted"),
     [
-        ("x: 1.0", {}, {"frame_prefix": "", "use_sim_time": "false", "x": ""}),
+        ("x: 1.0", {}, {"frame_prefix": "", "use_sim_time": False, "x": None}),
         ("x: 1.0", SPACE, {"frame_prefix": "left/"}),
         ("tf_frame_prefix_enable: false", SPACE, {"frame_prefix": ""}),
         ("tf_frame_prefix: a", {}, {"frame_prefix": "a/"}),
@@ -355,34 +355,32 @@ SPACE = {"namespace": "left"}
         ("tf_frame_prefix: a, tf_frame_prefix_enable: false", SPACE, {"frame_prefix": ""}),
         ("tf_frame_prefix: a", {"frame_prefix": "b/"}, {"frame_prefix": "b/"}),
         ("tf_frame_prefix: a", {"sim": "false"}, {"frame_prefix": ""}),
-        ("use_sim_time: true", {}, {"use_sim_time": "true"}),
-        ("use_sim_time: true", {"use_sim_time": "false"}, {"use_sim_time": "false"}),
-        ("x: 1.0", {"real_time_factor": "0"}, {"use_sim_time": "true"}),
-        ("real_time_factor: 2.0", {"use_sim_time": "false"}, {"use_sim_time": "true"}),
-        ("real_time_factor: 2.0", {"real_time_factor": "1.0"}, {"use_sim_time": "false"}),
+        ("use_sim_time: true", {}, {"use_sim_time": True}),
+        ("use_sim_time: true", {"use_sim_time": "false"}, {"use_sim_time": False}),
+        ("x: 1.0", {"real_time_factor": "0"}, {"use_sim_time": True}),
+        ("real_time_factor: 2.0", {"use_sim_time": "false"}, {"use_sim_time": True}),
+        ("real_time_factor: 2.0", {"real_time_factor": "1.0"}, {"use_sim_time": False}),
     ],
 )
 def test_the_command_line_overrides_the_file_and_that_the_defaults(
-    make: Make, arm: Path, parameters: str, given: dict[str, str], wanted: dict[str, str]
+    make: Make, arm: Path, parameters: str, given: dict[str, str], wanted: dict[str, Any]
 ) -> None:
     """All nodes name the frames, and take the time, as the controller's file has it."""
     write_control(arm, parameters)
-    found = with_params_file(make(**given).values, given)
-    assert wanted.items() <= found.items()
-    assert set(found) == set(make().values)
+    settings = with_params_file(make(**given).settings)
+    assert wanted == {name: getattr(settings, name) for name in wanted}
 
 
 def test_all_nodes_have_the_time_of_the_simulation_of_what_stands(make: Make, arm: Path) -> None:
     given = {"sim": "true", "real_time_factor": "2"}
-    values = with_params_file(make(False, **given).values, given, MANAGER)
-    assert values["use_sim_time"] == "true"
+    assert with_params_file(make(False, **given).settings).use_sim_time
 
 
 def test_a_wrong_prefix_in_the_controller_s_file_is_refused(make: Make, arm: Path) -> None:
     """With its line."""
     write_control(arm, "tf_frame_prefix: 5")
     with pytest.raises(OneBotError, match=r"control.yaml:2: tf_frame_prefix: 5 is a number; write"):
-        with_params_file(make().values, {})
+        with_params_file(make().settings)
 
 
 @pytest.mark.parametrize(
@@ -399,8 +397,7 @@ def test_a_wrong_prefix_in_the_controller_s_file_is_refused(make: Make, arm: Pat
 def test_the_viewer_s_fixed_frame(make: Make, sim: bool, given: dict[str, str], frame: str) -> None:
     """The one asked for, else the robot's root if it could be simulated but is not."""
     command = Bringup("test", "a test", control="control.yaml" if sim else "")
-    values = with_view(make(sim, **given).values, given, command, "base")
-    assert values["fixed_frame"] == frame
+    assert with_view(make(sim, **given).settings, command, "base").fixed_frame == frame
 
 
 def test_one_address_is_printed_of_page_and_viewer(make: Make) -> None:
@@ -629,8 +626,8 @@ Robot "arm": 3 links, 1 of 2 joints can move
 )
 def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str) -> None:
     launch = make(sim, **given_by(given))
-    summary = summary_text(launch.description, launch.values)
-    assert text in summary.replace(launch.values["model"], "MODEL")
+    summary = summary_text(launch)
+    assert text in summary.replace(launch.settings.model, "MODEL")
 
 
 @pytest.mark.parametrize(

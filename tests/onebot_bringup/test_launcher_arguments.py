@@ -1,31 +1,43 @@
 """How ``name:=value`` command lines are read."""
 
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from onebot_bringup.launch.arguments import (
+    NAMESPACE,
     Argument,
-    choice,
-    complete,
-    number,
+    DiscoverySettings,
+    Settings,
+    argument,
+    field_of,
     refuse_positional,
-    ros_settings,
     split,
-    switch,
     table,
 )
 from onebot_description.errors import UsageError
 
-DECLARED = [
-    choice("viewer", "web", "where to see it", ("web", "none")),
-    Argument("save", "", "a file"),
-    switch("reload", True, "take up edits"),
-]
-NUMBERS = [
-    number("rate", "20.0", "Hz", 5.0, 100.0),
-    number("x", "0.0", "m"),
-    number("count", "", "how many", 1, 99, int),
-    *ros_settings(),
-]
+
+@dataclass(frozen=True)
+class Viewing(Settings):
+    """A command with a choice, a switch and files."""
+
+    viewer: str = argument("web", "where to see it", choices=("web", "none"))
+    save: str = argument("", "a file")
+    reload: bool = argument(True, "take up edits")
+    file: Path | None = argument(None, "another file")
+
+
+@dataclass(frozen=True)
+class Numbers(DiscoverySettings):
+    """A command with numbers and names."""
+
+    rate: float = argument(20.0, "Hz", at_least=5.0, at_most=100.0)
+    x: float = argument(0.0, "m")
+    count: int | None = argument(None, "how many", at_least=1, at_most=99)
+    namespace: str = field_of(NAMESPACE)
 
 
 def test_words_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,13 +65,14 @@ def test_wrong_forms_are_explained(word: str, words: str) -> None:
 
 
 def test_the_values_that_completion_offers() -> None:
-    offered = [argument.suggested for argument in (*DECLARED, NUMBERS[-1])]
+    declared = (*Viewing.arguments()[:3], Numbers.arguments()[1])
+    offered = [argument.suggested for argument in declared]
     assert offered == [("web", "none"), ("",), ("true", "false"), ("localhost", "subnet")]
 
 
 def test_all_problems_are_told_at_once() -> None:
     with pytest.raises(UsageError) as caught:
-        complete(DECLARED, {"veiwer": "x", "viewer": "x11", "reload": "yes"})
+        Viewing.read({"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
     assert 'no argument "veiwer" (did you mean "viewer"?' in message
     assert "viewer:=x11 is not possible; it can be one of: web, none" in message
@@ -77,30 +90,38 @@ def test_all_problems_are_told_at_once() -> None:
 def test_former_arguments(name: str, answer: str) -> None:
     """What launch files of ROS call otherwise is answered with how it is written here."""
     with pytest.raises(UsageError) as error:
-        complete(DECLARED, {name: "true"})
+        Viewing.read({name: "true"})
     assert str(error.value).startswith(f'no argument "{name}": {answer}')
 
 
 @pytest.mark.parametrize(
-    ("written", "meant"), [("true", "true"), ("1", "true"), ("False", "false"), ("0", "false")]
+    ("written", "meant"), [("true", True), ("1", True), ("False", False), ("0", False)]
 )
-def test_switches_take_both_spellings(written: str, meant: str) -> None:
-    assert complete(DECLARED, {"reload": written}) == {"viewer": "web", "save": "", "reload": meant}
+def test_switches_take_both_spellings(written: str, meant: bool) -> None:
+    assert Viewing.read({"reload": written}) == Viewing(frozenset({"reload"}), reload=meant)
 
 
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        ("rate", ["5", "100", "1e2", "5.5"]),
-        ("x", ["-1e9", "0", ".5"]),
-        ("count", ["", "1", "99"]),
-        ("namespace", ["", "/", "left", "/left/", "a/b_2"]),
+        ("rate", {"5": 5.0, "100": 100.0, "1e2": 100.0, "5.5": 5.5}),
+        ("x", {"-1e9": -1e9, "0": 0.0, ".5": 0.5}),
+        ("count", {"": None, "1": 1, "99": 99}),
+        ("namespace", {text: text for text in ("", "/", "left", "/left/", "a/b_2")}),
     ],
 )
-def test_possible_values_are_kept_as_written(name: str, values: list[str]) -> None:
+def test_possible_values_have_the_type_of_the_argument(name: str, values: dict[str, Any]) -> None:
     """With both ends of a range, and empty where the default is."""
-    for value in values:
-        assert complete(NUMBERS, {name: value})[name] == value
+    for text, value in values.items():
+        read = getattr(Numbers.read({name: text}), name)
+        assert read == value and type(read) is type(value)
+
+
+def test_what_is_not_given_has_the_default() -> None:
+    """Also one that differs for a command; the file is a path, and what is written is known."""
+    settings = Viewing.read({"save": "x"}, file="a/b.yaml", viewer="none")
+    assert settings == Viewing(frozenset({"save"}), "none", "x", True, Path("a/b.yaml"))
+    assert Viewing.read({"file": ""}, file="a/b.yaml").file is None
 
 
 @pytest.mark.parametrize(
@@ -117,14 +138,17 @@ def test_possible_values_are_kept_as_written(name: str, values: list[str]) -> No
 def test_impossible_values_are_refused(word: str, words: str) -> None:
     """Nothing is rounded or guessed."""
     with pytest.raises(UsageError) as caught:
-        complete(NUMBERS, split([word]).given)
+        Numbers.read(split([word]).given)
     assert str(caught.value).startswith(f"{word} is not possible; ")
     assert words in str(caught.value)
 
 
 def test_the_table_names_everything() -> None:
     """--show-args lists name, default, description, and choices or range."""
-    shown = [line.split(maxsplit=1) for line in table([*DECLARED, *NUMBERS[:3]]).splitlines()]
+    shown = [
+        line.split(maxsplit=1)
+        for line in table([*Viewing.arguments()[:3], *Numbers.arguments()[2:5]]).splitlines()
+    ]
     assert shown == [
         ["viewer:=web", "where to see it (web, none)"],
         ["save:=", "a file"],
@@ -133,7 +157,7 @@ def test_the_table_names_everything() -> None:
         ["x:=0.0", "m"],
         ["count:=", "how many; from 1 to 99"],
     ]
-    longest = table([Argument("n" * 40, "", "text"), DECLARED[1]])
+    longest = table([Argument("n" * 40, "", "text"), Viewing.arguments()[1]])
     assert longest.splitlines()[1] == f"  {'save:=':34}  a file"
     hostile = table([Argument("a\x1b[2J", "\u202e", "declared in \x07.xacro")])
     assert hostile == r"  a\x1b[2J:=\u202e  declared in \x07.xacro"

@@ -47,13 +47,13 @@ def test_variables_of_an_argument(
 ) -> None:
     """Which overrides the environment."""
     monkeypatch.setenv(RANGE, "OFF")
-    assert discovery_variables({"discovery": argument, "domain_id": ""}, forced=True) == expected
+    assert discovery_variables(argument, None, forced=True) == expected
 
 
 def test_a_server_on_an_unknown_host() -> None:
     argument = "no-such-host.invalid:1"
     with pytest.raises(OneBotError, match=f"discovery:={argument}: no host no-such-host.invalid"):
-        discovery_variables({"discovery": argument, "domain_id": ""}, forced=True)
+        discovery_variables(argument, None, forced=True)
 
 
 @pytest.mark.parametrize("chosen", [{RANGE: "SUBNET"}, {SERVER: "10.0.0.7:11811"}])
@@ -62,8 +62,7 @@ def test_the_environment_overrides_the_default(
 ) -> None:
     [(name, value)] = chosen.items()
     monkeypatch.setenv(name, value)
-    values = {"discovery": "localhost", "domain_id": "7"}
-    assert discovery_variables(values, forced=False) == {"ROS_DOMAIN_ID": "7"}
+    assert discovery_variables("localhost", 7, forced=False) == {"ROS_DOMAIN_ID": "7"}
     use_local_discovery()
     assert {name: os.environ[name] for name in (RANGE, SERVER) if name in os.environ} == chosen
 
