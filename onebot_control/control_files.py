@@ -14,8 +14,9 @@ from onebot_control.conventions import (
     DEFAULT_JOINT_CONTROLLER,
     DRIVE_CONTROLLER,
     MANAGER,
+    DriveNode,
 )
-from onebot_control.drive_kinds import DEFAULT_DRIVE, DRIVES, ControlConfig, suited
+from onebot_control.drive_kinds import DEFAULT_DRIVE, DRIVES, ControlConfig, suited, topics_of
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
@@ -60,8 +61,8 @@ def default_control_file() -> Path:
     return package_share("onebot_control") / "config" / "control.yaml"
 
 
-def drive_name(files: Iterable[Path]) -> str:
-    """Return the name of the first drive in control files, for any namespace.
+def drive_node(files: Iterable[Path]) -> DriveNode:
+    """Return the node of the first drive in control files, for any namespace.
 
     Raises:
         ConfigError: a file is broken.
@@ -71,8 +72,9 @@ def drive_name(files: Iterable[Path]) -> str:
             for name, value in parameters.values.items():
                 if isinstance(value, str) and value in DRIVES:
                     own = section.rpartition("/")[2]
-                    return own if name == "type" else name.removesuffix(_TYPE)
-    return DRIVE_CONTROLLER
+                    node = own if name == "type" else name.removesuffix(_TYPE)
+                    return DriveNode(node, *topics_of(DRIVES[value]))
+    return DriveNode()
 
 
 def read_control_files(

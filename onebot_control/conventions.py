@@ -1,5 +1,7 @@
 """Conventions of ros2_control's controllers: names of their nodes and frames. No ROS here."""
 
+from typing import NamedTuple
+
 # The usual names of the nodes with parameters of controllers.
 DRIVE_CONTROLLER = "velocity_controller"
 BROADCASTER = "joint_state_broadcaster"
@@ -28,3 +30,11 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
 def namespace_prefix(namespace: str) -> str:
     """Return what a namespace puts before frames by default: "robot1/" for "/robot1"."""
     return prefixed("", True, "", namespace)
+
+
+class DriveNode(NamedTuple):
+    """The node of a drive, as control files name it."""
+
+    name: str = DRIVE_CONTROLLER
+    command: str = "cmd_vel"  # its topic of commands
+    odometry: str = "odom"

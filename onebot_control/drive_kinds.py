@@ -85,6 +85,12 @@ def found_drive(description: "Description") -> str:
     return next(iter(found), DEFAULT_DRIVE)
 
 
+def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
+    """Return the names that a drive's controller gives to its topics of commands and odometry."""
+    assert issubclass(declared, DriveParameters)
+    return declared.topics
+
+
 def standing(config: SimulationConfig) -> SimulationConfig:
     """Return a config without the drive's parameters, for a robot that stands."""
     names = [field.name for field in fields(SimulationConfig)]

@@ -84,7 +84,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from onebot_control.control_files import default_control_file, drive_name, read_control_files
+from onebot_control.control_files import default_control_file, drive_node, read_control_files
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.simulation_parameters import SimulationConfig
@@ -147,7 +147,7 @@ def simulation_nodes(
 
 def node_name(name: str, files: Sequence[Path]) -> str:
     """Return the name of a robot's node: for a drive, the one in its control files."""
-    return drive_name(files) if name == DRIVE_CONTROLLER else name
+    return drive_node(files).name if name == DRIVE_CONTROLLER else name
 
 
 def run_simulation(

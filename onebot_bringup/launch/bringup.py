@@ -287,13 +287,13 @@ def with_params_file(settings: "BringupSettings") -> "BringupSettings":
     All nodes have to agree on the name of the controller, on those of frames, and on the clock. The
     file's settings apply unless they are given on the command line.
     """
-    from onebot_control.control_files import drive_name, read_control_files
+    from onebot_control.control_files import drive_node, read_control_files
     from onebot_control.simulation_parameters import SimulationConfig
     from onebot_description.parameters.reader import read
 
     files = [settings.params_file] if settings.params_file else []
     if not settings.stands:
-        settings = replace(settings, controller=drive_name(files))
+        settings = replace(settings, drive=drive_node(files))
     if not settings.sim:
         return settings
     space = absolute(settings.namespace)

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 # The steering page is the page to open, so its address is printed once its view is available.
 AWAIT_VIEW = 15.0  # s at most
 _MAP = "map"  # the frame of localization (REP-105)
-# Topics of velocity_controller, with Nav2's names for two of them.
-_TOPICS = ("cmd_vel", "odom", "ground_truth")
-_NAV2_TOPICS = ("cmd_vel", "odom")
 # Parameters of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
@@ -95,13 +92,20 @@ class Launch:
 
         Other nodes expect the topics of velocity_controller.
         """
-        nav2_topics = _NAV2_TOPICS if self.settings.nav2_topics else ()
-        controller = self.settings.controller
+        drive = self.settings.drive
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
+        names = {"cmd_vel": drive.command, "odom": drive.odometry}
+        targets = {
+            topic: topic if self.settings.nav2_topics else f"{drive.name}/{name}"
+            for topic, name in names.items()
+        }
+        targets["ground_truth"] = f"{drive.name}/ground_truth"
         rules = [
-            (f"{node}/{topic}", topic if topic in nav2_topics else f"{controller}/{topic}")
-            for node in dict.fromkeys((DRIVE_CONTROLLER, controller))
-            for topic in _TOPICS
+            (f"{node}/{name}", target)
+            for topic, target in targets.items()
+            for node, name in dict.fromkeys(
+                ((DRIVE_CONTROLLER, topic), (drive.name, names.get(topic, topic)))
+            )
         ]
         return [
             word
@@ -113,7 +117,7 @@ class Launch:
 
     def _of_robot(self, robot: PlacedRobot) -> Launch:
         """Return a Launch for one robot of the fleet."""
-        from onebot_control.control_files import drive_name
+        from onebot_control.control_files import drive_node
 
         folder = self.folder / robot.name
         folder.mkdir(exist_ok=True)
@@ -127,7 +131,7 @@ class Launch:
             namespace=namespace,
             frame_prefix=f"{namespace}/",
             log_level="",  # it is set for the whole process
-            controller=drive_name(launch.params_files),
+            drive=drive_node(launch.params_files),
         )
         return replace(launch, settings=settings)
 
@@ -233,7 +237,8 @@ def _page_parameters(launch: Launch) -> Parameters:
 
 def command_topic(settings: BringupSettings, space: str) -> str:
     """Return the command topic of the robot in a namespace; ``space`` ends with /."""
-    return f"{space}cmd_vel" if settings.nav2_topics else f"{space}{settings.controller}/cmd_vel"
+    drive = settings.drive
+    return f"{space}cmd_vel" if settings.nav2_topics else f"{space}{drive.name}/{drive.command}"
 
 
 NODES = (

@@ -17,7 +17,7 @@ from onebot_bringup.launch.arguments import (
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, namespace_prefix
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, DriveNode, namespace_prefix
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description.loading import shipped_worlds
@@ -97,7 +97,12 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
     real_time_factor: float | None = _simulation("real_time_factor")
     paused: bool | None = _simulation("paused")
     # The node with the simulation's parameters, which a control file may name.
-    controller: str = field(default=DRIVE_CONTROLLER, metadata=NO_PARAMETER)
+    drive: DriveNode = field(default=DriveNode(), metadata=NO_PARAMETER)
+
+    @property
+    def controller(self) -> str:
+        """The name of the node with the simulation's parameters."""
+        return self.drive.name
 
     @property
     def stands(self) -> bool:
@@ -116,7 +121,7 @@ class StandingSettings(BringupSettings):
     right_wheel: tuple[str, ...] | None = None
     ground_truth_tf: bool | None = None
     nav2_topics: bool = False
-    controller: str = field(default=MANAGER, metadata=NO_PARAMETER)
+    drive: DriveNode = field(default=DriveNode(MANAGER), metadata=NO_PARAMETER)
 
 
 def checked_settings(

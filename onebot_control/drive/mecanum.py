@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.drive.holonomic import (
     HolonomicGeometry,
@@ -51,6 +51,8 @@ class MecanumLengths:
 class MecanumParameters(HolonomicParameters):
     """mecanum_drive_controller's parameters."""
 
+    topics: ClassVar[tuple[str, str]] = "reference", "odometry"
+
     front_left_wheel_command_joint_name: str = _wheel("front left")
     front_right_wheel_command_joint_name: str = _wheel("front right")
     rear_right_wheel_command_joint_name: str = _wheel("rear right")
@@ -95,7 +97,8 @@ class MecanumParameters(HolonomicParameters):
         radius = lengths.wheels_radius or wheels.radius
         if reach := lengths.sum_of_robot_center_projection_on_X_Y_axis:
             pose = PlanarPose(offset.x, offset.y, offset.theta)
-            kinematics = HolonomicKinematics.mecanum(radius, reach, wheels.counts, pose)
+            counts = [len(corner) for corner in wheels.corners]
+            kinematics = HolonomicKinematics.mecanum(radius, reach, counts, pose)
         else:
             kinematics = HolonomicKinematics(radius, wheels.rows)
         return HolonomicGeometry(kinematics, "mecanum")

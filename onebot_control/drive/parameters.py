@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from onebot_control.drive.kinematics import Kinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
@@ -42,7 +42,12 @@ class DriveParameters(ABC, Generic[G]):
     """The parameters that every drive has, and what else they determine.
 
     G is the type of the drive's lengths, a NamedTuple whose text the log shows.
+
+    Attributes:
+        topics: names of the topics of commands and of odometry, if a control file names the drive.
     """
+
+    topics: ClassVar[tuple[str, str]] = "cmd_vel", "odom"
 
     odom_frame_id: str = parameter(
         "odom", "frame of the odometry", not_empty=True, write="the name of a frame, such as odom"

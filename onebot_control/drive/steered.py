@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.drive.kinematics import DriveCommand, Kinematics, Share, check_lengths
 from onebot_control.drive.parameters import DriveParameters, read_from_urdf, wheel_noise
@@ -179,7 +179,7 @@ class SteeredParameters(DriveParameters["SteeredGeometry"]):
         at_most=_QUARTER,
     )
     minimum_turning_radius: float = parameter(
-        0.0, "the least radius of a curve, m, which the node sets", read_only=True
+        0.0, "the least radius of a curve, m, which the node sets; a value given is without effect"
     )
 
     @property
@@ -218,6 +218,8 @@ _SAME = "the states are those of the same joints"
 @dataclass(frozen=True)
 class SteeringParameters(SteeredParameters):
     """The parameters of the ackermann, bicycle and tricycle_steering_controller."""
+
+    topics: ClassVar[tuple[str, str]] = "reference", "odometry"
 
     traction_joints_names: tuple[str, ...] = _joints("the driven wheels")
     steering_joints_names: tuple[str, ...] = _joints("the steering")

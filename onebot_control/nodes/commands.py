@@ -28,7 +28,6 @@ from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled, Warn
 from onebot_description.timing.wake_detector import boot_time
 
-_TOPIC = "~/cmd_vel"
 _QOS = QoSProfile(depth=DEPTH)
 _TWIST = "geometry_msgs/msg/Twist"
 _TYPES = {_TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
@@ -107,26 +106,29 @@ class CommandLock:
 
 
 class CommandSubscription:
-    """~/cmd_vel, subscribed to as Twist or as TwistStamped, whichever is published."""
+    """The velocity commands, subscribed to as Twist or as TwistStamped, whichever is published."""
 
-    def __init__(self, node: Node, received: Callable[[Command], None], warn: Warn) -> None:
+    def __init__(
+        self, node: Node, topic: str, received: Callable[[Command], None], warn: Warn
+    ) -> None:
         """Subscribe.
 
         Args:
             node: the subscriber.
+            topic: the topic, such as ~/cmd_vel.
             received: called with each command.
             warn: logs a warning, given a key and a text.
         """
         self._node, self._received, self._warn = node, received, warn
-        self._topic = node.resolve_topic_name(_TOPIC)
+        self._name, self._topic = topic, node.resolve_topic_name(topic)
         self._usual = node.resolve_topic_name(_USUAL)
         self._unreceived = Lasting(_SETTLED)
-        self._check = StampCheck.from_topic(node, _TOPIC)
+        self._check = StampCheck.from_topic(node, topic)
         self._wanted = _TWIST
         self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(
             node,
-            _TOPIC,
+            topic,
             self._on_message,
             _TYPES.__getitem__,
             raw=False,
@@ -149,7 +151,7 @@ class CommandSubscription:
         self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
         self._subscription.update(self._wanted, _QOS)
         if ignored := sorted(published - {self._wanted}):
-            text = f"{_TOPIC} is also published as {', '.join(ignored)}, which is ignored"
+            text = f"{self._name} is also published as {', '.join(ignored)}, which is ignored"
             self._warn("type", f"{text}: stop that publisher, or the {self._wanted} one")
 
     def adopt(self, topic: str, kind: str) -> None:
@@ -194,25 +196,30 @@ class CommandGate:
 
     Attributes:
         lock: the robot's ~/cmd_vel_lock.
-        subscription: subscription to ~/cmd_vel; None for a robot that stands.
+        topic: name of the topic of commands.
+        subscription: subscription to it; None for a robot that stands.
         answered: stamp of the newest command, ns.
     """
 
-    def __init__(self, node: Node, slot: LoopSlot, warn: Throttled, *, drives: bool) -> None:
+    def __init__(
+        self, node: Node, slot: LoopSlot, warn: Throttled, topic: str, *, drives: bool
+    ) -> None:
         """Subscribe.
 
         Args:
             node: node of the robot.
             slot: slot of the robot, which gets the commands.
             warn: logs warnings.
+            topic: name of the topic of commands, in the node's namespace.
             drives: whether the robot has a drive; else it receives no commands.
         """
         self._node, self._slot, self._warn, self.answered = node, slot, warn, 0
+        self.topic = f"~/{topic}"
         # Created before the commands: an unlock sent with a command is then received first.
-        self.lock = CommandLock(node, _TOPIC, self._brake)
+        self.lock = CommandLock(node, self.topic, self._brake)
         self.subscription: CommandSubscription | None = None
         if drives:
-            self.subscription = CommandSubscription(node, self._receive, warn)
+            self.subscription = CommandSubscription(node, self.topic, self._receive, warn)
 
     @cached_property
     def joint_lock(self) -> CommandLock:
@@ -226,11 +233,11 @@ class CommandGate:
         if loop is None:
             return
         if command.stamp == 0:
-            text = "~/cmd_vel has stamp 0, which is taken as when it was sent (logged once)"
+            text = f"{self.topic} has stamp 0, which is taken as when it was sent (logged once)"
             self._warn.once(text)
         if self.lock.locked:
-            if command.linear or command.angular:
-                text = f"~/cmd_vel is ignored: {self.lock.reason}"
+            if any(command[:3]):
+                text = f"{self.topic} is ignored: {self.lock.reason}"
                 self._warn("locked", text, every=_LOCKED_EVERY)
             return
         # From here on, age it by a clock that nobody can set.
@@ -244,14 +251,14 @@ class CommandGate:
         if sent < loop.wake.certain():
             refused: str | None = "it was sent before this process woke from a stop"
         elif command.fault:
-            self._warn("not finite", f"~/cmd_vel is ignored: not finite: {command.fault}")
+            self._warn("not finite", f"{self.topic} is ignored: not finite: {command.fault}")
             return
         else:
             age = _age(loop, command, given)
             linear, lateral, angular = command[:3]
             refused = self._slot.robot.accept(linear, angular, age, lateral=lateral)
         if refused:
-            self._warn("command", f"~/cmd_vel is ignored: {refused}")
+            self._warn("command", f"{self.topic} is ignored: {refused}")
 
     def _brake(self) -> None:
         if (loop := self._slot.loop) is not None:

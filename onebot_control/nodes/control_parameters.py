@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
     declared_parameters,
+    drive_node,
     foreign_sections,
     read_control_files,
     read_joint_controllers,
@@ -43,6 +44,7 @@ class ControlParameters:
         values: the values in force, by name.
         config: the same values, checked.
         places: file and line of each value from a file.
+        topics: the node's topics of commands and odometry.
         joints: the joint controllers.
         foreign_sections: warnings of sections that are for none of the robot's nodes, by file and
             section.
@@ -73,7 +75,7 @@ class ControlParameters:
             declared = declared_parameters(arguments.files, namespace, name, declared)
         else:
             file = read_control_files(arguments.files, namespace, name)
-        self.declared = declared
+        self.declared, (_, *self.topics) = declared, drive_node(arguments.files)
         self.joints = read_joint_controllers(arguments.files, namespace, name)
         self.foreign_sections = foreign_sections(arguments.files, namespace, name)
         self._ignored = [*file.warnings, *self.joints.warnings]

@@ -21,6 +21,7 @@ from std_msgs.msg import String
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.drive import DriveState
 from onebot_control.fleet import Divider
+from onebot_control.nodes.drive_state import DriveStatePublisher
 from onebot_control.physics import SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
 from onebot_control.runtime.frames import Frames
@@ -49,25 +50,27 @@ class Publishers:
         truths: parents, stamps in ns and poses of odom that were published lately.
     """
 
-    def __init__(self, node: Node, *, clock: bool, drives: bool = True) -> None:
+    def __init__(self, node: Node, *, clock: bool, odometry: str | None = "odom") -> None:
         """Create the publishers.
 
         Args:
             node: node of the robot.
             clock: whether to publish /clock, too.
-            drives: whether the robot has a drive; else there is no odometry.
+            odometry: name of the topic of odometry, in the node's namespace; None if the robot has
+                no drive.
         """
         self._node = node
         self._joint_states = node.create_publisher(JointState, "joint_states", DEPTH)
         self._tf_static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        if drives:
-            self._odom = node.create_publisher(Odometry, "~/odom", DEPTH)
+        if odometry is not None:
+            self._odom = node.create_publisher(Odometry, f"~/{odometry}", DEPTH)
             self._truth = node.create_publisher(Odometry, "~/ground_truth", DEPTH)
             self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
         self.localized = False
         self.truths: deque[tuple[str, int, Transform]] = deque(maxlen=_KEPT)
         self._origin: tuple[str, str, Transform] | None = None  # the static truth, last published
         self._limited: Publisher | None = None
+        self._states: DriveStatePublisher | None = None
         self._clock: Publisher | None = None
         if clock:
             self._clock = node.create_publisher(Clock, "/clock", DEPTH)
@@ -85,6 +88,7 @@ class Publishers:
         self._clock_message = Clock(clock=self._stamp)
         self._odom_message = self._odometry(odom, base)
         if drive is not None:
+            self._states = self._states or DriveStatePublisher(self._node, drive)
             self._odom_tf = drive.enable_odom_tf
             self._constant = any(drive.pose_covariance_diagonal)
             fill_diagonal(self._odom_message.pose.covariance, drive.pose_covariance_diagonal)
@@ -149,6 +153,9 @@ class Publishers:
             self._joint_states.publish(joints)
         if snapshot.drive is not None:
             self._publish_drive(snapshot, snapshot.drive, stamp_ns, sensed=sensed)
+            if self._states is not None and robot.drive is not None:
+                states = snapshot.joint_states
+                self._states.publish(robot.drive, robot.joints, states, self._stamp)
         if snapshot.drive is None or not self._in_scene:
             self._publish_origin(snapshot, stamp_ns)
 

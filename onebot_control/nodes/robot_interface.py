@@ -30,6 +30,8 @@ from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
 from onebot_description.timing.throttled import Throttled
 
+_RADIUS = "minimum_turning_radius"  # a parameter by which others know what a car can do
+
 
 class SharedWorld(Protocol):
     """What the robots of a world share.
@@ -88,10 +90,12 @@ class RobotInterface:
         self._warn = Throttled(node.get_logger().warning)
         self._refuse = Throttled(lambda text: node.get_logger().error(text))
         self.slot, config = LoopSlot(row), settings.config
-        drives = config.drive is not None
-        self.publishing = Publishers(node, clock=world.simulated and row == 0, drives=drives)
+        drives, (command, odometry) = config.drive is not None, settings.topics
+        self.publishing = Publishers(
+            node, clock=world.simulated and row == 0, odometry=odometry if drives else None
+        )
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        self.commands = CommandGate(node, self.slot, self._warn, drives=drives)
+        self.commands = CommandGate(node, self.slot, self._warn, command, drives=drives)
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = (lambda: self.publishing.odom_frame) if drives else None
@@ -178,8 +182,12 @@ class RobotInterface:
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
         drive = self.slot.robot.drive if self.slot.loop is not None else None
-        for warning in filter(None, (drive.drift.warning, drive.notice) if drive else ()):
-            self._warn.once(warning)
+        if drive is not None:
+            for warning in filter(None, (drive.drift.warning, drive.notice)):
+                self._warn.once(warning)
+            radius = self.settings.values.get(_RADIUS)
+            if radius is not None and radius != drive.geometry.least_radius:
+                self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.least_radius)])
         if self._controllers is not None and self.slot.running.paused:
             # No cycle passes on the goals that a lock or a reset has ended.
             self.slot.running.post(self._controllers.finish)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
@@ -13,6 +14,7 @@ from onebot_control.runtime.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, yaw_of
 from onebot_description.ros.topic_qos import DEPTH
+from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.timing.throttled import Warn
 
 _FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
@@ -21,8 +23,8 @@ _FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to
 class RobotServices:
     """Topics and services that move a robot and its odometry, and pause its world.
 
-    The topics ~/teleport and ~/set_odometry and the services ~/reset and ~/reset_odometry apply to
-    the robot, the services ~/pause and ~/step to its world.
+    The topics ~/teleport and ~/set_odometry and the services ~/reset, ~/reset_odometry and
+    ~/set_odometry apply to the robot, the services ~/pause and ~/step to its world.
     """
 
     def __init__(
@@ -48,6 +50,8 @@ class RobotServices:
         }
         if odom_frame:
             services["reset_odometry"] = lambda: slot.robot.place_odometry(PlanarPose())
+            kind = load_interface("control_msgs/srv/SetOdometry")
+            node.create_service(kind, "~/set_odometry", self._on_set_odometry)
         for service, action in services.items():
             node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
         node.create_service(SetBool, "~/pause", self._on_pause)
@@ -84,15 +88,22 @@ class RobotServices:
             raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
         robot.place_odometry(pose)
 
+    def _on_set_odometry(self, request: Any, answer: Any) -> Any:
+        pose = PlanarPose(request.x, request.y, request.yaw)
+        if not all(abs(value) <= _FARTHEST_POSE for value in pose):
+            answer.success, answer.message = False, "the pose is not finite, or too far away"
+            return answer
+        return self._on_trigger(lambda: self._slot.robot.place_odometry(pose), request, answer)
+
     def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
         return self._on_trigger(lambda: self._slot.running.pause(request.data), request, answer)
 
     def _on_trigger(
         self,
         action: Callable[[], object],
-        _: Trigger.Request | SetBool.Request,
-        answer: Trigger.Response | SetBool.Response,
-    ) -> Trigger.Response | SetBool.Response:
+        _: Any,
+        answer: Any,
+    ) -> Any:
         try:
             self._slot.running.call(action)
             answer.success = True

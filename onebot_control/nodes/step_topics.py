@@ -52,7 +52,7 @@ class StepTopics:
         commands = self._commands.subscription
         if commands is None:
             return ""
-        cmd_vel = self._node.resolve_topic_name("~/cmd_vel")
+        cmd_vel = self._node.resolve_topic_name(self._commands.topic)
         if self._topics and not commands.connected:
             return f"nobody offered commands on {cmd_vel}"
         if self._asked <= self._commands.answered:

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
     default_control_file,
-    drive_name,
+    drive_node,
     foreign_sections,
     read_control_files,
     read_joint_controllers,
@@ -207,7 +207,7 @@ def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: s
 def test_the_drive_may_have_another_name(file: Path) -> None:
     """The first one counts; of a robot that stands, none."""
     file.write_text(GOOD.replace("velocity_controller", "base"))
-    assert drive_name([file]) == "base"
+    assert drive_node([file]).name == "base"
     parameters = read_control_files([file], "/", "base")
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
     assert parameters.warnings == [] == read_joint_controllers([file], "/", "base").warnings
@@ -217,9 +217,9 @@ def test_the_drive_may_have_another_name(file: Path) -> None:
     )
     kind = "diff_drive_controller/DiffDriveController"
     file.write_text(f"base: {{ros__parameters: {{type: {kind}, wheel_radius: 1.0}}}}")
-    assert drive_name([file]) == "base"
+    assert drive_node([file]).name == "base"
     assert read_control_files([file], "/", "base").values == {"wheel_radius": 1.0}
-    assert drive_name([]) == "velocity_controller"
+    assert drive_node([]).name == "velocity_controller"
 
 
 def _set(**values: Any) -> list[Parameter]:

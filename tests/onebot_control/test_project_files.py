@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 
 from onebot_control.control_files import (
-    drive_name,
+    drive_node,
     foreign_sections,
     read_control_files,
     read_joint_controllers,
@@ -345,7 +345,7 @@ def test_a_drive_of_any_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -
     """With parameters of older versions; its limits count, and an arm moves beside it."""
     file = tmp_path / "control.yaml"
     file.write_text(DRIVE)
-    name = drive_name([file])
+    name = drive_node([file]).name
     assert name == "base_controller"
     fleet, [unknown] = fleet_of(file, CARRIER, "/", name)
     assert unknown.startswith(f"{file}:13: preserve_turning_radius: no such parameter")

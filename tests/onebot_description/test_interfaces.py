@@ -39,8 +39,11 @@ HASHES = {
     "control_msgs/msg/JointComponentTolerance": "739ea7566931944d33830fa10f1bf5e7",
     "control_msgs/msg/JointTolerance": "c254f9cece0f3b733017b6990fd46d13",
     "control_msgs/msg/JointTrajectoryControllerState": "51d8dd89cc624cbe9daaeeb4d80d6de9",
+    "control_msgs/msg/MecanumDriveControllerState": "c560d21a4484fd5f2c05896a11de3315",
     "control_msgs/msg/SpeedScalingFactor": "0c240f349f2b74e33e8741f83e0f196d",
+    "control_msgs/msg/SteeringControllerStatus": "151ec2fabdfdf10cabe982ceab9fec88",
     "control_msgs/srv/QueryTrajectoryState": "4a0935dffef18bc5b9e101c9d03d84e6",
+    "control_msgs/srv/SetOdometry": "cf3fe2bf6627a67b4883ba6e876a7b46",  # of later versions
     "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa043",
 }
 

@@ -38,7 +38,7 @@ class MecanumWheels(Wheels):
     """The wheels of a mecanum drive: front left, front right, rear right, rear left.
 
     Attributes:
-        counts: the number of wheels at each of these corners.
+        corners: the joints of the wheels at each of these corners.
         rows: how the wheels turn for each motion of the body; see ``HolonomicKinematics``.
     """
 
@@ -62,7 +62,7 @@ class MecanumWheels(Wheels):
             corners = [list(plugin.joints[corner]) for corner in CORNERS]
         else:
             corners = self._corners(*find_wheels(description, self.axles, self.tyres, rollers=True))
-        self.counts = [len(corner) for corner in corners]
+        self.corners = corners
         self.groups = [[name] for corner in corners for name in corner]
         self.check_across()
         signs = (-1.0, 1.0, -1.0, 1.0)

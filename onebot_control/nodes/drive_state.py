@@ -1,0 +1,83 @@
+"""Publishes what a drive's controller does on ~/controller_state, as the standard ones do."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+
+from onebot_control.drive.drive import Drive
+from onebot_control.drive.mecanum import MecanumParameters
+from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive.steered import SteeringParameters
+from onebot_control.drive.wheels.rollers import MecanumWheels
+from onebot_control.physics import JointStates
+from onebot_description.ros.topic_qos import DEPTH
+from onebot_description.ros.wire.interfaces import load_interface
+
+
+class DriveStatePublisher:
+    """Publishes the states of one drive, if its kind has them. Only the control thread uses it."""
+
+    def __init__(self, node: Node, config: DriveParameters[Any]) -> None:
+        """Create the publisher.
+
+        Args:
+            node: node of the robot.
+            config: the drive's parameters, of which the type counts.
+        """
+        self._publisher = None
+        for kind, (name, fill) in _STATES.items():
+            if isinstance(config, kind):
+                self._kind, self._fill = load_interface(name), fill
+                self._publisher = node.create_publisher(self._kind, "~/controller_state", DEPTH)
+
+    def publish(self, drive: Drive, joints: tuple[str, ...], states: JointStates, at: Time) -> None:
+        """Publish the state, if anybody subscribes.
+
+        Args:
+            drive: the drive.
+            joints: names of the joints that ``states`` are of.
+            states: the measured ones.
+            at: the stamp.
+        """
+        if self._publisher is None or not self._publisher.get_subscription_count():
+            return
+        message = self._kind()
+        message.header.stamp = at
+        message.header.frame_id = drive.config.base_frame_id or drive.wheels.description.root_link
+        rows = {name: row for row, name in enumerate(joints)}
+        self._fill(message, drive, rows, states)
+        self._publisher.publish(message)
+
+
+def _fill_mecanum(message: Any, drive: Drive, rows: Mapping[str, int], states: JointStates) -> None:
+    """Write the measured velocities of the first wheel at each corner, and the command, limited."""
+    wheels = drive.wheels
+    assert isinstance(wheels, MecanumWheels)
+    corners = "front_left", "front_right", "back_right", "back_left"
+    for corner, [name, *_] in zip(corners, wheels.corners, strict=True):
+        velocity = wheels.directions[name] * states.velocities[rows[name]]
+        setattr(message, f"{corner}_wheel_velocity", velocity)
+    twist = message.reference_velocity
+    twist.linear.x, twist.linear.y, twist.angular.z = drive.command[:3]
+
+
+def _fill_steering(
+    message: Any, drive: Drive, rows: Mapping[str, int], states: JointStates
+) -> None:
+    """Write the measured states of the wheels and of the steering, and their commands."""
+    wheels = drive.wheels
+    traction = [(rows[name], wheels.directions[name]) for name in wheels.names]
+    message.traction_wheels_position = [sign * states.positions[row] for row, sign in traction]
+    message.traction_wheels_velocity = [sign * states.velocities[row] for row, sign in traction]
+    message.steer_positions = [states.positions[rows[name]] for name in wheels.steering]
+    message.linear_velocity_command = [*drive.command.wheels]
+    message.steering_angle_command = drive.steering
+
+
+Fill = Callable[[Any, Drive, Mapping[str, int], JointStates], None]
+_STATES: Mapping[type, tuple[str, Fill]] = {
+    MecanumParameters: ("control_msgs/msg/MecanumDriveControllerState", _fill_mecanum),
+    SteeringParameters: ("control_msgs/msg/SteeringControllerStatus", _fill_steering),
+}
