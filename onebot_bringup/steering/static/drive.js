@@ -27,7 +27,7 @@ export class Drive {
 
   /** Show a state of the server. */
   show({ limits, least_radius: radius }) {
-    write(this.axis.querySelector("small"), `least radius ${radius.toFixed(2)} m`);
+    write(this.axis.querySelector("small"), `least radius ${radius.toFixed(2)}\u00a0m`);
     const kind = limits.lateral > 0 ? "strafes" : radius > 0 ? "steers" : "turns";
     if (kind === this.kind) return;
     this.kind = document.body.dataset.drive = kind;
