@@ -1,6 +1,7 @@
 """The limits of commands: an operator's choice, within what the robot's controllers allow.
 
-A controller's limits are its parameters, named like those of diff_drive_controller. If several
+A controller's limits are its parameters, named like those of diff_drive_controller and
+mecanum_drive_controller; what its drive can do follows from which parameters it has. If several
 controllers subscribe to one topic, the strictest limits apply, since each gets every command.
 """
 
@@ -8,20 +9,27 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isnan, tan
 from typing import Any, NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
+from onebot_description.geometry.poses import clamp
 from onebot_description.parameters.reader import ConfigError, read
 
 # Limits if none of the robot is known: brisk indoors, and far from what a typing error commands.
-UNKNOWN = Velocity(2.0, 4.0)
-DEFAULT = Velocity(1.0, 2.0)  # initial limits in that case
+UNKNOWN = Velocity(2.0, 4.0, 2.0)
+DEFAULT = Velocity(1.0, 2.0, 1.0)  # initial limits in that case
 _NONE = Velocity()
-AXES = "linear.x", "angular.z"
+_AXES = "linear.x", "angular.z", "linear.y"  # in the order of Velocity
 _NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
-NAMES = frozenset(f"{axis}.{name}" for axis in AXES for name in _NAMES)
+_OMNI = {"robot_radius", "wheel_names"}  # parameters of omni_wheel_drive_controller
+_STEERING = {"steering_joints_names", "steering_joint_name"}  # a steered drive has one of them
+_LENGTHS = "wheelbase", "minimum_turning_radius"  # of a steered drive, m
+_STEERING_LIMIT = 0.5  # rad; assumed if the least radius is not known
+PREFIXES = *_AXES, *_OMNI, *_STEERING, *_LENGTHS
+"""The parameters of a controller that are read here, or the prefixes of their names."""
+NAMES = frozenset(f"{axis}.{name}" for axis in _AXES for name in _NAMES).union(PREFIXES[3:])
 """The parameters of a controller that are read here."""
 
 
@@ -32,6 +40,8 @@ class Controller:
     node: str  # full name
     linear: SpeedLimits = SpeedLimits()
     angular: SpeedLimits = SpeedLimits()
+    lateral: SpeedLimits | None = None  # None: it does not drive sideways
+    least_radius: float = 0.0  # m, of its curves; 0: it turns on the spot
 
     @classmethod
     def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "Controller | None":
@@ -43,10 +53,13 @@ class Controller:
             node: the node's full name.
             values: its parameters by name.
         """
-        linear, angular = (_speed_limits(axis, values) for axis in AXES)
-        if "max_velocity" not in linear and "max_velocity" not in angular:
+        limits = [_speed_limits(axis, values) for axis in _AXES]
+        strafes = "linear.y.max_velocity" in values or values.keys() >= _OMNI
+        radius = _least_radius(values)
+        if not (strafes or radius or any("max_velocity" in axis for axis in limits)):
             return None
-        return cls(node, SpeedLimits(**linear), SpeedLimits(**angular))
+        linear, angular, lateral = (SpeedLimits(**axis) for axis in limits)
+        return cls(node, linear, angular, lateral if strafes else None, 0.0 if strafes else radius)
 
 
 def _speed_limits(axis: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,9 +72,21 @@ def _speed_limits(axis: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return limits
 
 
+def _least_radius(values: Mapping[str, Any]) -> float:
+    """Return the least radius of a steered drive, m; 0 for any other drive."""
+    if values.keys().isdisjoint(_STEERING):
+        return 0.0
+    wheelbase, radius = (_length(values.get(name)) for name in _LENGTHS)
+    return (radius or wheelbase / tan(_STEERING_LIMIT)) if wheelbase else 0.0
+
+
+def _length(value: Any) -> float:
+    return value if isinstance(value, int | float) and 0.0 < value < inf else 0.0
+
+
 @dataclass(frozen=True)
 class Bound:
-    """The limits of the linear or the angular speed, m/s or rad/s."""
+    """The limits of the speed along an axis, m/s or rad/s; zero if the drive does not have it."""
 
     most: float  # forward, or to the left
     reverse: float  # backward, or to the right
@@ -75,14 +100,22 @@ class CommandRange(NamedTuple):
 
     most: Velocity  # forward, and to the left
     reverse: Velocity  # backward, and to the right; positive
+    least_radius: float = 0.0  # of curves, m
 
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
-        return CommandRange(self.most.at_most(other.most), self.reverse.at_most(other.reverse))
+        return CommandRange(
+            self.most.at_most(other.most),
+            self.reverse.at_most(other.reverse),
+            max(self.least_radius, other.least_radius),
+        )
 
     def clamp(self, command: Velocity) -> Velocity:
-        """Return the fastest command in the range along the same arc."""
-        return command.clamped(Velocity(-self.reverse.linear, -self.reverse.angular), self.most)
+        """Return the fastest command in the range along the same arc, or the tightest possible."""
+        if self.least_radius:
+            turn = abs(command.linear) / self.least_radius
+            command = command._replace(angular=clamp(command.angular, -turn, turn))
+        return command.clamped(Velocity(*(-speed for speed in self.reverse)), self.most)
 
 
 @dataclass(frozen=True)
@@ -91,20 +124,26 @@ class Limits:
 
     linear: Bound
     angular: Bound
+    lateral: Bound = Bound(0.0, 0.0, 0.0)
+    least_radius: float = 0.0  # of curves, m; 0: the robot turns on the spot
     chosen: SetLimits = SetLimits()  # an operator's choice
+
+    @property
+    def bounds(self) -> Mapping[str, Bound]:
+        """The robot's limits by the names of the axes, in the order of ``Velocity``."""
+        return {axis: getattr(self, axis) for axis in Velocity._fields}
 
     @property
     def in_force(self) -> Velocity:
         """The current limits of commands, forward and to the left."""
-        return Velocity(
-            _in_force(self.linear, self.chosen.linear), _in_force(self.angular, self.chosen.angular)
-        )
+        bounds = self.bounds.items()
+        return Velocity(*(_in_force(bound, getattr(self.chosen, axis)) for axis, bound in bounds))
 
     @property
     def range(self) -> CommandRange:
         """The commands within the limits."""
-        most = self.in_force
-        return CommandRange(most, most.at_most(Velocity(self.linear.reverse, self.angular.reverse)))
+        most, reverse = self.in_force, Velocity(*(b.reverse for b in self.bounds.values()))
+        return CommandRange(most, most.at_most(reverse), self.least_radius)
 
 
 def _in_force(bound: Bound, chosen: float | None) -> float:
@@ -116,23 +155,27 @@ def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Lim
 
     Args:
         controllers: the controllers on the command topic.
-        fixed: the page's parameters, 0 for none.
+        fixed: the page's parameters, 0 for none; ``max_linear`` is a limit sideways, too.
     """
-    linear = _bound({c.node: c.linear for c in controllers}, "max_linear", fixed.linear)
-    angular = _bound({c.node: c.angular for c in controllers}, "max_angular", fixed.angular)
+    lateral = {c.node: c.lateral for c in controllers if c.lateral is not None}
     return Limits(
-        linear or Bound(UNKNOWN.linear, UNKNOWN.linear, DEFAULT.linear),
-        angular or Bound(UNKNOWN.angular, UNKNOWN.angular, DEFAULT.angular),
+        _bound("linear", {c.node: c.linear for c in controllers}, "max_linear", fixed),
+        _bound("angular", {c.node: c.angular for c in controllers}, "max_angular", fixed),
+        _bound("lateral", lateral, "max_linear", fixed) if lateral else Limits.lateral,
+        max((c.least_radius for c in controllers), default=0.0),
     )
 
 
-def _bound(controllers: Mapping[str, SpeedLimits], parameter: str, fixed: float) -> Bound | None:
+def _bound(
+    axis: str, controllers: Mapping[str, SpeedLimits], parameter: str, fixed: Velocity
+) -> Bound:
     speeds = {node: speed for node, speed in controllers.items() if not isnan(speed.max_velocity)}
     limits = [(speed.max_velocity, node) for node, speed in speeds.items()]
-    if fixed:
-        limits.append((fixed, parameter))
+    if most := getattr(fixed, axis):
+        limits.append((most, parameter))
     if not limits:
-        return None
+        unknown = getattr(UNKNOWN, axis)
+        return Bound(unknown, unknown, getattr(DEFAULT, axis))
     most, source = min(limits)
     reverse = [-speed.min_velocity for speed in speeds.values() if not isnan(speed.min_velocity)]
     return Bound(most, min([most, *reverse]), most, source)
@@ -146,9 +189,16 @@ class Braking:
     jerk: float | None  # m/s3
 
 
-def braking_of(controllers: Iterable[Controller]) -> Braking | None:
-    """Return the braking of the controller that brakes last; None without a controller."""
-    limiters = [SpeedLimiter(controller.linear) for controller in controllers]
+def braking_of(limits: Iterable[SpeedLimits | None]) -> Braking | None:
+    """Return the braking along an axis of the controller that brakes last.
+
+    Args:
+        limits: each controller's of that axis; None: it does not have the axis.
+
+    Returns:
+        The braking; None if no controller has the axis.
+    """
+    limiters = [SpeedLimiter(each) for each in limits if each is not None]
     if not limiters:
         return None
     return Braking(

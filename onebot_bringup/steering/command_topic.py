@@ -220,5 +220,6 @@ class CommandTopic:
         if isinstance(message, TwistStamped):
             message.header.stamp = self._node.get_clock().now().to_msg()
             twist = message.twist
-        twist.linear.x, twist.angular.z = velocity.linear, velocity.angular
+        twist.linear.x, twist.linear.y = velocity.linear, velocity.lateral
+        twist.angular.z = velocity.angular
         return message

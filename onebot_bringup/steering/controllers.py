@@ -10,17 +10,14 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
-from onebot_bringup.steering.command_limits import AXES, NAMES, Controller
+from onebot_bringup.steering.command_limits import NAMES, PREFIXES, Controller
 
 _PERIOD = 2.0  # s between requests to a node, answered or not
-_BOOL = ParameterType.PARAMETER_BOOL
-_NUMBERS = ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE
 
 
 class Controllers:
@@ -88,7 +85,7 @@ class _Inquiry:
         now = time.monotonic()
         if now >= self.due and self._list.service_is_ready() and self._get.service_is_ready():
             self.due = now + _PERIOD
-            request = ListParameters.Request(prefixes=AXES)
+            request = ListParameters.Request(prefixes=PREFIXES)
             self._send(self._list, request, self._on_names)
 
     def close(self) -> None:
@@ -125,12 +122,8 @@ class _Inquiry:
     def _read(self, names: list[str], response: Any) -> None:
         if len(names) != len(response.values):
             return  # one of them has just been undeclared; they will be requested again
-        values = {
-            name: value.bool_value
-            if value.type == _BOOL
-            else float(parameter_value_to_python(value))
-            for name, value in zip(names, response.values, strict=True)
-            if value.type in (_BOOL, *_NUMBERS)
-        }
-        self.controller = Controller.from_parameters(self._name, values)
+        values = map(parameter_value_to_python, response.values)
+        self.controller = Controller.from_parameters(
+            self._name, dict(zip(names, values, strict=True))
+        )
         self._answered()

@@ -102,24 +102,25 @@ class Footprint(NamedTuple):
         seen: Floats = points[~(own_points | ground | above), :2]
         return seen
 
-    def clearance(self, points: Floats, linear: float, angular: float) -> float:
+    def clearance(self, points: Floats, velocity: Velocity) -> float:
         """Return how far the robot can go along its arc until it meets a point, m; or infinity.
 
         Args:
             points: (N, 2), x and y in m.
-            linear: the linear velocity, m/s, not 0.
-            angular: the angular velocity, rad/s.
+            velocity: the robot's; it does not only turn.
         """
-        ahead = math.copysign(1.0, linear)
-        x, y = ahead * points[:, 0], points[:, 1]
+        speed = velocity.speed
+        ahead = np.array((velocity.linear, velocity.lateral)) / speed
+        left = np.array((-ahead[1], ahead[0]))
+        x, y = points @ ahead, points @ left
         along, aside = x, y
-        if abs(angular) > 1e-3 * abs(linear):
-            radius = linear / angular  # positive: left
+        if abs(velocity.angular) > 1e-3 * speed:
+            radius = speed / velocity.angular  # positive: left
             side = math.copysign(1.0, radius)
             along = abs(radius) * np.arctan2(x, side * (radius - y))
             aside = np.hypot(x, y - radius) - abs(radius)
-        front = self.high[0] if linear > 0.0 else -self.low[0]
-        half = max(-self.low[1], self.high[1])
+        box = [(x, y) for x in (self.low[0], self.high[0]) for y in (self.low[1], self.high[1])]
+        front, half = np.max(box @ ahead), np.max(np.abs(box @ left))
         met = along[(along > 0.0) & (np.abs(aside) < half)] - front
         return max(0.0, float(met.min(initial=math.inf)))
 
@@ -164,9 +165,10 @@ class Obstacles:
         if footprint is None or odometry is None:
             return None
         velocity = self._command()
-        if abs(velocity.linear) < _STANDING:
-            velocity = Velocity(float(odometry.linear[0]), float(odometry.angular[2]))
-        if abs(velocity.linear) < _STANDING:
+        if velocity.speed < _STANDING:
+            x, y, _ = odometry.linear
+            velocity = Velocity(float(x), float(odometry.angular[2]), float(y))
+        if velocity.speed < _STANDING:
             return None
         base = odometry.child_frame_id.removeprefix("/")  # usually the root link
         least = math.inf
@@ -176,7 +178,7 @@ class Obstacles:
                 is_range = isinstance(message, Range)
                 readings = (Readings.from_range if is_range else Readings.from_scan)(message)
                 points = footprint.obstacles(readings, pose)
-                least = min(least, footprint.clearance(points, velocity.linear, velocity.angular))
+                least = min(least, footprint.clearance(points, velocity))
         return least if least < math.inf else None
 
     def update(self, namespace: RobotNamespace, watched: bool) -> None:

@@ -72,6 +72,7 @@ class OdometryTopic:
             "yaw": yaw_of(*sample.rotation.tolist()),
             "linear": float(sample.linear[0]),
             "angular": float(sample.angular[2]),
+            "lateral": float(sample.linear[1]),
             "age": age,
         }
         if not all(map(math.isfinite, values.values())):

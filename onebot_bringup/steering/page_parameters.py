@@ -29,7 +29,7 @@ class PageParameters:
     odom_topic: str = _parameter("", "the odometry to show; empty: the robot's own")
     rate: float = _parameter(20.0, "commands per second, Hz", at_least=5.0, at_most=100.0)
     max_linear: float = _parameter(
-        0.0, "limit of commands, m/s; 0: the controller's limit", at_least=0.0
+        0.0, "limit of commands, also sideways, m/s; 0: the controller's limit", at_least=0.0
     )
     max_angular: float = _parameter(
         0.0, "limit of commands, rad/s; 0: the controller's limit", at_least=0.0

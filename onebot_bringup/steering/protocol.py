@@ -12,9 +12,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Flag, auto
-from typing import Any
+from typing import Any, NamedTuple
 
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import clamp
 
 MAX_LENGTH = 1024  # characters, ten times the longest message that a page sends
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -27,31 +28,37 @@ class ProtocolError(OneBotError):
     about: str | None = None  # the type of the message, if it has one
 
 
-@dataclass(frozen=True)
-class Velocity:
-    """A planar velocity: ``linear`` in m/s forward, ``angular`` in rad/s to the left (REP-103)."""
+class Velocity(NamedTuple):
+    """A planar velocity (REP-103)."""
 
-    linear: float = 0.0
-    angular: float = 0.0
+    linear: float = 0.0  # m/s, forward
+    angular: float = 0.0  # rad/s, to the left
+    lateral: float = 0.0  # m/s, to the left
+
+    @property
+    def speed(self) -> float:
+        """The speed in the direction of travel, m/s."""
+        return math.hypot(self.linear, self.lateral)
 
     def at_most(self, other: "Velocity") -> "Velocity":
-        """Return the lower linear and the lower angular speed of two limits."""
-        return Velocity(min(self.linear, other.linear), min(self.angular, other.angular))
+        """Return the lower speed of two limits along each axis."""
+        return Velocity(*map(min, self, other))
 
     def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
         """Return the fastest velocity between ``least`` and ``most`` along the same arc.
 
-        One factor scales both speeds. Clamping each separately would change the radius: a robot
+        One factor scales all speeds. Clamping each separately would change the radius: a robot
         that cannot turn as commanded would leave its arc to the outside, at full speed.
         """
-        linear = min(max(self.linear, least.linear), most.linear)
-        angular = min(max(self.angular, least.angular), most.angular)
-        shares = _share(linear, self.linear), _share(angular, self.angular)
-        share = min(shares)
+        clamped = [clamp(*speeds) for speeds in zip(self, least, most, strict=True)]
+        shares = [_share(*speeds) for speeds in zip(clamped, self, strict=True)]
+        least_share = min(shares)
         # Clip, so that a speed at its limit is exact, without rounding errors of the product.
         return Velocity(
-            linear if shares[0] == share else self.linear * share,
-            angular if shares[1] == share else self.angular * share,
+            *(
+                limit if share == least_share else speed * least_share
+                for limit, share, speed in zip(clamped, shares, self, strict=True)
+            )
         )
 
 
@@ -95,10 +102,11 @@ class Drive:
     angular: float  # rad/s
     stamp: float  # s, by the server's boot_time(); ms in the message
     joints: Mapping[str, float]  # velocities of moving joints by name, rad/s or m/s
+    lateral: float = 0.0  # m/s
 
     @property
     def command(self) -> Command:
-        return Command(Velocity(self.linear, self.angular), self.joints)
+        return Command(Velocity(self.linear, self.angular, self.lateral), self.joints)
 
 
 @dataclass(frozen=True)
@@ -124,6 +132,7 @@ class SetLimits:
 
     linear: float | None = None  # m/s, above zero
     angular: float | None = None  # rad/s
+    lateral: float | None = None  # m/s
 
 
 Message = Drive | Release | Stop | ChooseTopic | SetLimits
@@ -172,12 +181,12 @@ def _topic(name: str, value: Any) -> str:
 MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
     "drive": (
         Drive,
-        {"linear": number, "angular": number, "stamp": _seconds, "joints": _joints},
+        {**dict.fromkeys(Velocity._fields, number), "stamp": _seconds, "joints": _joints},
     ),
     "release": (Release, {}),
     "stop": (Stop, {}),
     "topic": (ChooseTopic, {"topic": _topic}),
-    "limits": (SetLimits, {"linear": _limit, "angular": _limit}),
+    "limits": (SetLimits, dict.fromkeys(Velocity._fields, _limit)),
 }
 """The messages that a page may send, with the checks of their fields."""
 

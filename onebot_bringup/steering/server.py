@@ -153,11 +153,12 @@ class SteeringServer:
             "you": arbiter.driver == page.name,
             "pages": arbiter.pages,
             **self.robot(),
-            "limits": asdict(limits.in_force),
+            "limits": limits.in_force._asdict(),
             "chosen": asdict(limits.chosen),
-            "ceiling": {"linear": limits.linear.most, "angular": limits.angular.most},
-            "ceiling_from": {"linear": limits.linear.source, "angular": limits.angular.source},
-            "command": {**asdict(arbiter.command.velocity), "joints": arbiter.command.joints},
+            "ceiling": {axis: bound.most for axis, bound in limits.bounds.items()},
+            "ceiling_from": {axis: bound.source for axis, bound in limits.bounds.items()},
+            "least_radius": limits.least_radius,  # of curves, m; 0: the robot turns on the spot
+            "command": {**arbiter.command.velocity._asdict(), "joints": arbiter.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }
 

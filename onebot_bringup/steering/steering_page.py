@@ -8,8 +8,9 @@ each; they are sent trajectories of 0.3 s, which end at rest.
 
 Publishes:
     the parameter topic (geometry_msgs/Twist or TwistStamped, as the robot subscribes, reliable,
-        depth 10): linear.x in m/s and angular.z in rad/s, at ``rate`` while a control is held; then
-        three zero commands, and nothing more, so that other nodes can drive.
+        depth 10): linear.x in m/s and angular.z in rad/s, and linear.y in m/s for a drive that goes
+        sideways, at ``rate`` while a control is held; then three zero commands, and nothing more,
+        so that other nodes can drive.
     the same topic with the suffix _lock (std_msgs/Bool): true while a page stops the robot, false
         before a page drives a locked one; likewise controller_manager/cmd_vel_lock, if it exists,
         before a page moves joints.
@@ -34,7 +35,7 @@ Subscribes:
 
 Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands, every two seconds:
-        nodes with velocity limits are the robot's controllers.
+        nodes with velocity limits, or a drive's lengths, are the robot's controllers.
     the parameter services of the viewer, and of the node whose parameters a page shows.
 """
 
@@ -107,7 +108,8 @@ class SteeringParameters(PageParameters):
         return replace(settings, **topics)
 
     def limits(self, controllers: Sequence[Controller]) -> Limits:
-        return limits_of(controllers, Velocity(self.max_linear, self.max_angular))
+        fixed = Velocity(self.max_linear, self.max_angular, self.max_linear)
+        return limits_of(controllers, fixed)
 
 
 def _topic(node: Node, name: str, text: str) -> str:
@@ -128,7 +130,7 @@ class SteeringPage(Node):
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
-        self._braking: Braking | None = None
+        self._braking: Mapping[str, Braking | None] = {}  # by axis
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._joints = JointCommands(self, self._on_lock)
@@ -207,7 +209,7 @@ class SteeringPage(Node):
             "wheels_locked": commands.locked,
             "joints": self._joints.fields(),
             "controllers": self._controllers.names,  # the nodes whose limits are known
-            "braking": asdict(self._braking) if self._braking else None,
+            "braking": {axis: asdict(b) if b else None for axis, b in self._braking.items()},
             "odometry": self._odometry.fields(),
             "cameras": self._cameras.topics,  # the topics of its cameras' pictures
             "legend": self._viewer.legend,  # the legend of the view
@@ -273,7 +275,10 @@ class SteeringPage(Node):
     def _on_controllers(self) -> None:
         controllers = self._controllers.known
         limits = self._settings.limits(controllers)
-        self._braking = braking_of(controllers)
+        self._braking = {
+            "linear": braking_of(controller.linear for controller in controllers),
+            "lateral": braking_of(controller.lateral for controller in controllers),
+        }
         self._arbiter.set_limits(limits)
         if len(controllers) > 1:
             names = ", ".join(self._controllers.names)

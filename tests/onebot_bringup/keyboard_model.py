@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 DRIVE = ("KeyW", "KeyA", "KeyS", "ArrowRight")
 MODIFIERS = {"ShiftLeft": 2, "ControlLeft": 4, "AltLeft": 8, "MetaLeft": 16}  # flags of events
+STRAFE = "KeyE"  # drives robots that go sideways
 OTHER = ("KeyK", "Escape", *MODIFIERS)
 REPEAT = 1  # flag of an event
 AWAY = ("menu", "grab", "window")  # they take all keys
@@ -63,6 +64,7 @@ class Desk:
     """A hand at a keyboard."""
 
     keyboard: Keyboard
+    drive: tuple[str, ...] = DRIVE  # the keys that drive
     time: float = 0.0
     place: str = "page"
     down: set[str] = field(default_factory=set)  # keys, as they really are
@@ -118,8 +120,8 @@ class Desk:
         if key not in self.down:
             return
         self.down.remove(key)
-        if key in DRIVE:
-            repeats = self.repeats and self.repeating in DRIVE
+        if key in self.drive:
+            repeats = self.repeats and self.repeating in self.drive
             silent = 0.0 if repeats else self.sign + PRESSED
             self.deadline = max(self.deadline, self.time + UP, silent)
         if key == self.repeating:
@@ -170,7 +172,7 @@ class Desk:
         elif repeat and key == "ShiftLeft":
             self.alive = max(self.alive, self.sign + PRESSED)
         ignored = flags & (menu | MODIFIERS["ControlLeft"]) or self.place == "field"
-        if key in DRIVE and not repeat and not ignored:
+        if key in self.drive and not repeat and not ignored:
             self.held.add(key)
             self.sign, self.alive = self.time, self.time + PRESSED
 
@@ -193,7 +195,7 @@ def random_actions(rng: random.Random) -> list[Action]:
     """Return what a hand does; in half of the cases the browser reports all of it."""
     swallowed = rng.choice((0.0, 0.0, 0.1, 0.5))
     places = ("page", "field", *AWAY) if swallowed or rng.random() < 0.3 else ()
-    keys = (*DRIVE, "ShiftLeft") if rng.random() < 0.4 else (*DRIVE, *OTHER)
+    keys = (*DRIVE, STRAFE, *(("ShiftLeft",) if rng.random() < 0.4 else OTHER))
     actions = []
     down: list[str] = []
     for _ in range(rng.randint(1, 12)):

@@ -71,10 +71,13 @@ class PageClient:
         """Send a message."""
         self.say(json.dumps({"type": kind, **fields}))
 
-    def hold(self, linear: float, angular: float = 0.0, **joints: float) -> None:
+    def hold(
+        self, linear: float, angular: float = 0.0, lateral: float = 0.0, **joints: float
+    ) -> None:
         """Drive until told otherwise, as a page does while something is held."""
         self.silence()
-        fields = {"type": "drive", "linear": linear, "angular": angular, "joints": joints}
+        speeds = {"linear": linear, "angular": angular, "lateral": lateral}
+        fields = {"type": "drive", **speeds, "joints": joints}
         self._holding = asyncio.run_coroutine_threadsafe(self._hold(fields), self._loop)
 
     async def _hold(self, fields: Mapping[str, Any]) -> None:

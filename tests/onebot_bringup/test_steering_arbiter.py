@@ -24,9 +24,9 @@ FORWARD, ZERO = Velocity(0.5, 0.1), Velocity()
 LOCK, UNLOCK = (True, Parts.ALL), (False, Parts.ALL)
 
 
-def limits(linear: float, angular: float) -> Limits:
+def limits(*speeds: float) -> Limits:
     """Of a robot, the same forward and backward."""
-    return Limits(Bound(linear, linear, linear), Bound(angular, angular, angular))
+    return Limits(*(Bound(speed, speed, speed) for speed in speeds))
 
 
 class Steered:
@@ -54,9 +54,9 @@ class Steered:
 
     def drive(self, page: str, velocity: Velocity = FORWARD, age: float = 0.0) -> None:
         """Have a page send a command whose stamp is ``age`` seconds old, for an arm, too."""
-        linear, angular = velocity.linear, velocity.angular
+        linear, angular, lateral = velocity
         arm = {"arm": linear} if linear else {}
-        self.arbiter.handle(page, Drive(linear, angular, self.now - age, arm))
+        self.arbiter.handle(page, Drive(linear, angular, self.now - age, arm, lateral))
 
     def release(self, page: str) -> None:
         """Have a page let go, later than a tap."""
@@ -224,6 +224,7 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> N
     ("push", "moves", "rests"),
     [
         (Drive(0.5, 0.0, 100.0, {}), Parts.WHEELS, Parts.JOINTS),
+        (Drive(0.0, 0.0, 100.0, {}, -0.5), Parts.WHEELS, Parts.JOINTS),
         (Drive(0.0, 0.0, 100.0, {"arm": 9.0}), Parts.JOINTS, Parts.WHEELS),
     ],
 )
@@ -374,6 +375,23 @@ def test_a_raised_limit_waits_for_the_next_press(
     assert steered.command == Velocity(way * (raised or 3.0), 0.0)
     steered.drive("b", Velocity(way * 9.0, 0.0))  # another driver presses, too
     assert steered.command == Velocity(way * (raised or 3.0), 0.0)
+
+
+def test_sideways_the_same_rules_hold(steered: Steered) -> None:
+    """Its limits, with one factor for all axes; a robot that does not go sideways stands."""
+    diagonal, arbiter = Velocity(0.5, 0.25, -0.5), steered.arbiter
+    steered.drive("a", diagonal)
+    assert steered.sent() == [ZERO] and steered.command == ZERO
+    arbiter.set_limits(limits(3.0, 4.0, 0.25))
+    steered.drive("a", diagonal)
+    assert steered.command == ZERO, "what it may do now waits for the next press"
+    steered.release("a")
+    steered.drive("a", diagonal)
+    assert steered.sent()[-1] == steered.command == Velocity(0.25, 0.125, -0.25)
+    arbiter.handle("b", SetLimits(None, None, 0.125))
+    assert steered.command == Velocity(0.125, 0.0625, -0.125)
+    steered.wait(COMMAND_TIMEOUT + 0.001)
+    assert steered.sent() == [ZERO]
 
 
 def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:

@@ -4,6 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from onebot_bringup.steering.command_limits import (
     DEFAULT,
@@ -25,18 +27,21 @@ SLOW = Controller(
 )
 
 
-def _in_force(limits, linear=None, angular=None):
-    return replace(limits, chosen=SetLimits(linear, angular)).in_force
+def _in_force(limits, *chosen):
+    return replace(limits, chosen=SetLimits(*chosen)).in_force
 
 
 def test_without_any_limit_there_is_one_nevertheless():
     """It begins low; an operator can choose more, but not anything."""
     limits = limits_of([])
-    assert limits.in_force == DEFAULT
+    assert limits.in_force == DEFAULT._replace(lateral=0.0)
     assert limits.linear.source == limits.angular.source == ""
     assert _in_force(limits, 1.5, 3.0) == Velocity(1.5, 3.0)
-    assert _in_force(limits, 1e9, 10251000000100.0) == UNKNOWN
+    assert _in_force(limits, 1e9, 10251000000100.0) == UNKNOWN._replace(lateral=0.0)
     assert limits_of([Controller("/mute")]) == limits
+    sliding = limits_of([Controller("/mute", lateral=SpeedLimits())])
+    assert sliding.in_force == DEFAULT
+    assert _in_force(sliding, 1e9, 1e9, 1e9) == UNKNOWN
 
 
 def test_the_strictest_limit_of_each_axis_counts():
@@ -69,7 +74,8 @@ def test_a_limit_of_zero_is_one():
 
 def test_a_controller_is_known_by_its_parameters():
     """A limit of velocity makes one; what cannot be a limit is none."""
-    assert {"linear.x.max_velocity", "angular.z.min_jerk"} < NAMES
+    assert {"linear.x.max_velocity", "linear.y.max_velocity", "angular.z.min_jerk"} < NAMES
+    assert {"robot_radius", "wheel_names", "wheelbase", "steering_joint_name"} < NAMES
     found = Controller.from_parameters(
         "/robot",
         {
@@ -82,6 +88,80 @@ def test_a_controller_is_known_by_its_parameters():
     assert found is not None and found.linear.max_velocity == 0.5
     assert math.isnan(found.linear.min_velocity) and math.isnan(found.angular.max_velocity)
     assert found.linear.max_deceleration == -2.0
+    assert found.lateral is None and found.least_radius == 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "most", "reverse"),
+    [
+        ({"linear.y.max_velocity": 0.25}, 0.25, 0.25),
+        ({"linear.y.max_velocity": 0.25, "linear.y.min_velocity": -0.125}, 0.25, 0.125),
+        ({"linear.y.max_velocity": math.nan}, DEFAULT.lateral, DEFAULT.lateral),  # no limit
+        ({"linear.y.max_velocity": math.inf}, DEFAULT.lateral, DEFAULT.lateral),  # impossible
+        ({"linear.y.max_velocity": None}, DEFAULT.lateral, DEFAULT.lateral),
+        ({"linear.y.max_velocity": 0.0}, 0.0, 0.0),  # it cannot, after all
+        ({"robot_radius": 0.2, "wheel_names": ["a", "b", "c"]}, DEFAULT.lateral, DEFAULT.lateral),
+        ({"robot_radius": 0.2}, 0.0, 0.0),  # a costmap's
+        ({"linear.x.max_velocity": 1.0}, 0.0, 0.0),
+    ],
+)
+def test_a_drive_that_goes_sideways_is_known_by_its_parameters(values, most, reverse):
+    """The mecanum drive's limits, also unset, or the omni drive's lengths."""
+    found = Controller.from_parameters("/robot", {"angular.z.max_velocity": 1.0, **values})
+    allowed = limits_of([found]).range
+    assert allowed.most.lateral == most
+    assert allowed.clamp(Velocity(0.0, 0.0, -9.0)) == Velocity(0.0, 0.0, -reverse)
+    if values.keys() & {"linear.y.max_velocity", "wheel_names"}:
+        assert Controller.from_parameters("/robot", values) is not None, "by these alone"
+
+
+def test_the_pages_own_linear_limit_holds_sideways_too():
+    """Whoever lowers it for safety need not know the drive."""
+    fixed = Velocity(0.3, 0.0, 0.3)
+    wide = Controller("/wide", lateral=SpeedLimits(max_velocity=0.5))
+    limits = limits_of([wide, FAST], fixed)
+    assert limits.in_force == Velocity(0.3, 6.0, 0.3) and limits.lateral.source == "max_linear"
+    assert limits_of([FAST], fixed).in_force == Velocity(0.3, 6.0, 0.0)
+    slow = Controller("/slow", lateral=SpeedLimits(max_velocity=0.125))
+    assert limits_of([wide, slow], fixed).lateral.source == "/slow"
+
+
+CAR = {"wheelbase": 0.5, "steering_joints_names": ["right", "left"]}
+
+
+@pytest.mark.parametrize(
+    ("values", "radius"),
+    [
+        ({**CAR, "minimum_turning_radius": 0.47}, 0.47),
+        ({**CAR, "minimum_turning_radius": 2}, 2.0),
+        (CAR, 0.5 / math.tan(0.5)),
+        ({**CAR, "minimum_turning_radius": 0.0}, 0.5 / math.tan(0.5)),
+        ({**CAR, "minimum_turning_radius": math.nan}, 0.5 / math.tan(0.5)),
+        ({"wheelbase": 1.0, "steering_joint_name": "fork"}, 1.0 / math.tan(0.5)),
+        ({"wheelbase": 0.5, "minimum_turning_radius": 0.47}, 0.0),  # a planner's
+        ({**CAR, "wheelbase": math.nan}, 0.0),
+        ({**CAR, "linear.y.max_velocity": 1.0}, 0.0),  # each wheel steers
+    ],
+)
+def test_a_drive_that_steers_has_a_least_radius(values, radius):
+    """It is known by that alone: the standard controllers of cars have no limits."""
+    found = Controller.from_parameters("/car", values)
+    assert (found.least_radius if found else 0.0) == pytest.approx(radius)
+
+
+_speeds = st.floats(-1e300, 1e300)
+
+
+@given(_speeds, _speeds, st.floats(0.01, 10.0))
+def test_no_curve_is_tighter_than_the_least_radius(linear, angular, radius):
+    """A wider one stays as it is; standing still, nothing turns."""
+    allowed = limits_of([Controller("/car", least_radius=radius), FAST]).range
+    clamped = allowed.clamp(Velocity(linear, angular))
+    assert abs(clamped.angular) * radius <= abs(clamped.linear) * (1.0 + 1e-12)
+    assert clamped.angular * angular >= 0.0 and clamped.linear * linear >= 0.0
+    if abs(angular) * radius <= abs(linear):
+        assert clamped == allowed._replace(least_radius=0.0).clamp(Velocity(linear, angular))
+    assert allowed.within(allowed._replace(least_radius=11.0)).least_radius == 11.0
 
 
 @pytest.mark.parametrize(
@@ -109,11 +189,11 @@ def test_anything_else_is_no_controller(values):
 )
 def test_braking_is_as_the_speed_limiter_brakes(given, deceleration, jerk):
     """What is not given follows from the others; the slower direction counts."""
-    found = braking_of([Controller("/robot", SpeedLimits(**given))])
+    found = braking_of([SpeedLimits(**given)])
     assert found == Braking(deceleration, jerk)
 
 
 def test_of_several_controllers_the_one_that_brakes_last_counts():
-    """No controller, no braking."""
-    assert braking_of([]) is None
-    assert braking_of([FAST, SLOW]) == Braking(1.0, None)
+    """No controller that has the axis, no braking."""
+    assert braking_of([]) is braking_of([None]) is None
+    assert braking_of([FAST.linear, None, SLOW.linear]) == Braking(1.0, None)

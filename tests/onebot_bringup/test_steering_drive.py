@@ -55,9 +55,9 @@ def test_stop_stops_the_robot_whoever_drives_it(odometry, domain):
             with PageClient(node.address) as page:
                 wait_for(lambda: page.state["others"] == ["/script"], "the other publisher")
                 wait_for(lambda: page.state["controllers"], "the robot")
-                assert page.state["limits"] == {"linear": 0.5, "angular": 3.0}
+                assert page.state["limits"] == {"linear": 0.5, "angular": 3.0, "lateral": 0.0}
                 braking = {"deceleration": 0.5, "jerk": None}
-                assert page.state["braking"] == braking
+                assert page.state["braking"] == {"linear": braking, "lateral": None}
                 wait_for(lambda: abs(_speed(odometry) - SPEED) < 0.01, "the robot to drive")
                 assert not page.state["locked"]
 

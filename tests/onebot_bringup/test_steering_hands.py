@@ -1,12 +1,21 @@
 """Keys drive while a hand holds them, whatever a browser swallows: the page under a fake clock."""
 
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import pytest
 
-from tests.onebot_bringup.keyboard_model import KEYBOARDS, Action, Desk, fault, random_actions
-from tests.onebot_bringup.steering_support import steering
+from tests.onebot_bringup.keyboard_model import (
+    DRIVE,
+    KEYBOARDS,
+    STRAFE,
+    Action,
+    Desk,
+    fault,
+    random_actions,
+)
+from tests.onebot_bringup.steering_support import PageClient, Steering, steering
 from tests.steering_browser_support import Page
 from tests.support import wait_for
 
@@ -84,24 +93,37 @@ window.replay = (events, duration) => {
   return commands;
 };
 """
+SHOW = "server.onmessage({ data: JSON.stringify(arguments[0]) })"
 REPLAY = "return arguments[0].map(([events, duration]) => replay(events, duration))"
 
 
 @pytest.fixture(scope="module")
-def faked(chromium: Page, domain: int) -> Page:
+def node(domain: int) -> Iterator[Steering]:
+    with steering() as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def faked(node: Steering, chromium: Page) -> Iterator[Page]:
     """The page with fakes in place of the clock and the server."""
     hook = chromium.devtools("Page.addScriptToEvaluateOnNewDocument", source=FAKES)
-    with steering() as node:
-        chromium.driver.get(node.address)
-        ready = "return Boolean(window.server?.onmessage)"
-        wait_for(lambda: chromium.driver.execute_script(ready), "the page's modules")
-        chromium.driver.execute_script("connect()")
-        yield chromium
+    chromium.driver.get(node.address)
+    ready = "return Boolean(window.server?.onmessage)"
+    wait_for(lambda: chromium.driver.execute_script(ready), "the page's modules")
+    chromium.driver.execute_script("connect()")
+    yield chromium
     chromium.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
-def played(keyboard: str, actions: list[Action]) -> Desk:
-    desk = Desk(KEYBOARDS[keyboard])
+@pytest.fixture(scope="module")
+def state(node: Steering) -> dict[str, Any]:
+    """A state of the server's."""
+    with PageClient(node.address) as client:
+        return client.state
+
+
+def played(keyboard: str, drive: tuple[str, ...], actions: list[Action]) -> Desk:
+    desk = Desk(KEYBOARDS[keyboard], drive)
     desk.play(actions)
     return desk
 
@@ -113,27 +135,37 @@ def faults(page: Page, desks: Sequence[Desk]) -> list[str]:
     return [fault(desk, sent) for desk, sent in zip(desks, commands, strict=True)]
 
 
-def shrunk(page: Page, keyboard: str, actions: list[Action]) -> tuple[list[Action], str]:
+def shrunk(
+    page: Page, keyboard: str, drive: tuple[str, ...], actions: list[Action]
+) -> tuple[list[Action], str]:
     """Leave out actions as long as what remains is wrong, too."""
     for index in range(len(actions)):
         fewer = [*actions[:index], *actions[index + 1 :]]
-        if any(faults(page, [played(keyboard, fewer)])):
-            return shrunk(page, keyboard, fewer)
-    return actions, faults(page, [played(keyboard, actions)])[0]
+        if fewer and any(faults(page, [played(keyboard, drive, fewer)])):
+            return shrunk(page, keyboard, drive, fewer)
+    return actions, faults(page, [played(keyboard, drive, actions)])[0]
 
 
-@pytest.mark.parametrize("keyboard", KEYBOARDS)
-def test_only_a_hand_on_the_keys_drives(faked: Page, keyboard: str) -> None:
+@pytest.mark.parametrize(
+    ("keyboard", "lateral"), [*((keyboard, 0.0) for keyboard in KEYBOARDS), ("X11", 0.5)]
+)
+def test_only_a_hand_on_the_keys_drives(
+    faked: Page, state: dict[str, Any], keyboard: str, lateral: float
+) -> None:
     """Commands end soon after the last key that drives is up, and go on while one is held.
 
     Any event may be swallowed, also in menus, by other programs, by fields and by other windows.
+    Only where the drive goes sideways, E drives like the others.
     """
+    limits = {**state["limits"], "lateral": lateral}
+    faked.driver.execute_script(SHOW, {**state, "limits": limits})
+    drive = (*DRIVE, STRAFE) if lateral else DRIVE
     rng = random.Random(keyboard)
     for _ in range(0, SEQUENCES, BATCH):
         sequences = [random_actions(rng) for _ in range(BATCH)]
-        found = faults(faked, [played(keyboard, actions) for actions in sequences])
+        found = faults(faked, [played(keyboard, drive, actions) for actions in sequences])
         for actions, wrong in zip(sequences, found, strict=True):
-            assert not wrong, shrunk(faked, keyboard, actions)
+            assert not wrong, shrunk(faked, keyboard, drive, actions)
 
 
 def ran(page: Page, script: str) -> list[int]:

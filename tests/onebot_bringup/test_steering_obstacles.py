@@ -44,23 +44,32 @@ def footprint() -> Footprint:
 
 
 @pytest.mark.parametrize(
-    ("point", "linear", "angular", "clearance"),
+    ("point", "linear", "angular", "lateral", "clearance"),
     [
-        ((1.0, 0.05), 0.3, 0.0, 0.8),
-        ((1.0, 0.05), -0.3, 0.0, math.inf),  # it goes the other way
-        ((-1.0, 0.05), -0.3, 0.0, 0.8),
-        ((1.0, 0.15), 0.3, 0.0, math.inf),  # it passes
-        ((1.0, 1.0), 0.5, 0.5, math.pi / 2 - 0.2),  # a quarter of a circle of 1 m
-        ((1.0, 0.05), 0.5, 0.5, math.inf),  # it turns away
-        ((0.1, 0.0), 0.3, 0.0, math.inf),  # a part of itself
+        ((1.0, 0.05), 0.3, 0.0, 0.0, 0.8),
+        ((1.0, 0.05), -0.3, 0.0, 0.0, math.inf),  # it goes the other way
+        ((-1.0, 0.05), -0.3, 0.0, 0.0, 0.8),
+        ((1.0, 0.15), 0.3, 0.0, 0.0, math.inf),  # it passes
+        ((1.0, 1.0), 0.5, 0.5, 0.0, math.pi / 2 - 0.2),  # a quarter of a circle of 1 m
+        ((1.0, 0.05), 0.5, 0.5, 0.0, math.inf),  # it turns away
+        ((-1.0, 1.0), -0.5, -0.5, 0.0, math.pi / 2 - 0.2),  # backward, to the left
+        ((-1.0, 1.0), -0.5, 0.5, 0.0, math.inf),
+        ((0.1, 0.0), 0.3, 0.0, 0.0, math.inf),  # a part of itself
+        ((0.15, 1.0), 0.0, 0.0, 0.3, 0.9),  # sideways
+        ((0.15, 1.0), 0.0, 0.0, -0.3, math.inf),
+        ((0.25, -1.0), 0.0, 0.0, -0.3, math.inf),  # it passes
+        ((-1.0, 1.0), 0.0, 0.5, 0.5, math.pi / 2 - 0.1),  # a quarter of a circle of 1 m
+        ((1.0, 1.0), 0.3, 0.0, 0.3, math.sqrt(2.0) - 0.3 / math.sqrt(2.0)),  # by its corner
+        ((1.0, 1.0), 0.3, 0.0, -0.3, math.inf),
     ],
 )
-def test_how_far_the_robot_can_go(footprint, point, linear, angular, clearance):
+def test_how_far_the_robot_can_go(footprint, point, linear, angular, lateral, clearance):
     """By a scanner that looks backwards."""
     seen = 0.1 - point[0], -point[1]  # by the scanner
     rays = scan(math.atan2(*reversed(seen)), math.hypot(*seen), math.inf, math.nan)
     points = footprint.obstacles(rays, at(0.1, 0.0, 0.0, yaw=math.pi))
-    assert footprint.clearance(points, linear, angular) == pytest.approx(clearance, abs=1e-5)
+    found = footprint.clearance(points, Velocity(linear, angular, lateral))
+    assert found == pytest.approx(clearance, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -84,10 +93,10 @@ def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
     message = Range(field_of_view=0.4, min_range=0.1, max_range=2.0, range=1.0)
     beside = at(0.2, 0.25)  # its axis passes the robot's side, its cone does not
     points = footprint.obstacles(Readings.from_range(message), beside)
-    assert footprint.clearance(points, 0.3, 0.0) == pytest.approx(math.cos(0.2), abs=1e-6)
+    assert footprint.clearance(points, Velocity(0.3)) == pytest.approx(math.cos(0.2), abs=1e-6)
     message.field_of_view = 0.1
     points = footprint.obstacles(Readings.from_range(message), beside)
-    assert footprint.clearance(points, 0.3, 0.0) == math.inf
+    assert footprint.clearance(points, Velocity(0.3)) == math.inf
     for nothing in (math.inf, math.nan, 0.05, 2.1):
         message.range = nothing
         assert not len(Readings.from_range(message).ranges)
@@ -144,5 +153,10 @@ def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     wait_for(lambda: clearance() == 2.0, "the wall behind")
     command[0] = Velocity()
     assert clearance() == 2.0, "it still rolls back"
+    twist = messages["/odom"].twist.twist
+    twist.linear.x, twist.linear.y = 0.0, -0.5
+    wait_for(lambda: clearance() is None, "it to slide along the walls")
+    twist.linear.x, twist.linear.y = -0.5, 0.0
+    wait_for(lambda: clearance() == 2.0, "it to roll back again")
     del publishers["/rear"]
     wait_for(lambda: clearance() is None, "the end of what was measured")

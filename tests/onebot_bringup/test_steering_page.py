@@ -32,7 +32,8 @@ def test_commands_go_out_while_held_and_stop_when_let_go(shared):
         page.hold(0.25, -0.5)
         wait_for(lambda: len(robot.speeds) > 10, "ten commands")
         assert page.state["driver"] == page.id and page.state["you"]
-        assert page.state["command"] == {"linear": 0.25, "angular": -0.5, "joints": {}}
+        speeds = {"linear": 0.25, "angular": -0.5, "lateral": 0.0}
+        assert page.state["command"] == {**speeds, "joints": {}}
         page.hold(100.0, 100.0)
         robot.reach(1.0)
         assert robot.heard[-1].angular.z == 1.0, "on the same arc"

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import combinations
 
 import pytest
 from hypothesis import given
@@ -25,14 +26,21 @@ from onebot_bringup.steering.protocol import (
     "text, meant",
     [
         (
-            '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1,"joints":{"a":1,"b":0}}',
-            Drive(0.5, -1.0, 1.5, {"a": 1.0}),
+            '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1,"lateral":0.25,'
+            '"joints":{"a":1,"b":0}}',
+            Drive(0.5, -1.0, 1.5, {"a": 1.0}, 0.25),
         ),
         ('{"type":"release"}', Release()),
         ('{"type":"stop"}', Stop()),
         ('{"type":"topic","topic":"/robot_1/cmd_vel"}', ChooseTopic("/robot_1/cmd_vel")),
-        ('{"type":"limits","linear":1e-9,"angular":2e-1}', SetLimits(1e-9, 0.2)),
-        ('{"type":"limits","linear":null,"angular":1e9}', SetLimits(None, 1e9)),
+        (
+            '{"type":"limits","linear":1e-9,"angular":2e-1,"lateral":3}',
+            SetLimits(1e-9, 0.2, 3.0),
+        ),
+        (
+            '{"type":"limits","linear":null,"angular":1e9,"lateral":null}',
+            SetLimits(None, 1e9, None),
+        ),
     ],
 )
 def test_each_message_is_understood(text, meant):
@@ -41,7 +49,7 @@ def test_each_message_is_understood(text, meant):
 
 
 def _drive(**changes: object) -> str:
-    fields = {"type": "drive", "stamp": 1, "linear": 1, "angular": 0, "joints": {}}
+    fields = {"type": "drive", "stamp": 1, "linear": 1, "angular": 0, "lateral": 0, "joints": {}}
     return json.dumps({**fields, **changes})
 
 
@@ -55,13 +63,16 @@ def _drive(**changes: object) -> str:
         ('{"type":"release"}' + " " * 2000, "at most 1024", None),
         ("{}", "one of drive, release, stop, topic, limits", None),
         ('{"type":"stop","now":true}', '"stop", beside its type, has no fields', "stop"),
-        ('{"type":"drive"}', "has linear, angular, stamp, joints, no others", "drive"),
+        ('{"type":"drive"}', "has linear, angular, lateral, stamp, joints, no", "drive"),
         (_drive(linear=math.nan), "linear must be a finite", "drive"),
         (_drive(linear=True), "linear must be a finite number", "drive"),
+        (_drive(lateral=-math.inf), "lateral must be a finite number", "drive"),
         (_drive(stamp=None), "stamp must be a finite number", "drive"),
         (_drive(joints=[1]), "joints must have velocities by the joints", "drive"),
         (_drive(joints={"a": math.inf}), "joints must be a finite", "drive"),
-        ('{"type":"limits","linear":0,"angular":1}', "linear must be above", "limits"),
+        ('{"type":"limits","linear":0,"angular":1,"lateral":1}', "linear must be above", "limits"),
+        ('{"type":"limits","linear":1,"angular":1,"lateral":-1}', "lateral must be", "limits"),
+        ('{"type":"limits","linear":1,"angular":1}', "linear, angular, lateral, no oth", "limits"),
         ('{"type":"topic","topic":"/a//b"}', "name of a ROS topic", "topic"),
         ('{"type":"topic","topic":"/a\\n"}', "name of a ROS topic", "topic"),
         ('{"type":"topic","topic":"/%s"}' % ("a" * 200), "name of a ROS", "topic"),
@@ -82,7 +93,7 @@ _json = st.recursive(
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=8,
 )
-_names = st.sampled_from(["type", "stamp", "linear", "angular", "joints", "topic", "x"])
+_names = st.sampled_from(["type", "stamp", *Velocity._fields, "joints", "topic", "x"])
 _kinds = st.sampled_from(list(MESSAGES))
 
 
@@ -94,27 +105,29 @@ def test_whatever_comes_is_a_finite_command_or_refused(text):
     except ProtocolError:
         return
     if isinstance(message, Drive):
-        assert all(map(math.isfinite, (message.linear, message.angular, *message.joints.values())))
+        velocity, joints = message.command.velocity, message.joints
+        assert all(map(math.isfinite, (*velocity, *joints.values())))
 
 
 _speed = st.floats(allow_nan=False, allow_infinity=False)
+_velocity = st.builds(Velocity, _speed, _speed, _speed)
 _bound = st.floats(0, 5)
+_bounds = st.builds(Velocity, _bound, _bound, _bound)
 
 
-@given(_speed, _speed, _bound, _bound, _bound, _bound)
-def test_a_clamped_command_is_within_the_limits_on_the_same_arc(
-    linear, angular, back, most, right, left
-):
-    """It is the command itself where that is within them; else one factor slows both speeds."""
-    wanted = Velocity(linear, angular)
-    clamped = wanted.clamped(Velocity(-back, -right), Velocity(most, left))
-    assert -back <= clamped.linear <= most and -right <= clamped.angular <= left
-    if -back <= linear <= most and -right <= angular <= left:
+@given(_velocity, _bounds, _bounds)
+def test_a_clamped_command_is_within_the_limits_on_the_same_arc(wanted, back, most):
+    """It is the command itself where that is within them; else one factor slows all speeds."""
+    least = Velocity(*(-speed for speed in back))
+    clamped = wanted.clamped(least, most)
+    assert all(a <= speed <= b for a, speed, b in zip(least, clamped, most, strict=True))
+    if all(a <= speed <= b for a, speed, b in zip(least, wanted, most, strict=True)):
         assert clamped == wanted
         return
-    size = max(abs(linear), abs(angular))
-    across = clamped.linear * (angular / size), clamped.angular * (linear / size)
-    assert math.isclose(*across, rel_tol=1e-9, abs_tol=1e-12)
+    size = max(map(abs, wanted))
+    for one, other in combinations(range(3), 2):
+        across = clamped[one] * (wanted[other] / size), clamped[other] * (wanted[one] / size)
+        assert math.isclose(*across, rel_tol=1e-9, abs_tol=1e-12)
 
 
 def test_a_robot_that_cannot_reverse_does_not_turn_on_the_spot_instead():

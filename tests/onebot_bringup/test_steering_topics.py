@@ -37,7 +37,7 @@ LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 def _afresh(shared, pages=1):
     """The node's pages as if it had just been started, with their peer."""
     with visited(*shared, pages) as opened:
-        opened[1].send("limits", linear=None, angular=None)
+        opened[1].send("limits", **_axes(None, None, None))
         for topic in ("/nobody/here", TOPIC):  # whose robots and limits are forgotten
             opened[1].send("topic", topic=topic)
             _waited(opened[1], "topic", topic)
@@ -128,8 +128,8 @@ def test_topics_can_be_named_at_the_start(peer):
         _waited(page, "robots", [{"topic": "/z_robot", "name": "/z_robot"}])
 
 
-def _pair(linear: Any, angular: Any) -> dict[str, Any]:
-    return {"linear": linear, "angular": angular}
+def _axes(linear: Any, angular: Any, lateral: Any = 0.0) -> dict[str, Any]:
+    return {"linear": linear, "angular": angular, "lateral": lateral}
 
 
 def _declare(robot: Peer, linear: float, angular: float, **more: float) -> None:
@@ -142,24 +142,58 @@ def test_the_limits_are_the_controllers(shared):
     """As its parameters say, also while it drives; a page may set lower ones, for all pages."""
     with _afresh(shared, 2) as (peer, page, other):
         _declare(peer, 0.5, math.nan)
-        _waited(page, "limits", _pair(1.0, 2.0))
-        assert page.state["ceiling"] == _pair(2.0, 4.0)
-        assert page.state["ceiling_from"] == _pair("", "") and page.state["braking"] is None
+        _waited(page, "limits", _axes(1.0, 2.0))
+        assert page.state["ceiling"] == _axes(2.0, 4.0)
+        assert page.state["ceiling_from"] == _axes("", "", "")
+        assert page.state["braking"] == {"linear": None, "lateral": None}
         robot = Commands(peer, page)
-        _waited(page, "limits", _pair(0.5, 2.0))
-        assert page.state["ceiling"] == _pair(0.5, 4.0)
-        assert page.state["ceiling_from"] == _pair("/peer", "")
+        _waited(page, "limits", _axes(0.5, 2.0))
+        assert page.state["ceiling"] == _axes(0.5, 4.0)
+        assert page.state["ceiling_from"] == _axes("/peer", "", "")
         assert page.state["controllers"] == ["/peer"]
         page.hold(5.0)
         robot.reach(0.5)
         peer.node.set_parameters([Parameter("linear.x.max_velocity", value=0.375)])
         robot.reach(0.375)
-        page.send("limits", linear=0.25, angular=3.0)
-        _waited(other, "limits", _pair(0.25, 3.0))
+        page.send("limits", **_axes(0.25, 3.0, None))
+        _waited(other, "limits", _axes(0.25, 3.0))
         robot.reach(0.25)
-        page.send("limits", linear=None, angular=9.0)
-        _waited(other, "limits", _pair(0.375, 4.0))
-        assert other.state["chosen"] == _pair(None, 9.0)
+        page.send("limits", **_axes(None, 9.0, None))
+        _waited(other, "limits", _axes(0.375, 4.0))
+        assert other.state["chosen"] == _axes(None, 9.0, None)
+
+
+def test_the_drive_is_known_by_the_controllers_parameters(shared):
+    """One that goes sideways is driven so within its limits; a car has a least radius."""
+    with _afresh(shared) as (peer, page):
+        assert page.state["limits"] == _axes(1.0, 2.0) and page.state["least_radius"] == 0.0
+        _declare(peer, 0.5, math.nan, **{"linear.y.max_velocity": 0.25})
+        robot = Commands(peer, page)
+        _waited(page, "limits", _axes(0.5, 2.0, 0.25))
+        assert page.state["ceiling_from"] == _axes("/peer", "", "/peer")
+        page.hold(0.5, 0.5, -0.5)
+        robot.reach(0.25)
+        twist = robot.moving[-1]
+        assert (twist.linear.y, twist.angular.z) == (-0.25, 0.25)
+        page.let_go()
+        robot.come_to_rest()
+        peer.node.undeclare_parameter("linear.y.max_velocity")
+        peer.node.declare_parameter("wheel_names", ["a", "b", "c"])
+        peer.node.declare_parameter("robot_radius", 0.2)
+        _waited(page, "limits", _axes(0.5, 2.0, 1.0))
+        peer.node.undeclare_parameter("wheel_names")
+        peer.node.declare_parameter("wheelbase", 0.5)
+        peer.node.declare_parameter("steering_joints_names", ["right", "left"])
+        _waited(page, "least_radius", 0.5 / math.tan(0.5))
+        peer.node.declare_parameter("minimum_turning_radius", 2.0)
+        _waited(page, "least_radius", 2.0)
+        assert page.state["limits"] == _axes(0.5, 2.0)
+        page.hold(0.4, 2.0)
+        robot.reach(0.4)
+        assert robot.moving[-1].angular.z == 0.2
+        page.hold(0.0, 2.0)
+        wait_for(lambda: robot.heard[-1] == Twist(), "it to stand")
+        page.let_go()
 
 
 def test_of_two_controllers_the_stricter_limits_count(shared):
@@ -171,7 +205,7 @@ def test_of_two_controllers_the_stricter_limits_count(shared):
             _declare(right, 1.0, 1.5)
             for robot in (left, right):
                 robot.hear(Twist, TOPIC)
-            _waited(page, "ceiling", _pair(0.25, 1.5))
+            _waited(page, "ceiling", _axes(0.25, 1.5))
             words = "2 controllers subscribe to /velocity_controller/cmd_vel (/left, /right)"
             wait_for(lambda: words in node.output, words)
             assert "0.25 m/s, 1.5 rad/s" in node.output
@@ -179,7 +213,7 @@ def test_of_two_controllers_the_stricter_limits_count(shared):
         assert page.state["controllers"] != []
         page.send("topic", topic="/other")
         _waited(page, "controllers", [])
-        assert page.state["limits"] == _pair(1.0, 2.0)
+        assert page.state["limits"] == _axes(1.0, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -280,8 +314,10 @@ def test_odometry_of_the_robot_that_is_steered_is_shown(shared):
         wait_for(lambda: other.get_subscription_count(), "the only odometry there is to be heard")
         own = peer.publisher(Odometry, "/velocity_controller/odom")
         wait_for(lambda: not other.get_subscription_count(), "the other one to be left")
-        shown = _shown(page, own, _odometry(1.5, 2.0))
-        assert shown["topic"] == "/velocity_controller/odom"
+        moved = _odometry(1.5, 2.0)
+        moved.twist.twist.linear.y = 0.1
+        shown = _shown(page, own, moved)
+        assert shown["topic"] == "/velocity_controller/odom" and shown["lateral"] == 0.1
         assert (shown["x"], shown["y"], shown["yaw"]) == pytest.approx((1.5, 0.0, 2.0), abs=1e-6)
         assert (shown["linear"], shown["angular"]) == (0.3, -0.2)
         for undecodable in (_odometry(math.nan, 0.0), BAD):

@@ -1,4 +1,7 @@
-/** The distance that the robot needs to stop, from full speed with the limits in force. */
+/**
+ * The distance that the robot needs to stop, from full speed with the limits in force: the longer one
+ * of forward and sideways.
+ */
 
 import { write } from "./elements.js";
 
@@ -30,8 +33,9 @@ export class Braking {
 
   /** Show a state of the server. */
   show({ limits, braking, obstacle }) {
-    const known = braking && (braking.deceleration ?? braking.jerk) !== null;
-    const distance = known ? brakingDistance(limits.linear, braking) : NaN;
+    const axes = Object.entries(braking).filter(([, by]) => by && (by.deceleration ?? by.jerk) !== null);
+    const known = axes.length > 0;
+    const distance = Math.max(...axes.map(([axis, by]) => brakingDistance(limits[axis], by)));
     const near = obstacle !== null && obstacle < distance;
     write(this.output, known ? `${distance.toFixed(2)} m` : "–");
     write(this.note, near ? `obstacle at ${obstacle.toFixed(2)} m` : "");
@@ -40,6 +44,6 @@ export class Braking {
 
   /** What was shown is no longer known. */
   forget() {
-    this.show({ limits: {}, braking: null, obstacle: null });
+    this.show({ limits: {}, braking: {}, obstacle: null });
   }
 }

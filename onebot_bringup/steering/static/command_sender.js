@@ -11,6 +11,7 @@ import { PERIOD_MS } from "./hand.js";
 
 const MOST_WAITING = 6; // commands on their way: a slow connection queues no more, and a stop is next
 const STALL_MS = 1000; // a page that stood still for that long may have missed a release
+const STILL = { linear: 0, angular: 0, lateral: 0, joints: {} };
 
 export class CommandSender {
   /**
@@ -25,10 +26,11 @@ export class CommandSender {
     this.holder = null;
     this.enabled = false;
     this.stopped = false; // the stop is pressed
-    this.limits = { linear: 0, angular: 0 };
+    this.limits = { linear: 0, angular: 0, lateral: 0 };
     this.granted = this.limits; // those of the press: a limit raised since then waits for the next
-    this.linear = this.angular = 0;
-    this.joints = {};
+    this.radius = 0; // the least of a robot that steers, m
+    this.sideways = false; // the horizontal axis of the pad and of the sliders is the lateral one
+    this.shares = STILL;
     this.ticks = 0;
   }
 
@@ -36,18 +38,16 @@ export class CommandSender {
    * Drive.
    * @param {object} source the input; has cancel(), and the hands that hold its controls now, all
    *   of which have to be there: hands.
-   * @param {number} linear -1 to 1, forward positive, of the linear limit.
-   * @param {number} angular -1 to 1, to the left positive, of the angular limit.
-   * @param {Object<string, number>} joints velocities by the joints' names, rad/s or m/s.
+   * @param {{linear?: number, angular?: number, lateral?: number, joints?: Object<string, number>}}
+   *   shares -1 to 1 of each limit, forward and to the left positive; of the curvature with the
+   *   least radius, where the robot steers; and velocities by the joints' names, rad/s or m/s.
    * @returns {boolean} false if it cannot take control now.
    */
-  take(source, linear, angular, joints = {}) {
+  take(source, shares) {
     if (!this.ready) return false;
     const fresh = this.holder !== source;
     if (fresh) this.setHolder(source);
-    this.linear = linear;
-    this.angular = angular;
-    this.joints = joints;
+    this.shares = { ...STILL, ...shares };
     if (fresh) {
       this.sendCommand();
       this.first = this.connection.sent;
@@ -89,20 +89,33 @@ export class CommandSender {
   /** Apply the server's state; cancel the active input if another page took control. */
   update(state) {
     this.limits = state.limits;
-    this.granted = {
-      linear: Math.min(this.granted.linear, this.limits.linear),
-      angular: Math.min(this.granted.angular, this.limits.angular),
-    };
+    this.radius = state.least_radius;
+    const lower = ([axis, most]) => [axis, Math.min(this.granted[axis], most)];
+    this.granted = Object.fromEntries(Object.entries(this.limits).map(lower));
     // A state sent before our first command arrived does not name us yet; nor if it came too late.
     if (!state.you && !state.late && state.received >= this.first) this.drop();
   }
 
+  /** Whether the drive goes sideways. */
+  get strafes() {
+    return this.limits.lateral > 0;
+  }
+
+  /** The share along the horizontal axis, as `take` expects it. */
+  across(share) {
+    return this.sideways ? { lateral: share } : { angular: share };
+  }
+
   /** The command now, m/s and rad/s; of joints in their units. */
   get command() {
+    const { shares, granted, radius } = this;
+    const linear = shares.linear * granted.linear;
+    const turn = radius ? linear / radius : granted.angular;
     return {
-      linear: this.linear * this.granted.linear,
-      angular: this.angular * this.granted.angular,
-      joints: this.joints,
+      linear,
+      angular: shares.angular * turn,
+      lateral: shares.lateral * granted.lateral,
+      joints: shares.joints,
     };
   }
 
@@ -110,8 +123,7 @@ export class CommandSender {
     const before = this.holder;
     if (!before) this.granted = this.limits;
     this.holder = source;
-    this.linear = this.angular = 0;
-    this.joints = {};
+    this.shares = STILL;
     clearInterval(this.timer);
     if (before && source) before.cancel();
     if (source) {

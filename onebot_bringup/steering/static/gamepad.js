@@ -1,6 +1,7 @@
 /**
  * A gamepad (the Gamepad API): the left stick drives, the right one turns too, and the second
- * button (B, circle) stops the robot.
+ * button (B, circle) stops the robot. Where the drive goes sideways, the left stick does so, and only
+ * the right one turns, as with teleop_twist_joy.
  */
 
 import { Hand, PERIOD_MS } from "./hand.js";
@@ -62,8 +63,8 @@ export class Gamepads {
   read(pad) {
     if (pad.buttons[STOP_BUTTON]?.pressed) this.stop.press(presser(pad));
     else this.stop.release(presser(pad));
-    const [linear, angular] = sticks(pad);
-    if (linear === 0 && angular === 0) {
+    const shares = sticks(pad, this.sender.strafes);
+    if (Object.values(shares).every((share) => share === 0)) {
       this.centred.add(pad.index);
       if (this.driving === pad.index) this.rest();
     } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
@@ -73,7 +74,7 @@ export class Gamepads {
       this.values = values;
       this.driving = pad.index;
       // A pad works without the focus: it must not drive from a window in the background.
-      if (!document.hasFocus() || !this.sender.take(this, linear, angular)) this.cancel();
+      if (!document.hasFocus() || !this.sender.take(this, shares)) this.cancel();
     }
   }
 
@@ -93,12 +94,14 @@ function presser(pad) {
   return `gamepad ${pad.index}`;
 }
 
-/** Linear and angular share, -1 to 1; the axes point right and down. */
-function sticks(pad) {
+/** Shares of the axes, -1 to 1; those of the sticks point right and down. */
+function sticks(pad, strafes) {
   const [x, y] = outside(pad.axes[0] ?? 0, pad.axes[1] ?? 0);
   // Where the layout is not the standard one, the third axis may be a trigger, at rest at -1.
-  const [turn] = pad.mapping === "standard" ? outside(pad.axes[2] ?? 0, 0) : [0];
-  return [-y, -(Math.abs(turn) > Math.abs(x) ? turn : x)];
+  const standard = pad.mapping === "standard";
+  const [turn] = standard ? outside(pad.axes[2] ?? 0, 0) : [0];
+  if (strafes && standard) return { linear: -y, angular: -turn, lateral: -x };
+  return { linear: -y, angular: -(Math.abs(turn) > Math.abs(x) ? turn : x) };
 }
 
 /** The stick without its dead zone, and still reaching to 1 in every direction. */

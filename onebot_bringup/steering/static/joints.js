@@ -70,7 +70,7 @@ export class Joints {
     const held = this.sliders.filter((slider) => slider.held);
     const joints = Object.fromEntries(held.map(({ name, velocity }) => [name, velocity]));
     if (held.length === 0) this.sender.release(this);
-    else if (!this.sender.take(this, 0, 0, joints)) this.cancel();
+    else if (!this.sender.take(this, { joints })) this.cancel();
   }
 }
 

@@ -1,13 +1,17 @@
-/** The keyboard: arrows or W A S D drive while they are down, and Shift halves the speed. */
+/**
+ * The keyboard: arrows or W A S D drive while they are down, Q and E sideways, where the drive goes
+ * so; and Shift halves the speed.
+ */
 
 import { isText, KeyHold } from "./hand.js";
 
-// Linear and angular share of each key, by where it lies: W A S D is one block on any layout.
+// The axis of each key and its direction, by where it lies: W A S D is one block on any layout.
 const KEYS = {
-  ArrowUp: [1, 0], KeyW: [1, 0],
-  ArrowDown: [-1, 0], KeyS: [-1, 0],
-  ArrowLeft: [0, 1], KeyA: [0, 1],
-  ArrowRight: [0, -1], KeyD: [0, -1],
+  ArrowUp: ["linear", 1], KeyW: ["linear", 1],
+  ArrowDown: ["linear", -1], KeyS: ["linear", -1],
+  ArrowLeft: ["angular", 1], KeyA: ["angular", 1],
+  ArrowRight: ["angular", -1], KeyD: ["angular", -1],
+  KeyQ: ["lateral", 1], KeyE: ["lateral", -1],
 }; // prettier-ignore
 
 export class Keys {
@@ -32,9 +36,16 @@ export class Keys {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     if (isText(event.target) || movesSlider(event)) return;
     this.slow = event.shiftKey;
-    if (KEYS[event.code]) event.preventDefault(); // it would scroll, or move a slider
-    if (KEYS[event.code] && !event.repeat) this.hold.begin(event);
+    if (this.drives(event)) {
+      event.preventDefault(); // it would scroll, or move a slider
+      if (!event.repeat) this.hold.begin(event);
+    }
     this.drive();
+  }
+
+  /** Whether a key drives this robot. */
+  drives({ code }) {
+    return code in KEYS && (KEYS[code][0] !== "lateral" || this.sender.strafes);
   }
 
   lift(event) {
@@ -47,13 +58,17 @@ export class Keys {
       this.sender.release(this);
       return;
     }
-    let [linear, angular] = [0, 0];
+    const sums = { linear: 0, angular: 0, lateral: 0 };
     for (const code of this.hold.codes) {
-      linear += KEYS[code][0];
-      angular += KEYS[code][1];
+      const [axis, sign] = KEYS[code];
+      sums[axis] += sign;
     }
-    const share = (value) => Math.sign(value) * (this.slow ? 0.5 : 1);
-    if (!this.sender.take(this, share(linear), share(angular))) this.cancel();
+    const share = ([axis, sum]) => {
+      const slows = this.slow && !(axis === "angular" && this.sender.radius); // the same curve
+      return [axis, Math.sign(sum) * (slows ? 0.5 : 1)];
+    };
+    const shares = Object.fromEntries(Object.entries(sums).map(share));
+    if (!this.sender.take(this, shares)) this.cancel();
   }
 }
 

@@ -33,12 +33,12 @@ export class Pad {
   }
 
   /** Show with the thumb the command of another input, or of another page. */
-  show(linear, angular) {
+  show(linear, across) {
     if (this.held || performance.now() < this.settled) return;
-    const far = Math.max(1, Math.hypot(linear, angular)) / (this.size / 2);
+    const far = Math.max(1, Math.hypot(linear, across)) / (this.size / 2);
     const thumb = this.zone.querySelector(".front");
-    thumb.style.transform = `translate(${-angular / far}px, ${-linear / far}px)`;
-    this.zone.classList.toggle("led", linear !== 0 || angular !== 0);
+    thumb.style.transform = `translate(${-across / far}px, ${-linear / far}px)`;
+    this.zone.classList.toggle("led", linear !== 0 || across !== 0);
   }
 
   letGo() {
@@ -84,7 +84,8 @@ export class Pad {
   }
 
   move(vector) {
-    if (this.held && !this.sender.take(this, beyond(vector.y), -beyond(vector.x))) this.cancel();
+    const shares = { linear: beyond(vector.y), ...this.sender.across(-beyond(vector.x)) };
+    if (this.held && !this.sender.take(this, shares)) this.cancel();
   }
 }
 

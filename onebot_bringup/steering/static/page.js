@@ -3,6 +3,7 @@
 import { Braking } from "./braking.js";
 import { Camera } from "./camera.js";
 import { Connection } from "./connection.js";
+import { Drive } from "./drive.js";
 import { write } from "./elements.js";
 import { Gamepads } from "./gamepad.js";
 import { Joints } from "./joints.js";
@@ -28,15 +29,20 @@ const connection = new Connection({ up, down, message: receive });
 const sender = new CommandSender(connection, showHolder, () => notify(UNSEEN));
 const stop = new Stop(element("stop"), sender, letGo);
 const pad = new Pad(element("pad"), sender);
-const sliders = new Sliders({ linear: element("linear"), angular: element("angular") }, sender);
+const sliders = new Sliders({ linear: element("linear"), across: element("angular") }, sender);
 const joints = new Joints(element("joints"), document.querySelector("[name=joints]"), sender);
 const inputs = [pad, sliders, joints, new Keys(sender), new Gamepads(sender, stop)];
 const robot = new Robot(element("robot"), choose);
 const topic = new Topic(element("topic"), choose);
 const limits = new Limits(
-  { linear: element("linear-field"), angular: element("angular-field") },
+  {
+    linear: element("linear-field"),
+    angular: element("angular-field"),
+    lateral: element("lateral-field"),
+  },
   (chosen) => connection.send({ type: "limits", ...chosen }),
 );
+const drive = new Drive({ axis: element("angular"), sticks: element("sticks") }, sender, letGo);
 const readout = new Readout(element("readout"));
 const braking = new Braking(element("braking"));
 const camera = new Camera(element("camera"));
@@ -135,6 +141,7 @@ function receive(message) {
     } else notify(message.message);
   } else if (message.type === "state") {
     sender.update(message);
+    drive.show(message);
     topic.show(message);
     robot.show(message);
     showTitle(message);
@@ -143,7 +150,7 @@ function receive(message) {
     braking.show(message);
     const { command, limits: most } = message;
     for (const input of [pad, sliders]) {
-      input.show(share(command.linear, most.linear), share(command.angular, most.angular));
+      input.show(share(command.linear, most.linear), drive.across(message));
     }
     joints.show(message);
     if (message.joints.length === 0 && joints.isOpen) tools.toggle("");

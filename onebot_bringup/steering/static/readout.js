@@ -3,7 +3,7 @@
 import { write } from "./elements.js";
 
 const OLD_S = 1.0; // odometry that was received longer ago is no longer live
-const UNITS = { linear: "m/s", angular: "rad/s" };
+const UNITS = { linear: "m/s", angular: "rad/s", lateral: "m/s" };
 
 export class Readout {
   /** @param {HTMLElement} root the part of the page that holds the elements with data-show. */
@@ -17,7 +17,7 @@ export class Readout {
 
   /** Show a state of the server's. */
   show({ command, odometry, limits }) {
-    for (const axis of ["linear", "angular"]) {
+    for (const axis of Object.keys(UNITS)) {
       const measured = odometry ? odometry[axis] : null;
       this.number(`${axis}-command`, command[axis], 2);
       this.number(`${axis}-measured`, measured, 2);
@@ -38,7 +38,7 @@ export class Readout {
 
   /** The connection is lost: nothing is commanded, and the odometry is no longer live. */
   forget() {
-    for (const axis of ["linear", "angular"]) {
+    for (const axis of Object.keys(UNITS)) {
       this.number(`${axis}-command`, 0, 2);
       this.fields[`${axis}-bar`].style.setProperty("--command", 0);
     }

@@ -2,7 +2,7 @@
 
 import { fill, onEnterLeave, write } from "./elements.js";
 
-const UNITS = { linear: "m/s", angular: "rad/s" };
+const UNITS = { linear: "m/s", angular: "rad/s", lateral: "m/s" };
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 const CONFIRM_MS = 1000; // after an entry; later the server's states have it
 const STORED = "limits"; // in the tab's storage, which outlives a reload
@@ -89,9 +89,9 @@ export class Topic {
 
 export class Limits {
   /**
-   * @param {{linear: HTMLElement, angular: HTMLElement}} groups each with an input and a hint.
-   * @param {(limits: {linear: number | null, angular: number | null}) => void} choose called with
-   *   what is chosen by hand; null is as the controller has it.
+   * @param {Object<string, HTMLElement>} groups by axis, each with an input and a hint.
+   * @param {(limits: Object<string, number | null>) => void} choose called with what is chosen by
+   *   hand, by axis; null is as the controller has it.
    */
   constructor(groups, choose) {
     this.choose = choose;
@@ -104,7 +104,7 @@ export class Limits {
     this.forget();
   }
 
-  /** Send what was entered into one field, with the other limit as it is. */
+  /** Send what was entered into one field, with the other limits as they are. */
   enter(axis, value) {
     // A state that was sent before the last entry arrived does not have it.
     const confirmed = performance.now() - this.entered > CONFIRM_MS;
@@ -121,7 +121,7 @@ export class Limits {
     }
     const lost = this.fresh && isEmpty(chosen) ? load() : null;
     this.fresh = false;
-    if (lost) this.choose(lost);
+    if (lost) this.choose({ ...chosen, ...lost });
     else save(chosen);
   }
 

@@ -1,6 +1,6 @@
 /**
  * The two sliders of rqt_robot_steering, linear and angular, with - 0 + and limits that can be
- * edited. They drive while they are held, both at once with two fingers, and spring back to zero.
+ * edited; the second one also drives sideways, or steers. They drive while they are held, both at once with two fingers, and spring back to zero.
  */
 
 import { KeyHold } from "./hand.js";
@@ -12,15 +12,15 @@ export const SETTLE_MS = 250; // after letting go, states that the server sent b
 
 export class Sliders {
   /**
-   * @param {{linear: HTMLElement, angular: HTMLElement}} groups each with an input[type=range]
-   *   from -1 to 1 and buttons named minus, zero and plus.
+   * @param {{linear: HTMLElement, across: HTMLElement}} groups the vertical and the horizontal one,
+   *   each with an input[type=range] from -1 to 1 and buttons named minus, zero and plus.
    * @param {import("./command_sender.js").CommandSender} sender
    */
   constructor(groups, sender) {
     this.sender = sender;
     this.label = "sliders";
-    const { linear, angular } = groups;
-    this.axes = [linear, angular].map((group) => new Axis(group, this));
+    const { linear, across } = groups;
+    this.axes = [linear, across].map((group) => new Axis(group, this));
   }
 
   /** Let go, and wait for the next press. */
@@ -34,15 +34,16 @@ export class Sliders {
   }
 
   /** Show the command of another input, or of another page. */
-  show(linear, angular) {
+  show(linear, across) {
     this.axes[0].show(linear);
-    this.axes[1].show(angular);
+    this.axes[1].show(across);
   }
 
   drive() {
-    const [linear, angular] = this.axes;
-    if (!linear.held && !angular.held) this.sender.release(this);
-    else if (!this.sender.take(this, linear.value, angular.value)) this.cancel();
+    const [linear, across] = this.axes;
+    const shares = { linear: linear.value, ...this.sender.across(across.value) };
+    if (!linear.held && !across.held) this.sender.release(this);
+    else if (!this.sender.take(this, shares)) this.cancel();
   }
 }
 
