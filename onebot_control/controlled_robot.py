@@ -201,7 +201,7 @@ class PreparedRobot(NamedTuple):
         wheels = None
         if config.drive is not None:
             wheels = config.drive.wheels(description)
-            config.drive.geometry(wheels)
+            config.drive.fitted(wheels)
         candidates = controllers or [DEFAULT_CONTROLLER]
         joints = {
             controller.name: joints_of(controller, description, wheels) for controller in candidates
@@ -234,6 +234,7 @@ class PreparedRobot(NamedTuple):
             yaw=config.yaw,
             name=name,
             commanded=commanded,
+            steering=wheels.steering if wheels else (),
             gears=gears,
             starts=starts,
             fixed_base=wheels is None,

@@ -11,6 +11,8 @@ from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.names import node_name
 from onebot_description.ros.wire.message_arrays import OdometrySample
 
+_NAMES = "/odom", "/odometry"  # how the topics of diff_drive_controller and of others end
+
 
 def choose_odometry(
     publishers: Mapping[str, Collection[str]], commands: str, controllers: Collection[str]
@@ -24,10 +26,10 @@ def choose_odometry(
     """
     topics = [name for name, nodes in publishers.items() if not set(controllers).isdisjoint(nodes)]
     if len(topics) > 1:  # a simulation publishes the ground truth, too
-        topics = [topic for topic in topics if topic.endswith("/odom")]
+        topics = [topic for topic in topics if topic.endswith(_NAMES)]
     if len(topics) != 1:
-        sibling = f"{commands.rpartition('/')[0]}/odom"
-        topics = [sibling] if sibling in publishers else list(publishers)
+        siblings = [f"{commands.rpartition('/')[0]}{name}" for name in _NAMES]
+        topics = [topic for topic in siblings if topic in publishers] or list(publishers)
     return topics[0] if len(topics) == 1 else ""
 
 

@@ -33,7 +33,6 @@ from onebot_control.drive.kinematics import DriveCommand, Kinematics, PlanarTwis
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimiter
-from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 
 if TYPE_CHECKING:
@@ -113,11 +112,7 @@ class Drive:
         Raises:
             OneBotError: the description does not determine the geometry, or it is unusable.
         """
-        geometry = config.geometry(self.wheels)
-        try:
-            return geometry, config.kinematics(geometry)
-        except ValueError as error:
-            raise OneBotError(f"wheels, with their multipliers: {error}") from None
+        return config.fitted(self.wheels)
 
     def configure(self, config: DriveParameters[Any]) -> None:
         """Apply changed parameters; pose, command and speed stay as they are.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from onebot_control.drive.kinematics import Kinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import parameter
 
 if TYPE_CHECKING:
@@ -97,12 +98,25 @@ class DriveParameters(ABC, Generic[G]):
             OneBotError: there are none, or those named are no wheels of such a drive.
         """
 
+    def fitted(self, wheels: Any) -> tuple[G, Kinematics]:
+        """Return the geometry and the kinematics of ``wheels``.
+
+        Raises:
+            OneBotError: the description does not define the geometry, or it is unusable.
+        """
+        try:
+            geometry = self.geometry(wheels)
+            return geometry, self.kinematics(geometry)
+        except ValueError as error:
+            raise OneBotError(f"wheels, with their multipliers: {error}") from None
+
     @abstractmethod
     def geometry(self, wheels: Any) -> G:
         """Return the lengths of the drive: parameters, or read from the description.
 
         Raises:
             OneBotError: the description does not define one.
+            ValueError: a length is unusable.
         """
 
     @abstractmethod

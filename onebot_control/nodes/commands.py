@@ -24,6 +24,7 @@ from onebot_description.ros.topic_subscription import (
     offers,
 )
 from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled, Warn
 from onebot_description.timing.wake_detector import boot_time
@@ -32,6 +33,7 @@ _QOS = QoSProfile(depth=DEPTH)
 _TWIST = "geometry_msgs/msg/Twist"
 _TYPES = {_TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _JOINTS = "controller_manager/cmd_vel"  # its lock is that of joints, also of a robot that drives
+_STEERED = "drive"  # the topic of AckermannDriveStamped, as of F1TENTH's cars
 _USUAL = "cmd_vel"  # tutorials publish commands there
 _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
@@ -202,7 +204,14 @@ class CommandGate:
     """
 
     def __init__(
-        self, node: Node, slot: LoopSlot, warn: Throttled, topic: str, *, drives: bool
+        self,
+        node: Node,
+        slot: LoopSlot,
+        warn: Throttled,
+        topic: str,
+        *,
+        drives: bool,
+        steers: bool = False,
     ) -> None:
         """Subscribe.
 
@@ -212,6 +221,7 @@ class CommandGate:
             warn: logs warnings.
             topic: name of the topic of commands, in the node's namespace.
             drives: whether the robot has a drive; else it receives no commands.
+            steers: whether the drive steers; then it receives AckermannDriveStamped, too.
         """
         self._node, self._slot, self._warn, self.answered = node, slot, warn, 0
         self.topic = f"~/{topic}"
@@ -220,6 +230,9 @@ class CommandGate:
         self.subscription: CommandSubscription | None = None
         if drives:
             self.subscription = CommandSubscription(node, self.topic, self._receive, warn)
+        if steers:
+            kind = load_interface("ackermann_msgs/msg/AckermannDriveStamped")
+            node.create_subscription(kind, _STEERED, self._on_steered, _QOS)
 
     @cached_property
     def joint_lock(self) -> CommandLock:
@@ -227,6 +240,18 @@ class CommandGate:
         if self.subscription is None:
             return self.lock
         return CommandLock(self._node, _JOINTS, self._hold, above=self.lock)
+
+    def _on_steered(self, message: Any) -> None:
+        """Receive a speed and a steering angle, whose stamp is not used: bags have old ones."""
+        if self._slot.loop is None:
+            return
+        speed, angle = message.drive.speed, message.drive.steering_angle
+        drive = self._slot.robot.drive
+        assert drive is not None
+        finite = math.isfinite(speed) and abs(angle) < math.pi / 2.0
+        turn = speed * math.tan(angle) / drive.geometry.wheelbase if finite else 0.0
+        fault = "" if finite else f"speed {speed}, steering_angle {angle}"
+        self._receive(Command(speed, 0.0, turn, None, Age(0.0, 0.0), fault))
 
     def _receive(self, command: Command) -> None:
         loop, now = self._slot.loop, boot_time()

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of
+from onebot_control.drive.steered import SteeredParameters
 from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_parameters import ControlParameters
@@ -95,7 +96,14 @@ class RobotInterface:
             node, clock=world.simulated and row == 0, odometry=odometry if drives else None
         )
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        self.commands = CommandGate(node, self.slot, self._warn, command, drives=drives)
+        self.commands = CommandGate(
+            node,
+            self.slot,
+            self._warn,
+            command,
+            drives=drives,
+            steers=isinstance(config, SteeredParameters),
+        )
         self.step_topics = StepTopics(node, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = (lambda: self.publishing.odom_frame) if drives else None

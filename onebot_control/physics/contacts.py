@@ -287,11 +287,11 @@ def _arm_links(spawn: RobotSpawn) -> set[str]:
     """Return the first links of the bodies that commanded joints move: they stand on nothing."""
     frames = rigid_frames(spawn.description)
     joints = {joint.child: joint for joint in spawn.description.moving_joints}
-    arms = set()
+    moved, arms = {*spawn.commanded, *spawn.gears} - {*spawn.steering}, set()
     for first in joints:
         link = first
         while link in joints and joints[link].name not in spawn.driven:
-            if joints[link].name in {*spawn.commanded, *spawn.gears}:
+            if joints[link].name in moved:
                 arms.add(first)
             link, _ = frames[joints[link].parent]
     return arms

@@ -39,6 +39,7 @@ class RobotSpawn(NamedTuple):
     yaw: float = 0.0  # heading, rad
     name: str = ""  # name in error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
+    steering: Sequence[str] = ()  # those of the commanded joints that steer wheels
     gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still

@@ -37,8 +37,8 @@ class SteeredGeometry(NamedTuple):
         return self.wheelbase / math.tan(self.limit) if self.limit < _QUARTER else 0.0
 
     def __str__(self) -> str:
-        text = f"a wheelbase of {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
-        return f"{text}, curves of {self.least_radius:.3g} m and more"
+        text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
+        return f"{text}, least radius of a curve {self.least_radius:.3g} m"
 
 
 def _middle_angle(inner: float, wheelbase: float, track: float) -> float:
