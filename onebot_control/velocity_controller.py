@@ -4,8 +4,8 @@
 Run it alone with ``python -m onebot_control.velocity_controller [FILE] --ros-args ...``; FILE is a
 URDF or xacro file. Without it, the description is the parameter or the topic robot_description.
 Without --params-file, OneBot's control.yaml is used; the node has the name that the file gives to a
-diff_drive_controller. Simulation, diff_drive_controller and
-joint_state_broadcaster run in one process: when it is killed, the robot stops.
+drive. Simulation, drive and joint_state_broadcaster run in one process: when it is killed, the robot
+stops.
 
 To simulate several robots in one world, where they can collide, run one process with a node for
 each: ``... --robot -r __ns:=/robot1 -p x:=0.0 --robot -r __ns:=/robot2 -p x:=1.0 --ros-args ...``.
@@ -13,7 +13,10 @@ ROS arguments after --robot are for one node, those after --ros-args for all nod
 
 Subscribes:
     ~/cmd_vel (geometry_msgs/msg/Twist or TwistStamped, reliable, depth 10): m/s and rad/s;
-        only linear.x and angular.z are used.
+        linear.x, angular.z and, if the drive moves sideways, linear.y are used. ~/reference of
+        mecanum and steering controllers that a control file names.
+    drive (ackermann_msgs/msg/AckermannDriveStamped, reliable, depth 10): speed and steering angle
+        of a car; its stamp is not used.
     ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): after true the robot brakes and ignores
         all commands until false, whoever publishes them; if ~/cmd_vel is remapped, the lock is too.
     controller_manager/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): the lock of joints that
@@ -28,7 +31,10 @@ Subscribes:
 Publishes (reliable, depth 10, unless noted):
     joint_states (sensor_msgs/msg/JointState): every control cycle; rad, rad/s, Nm.
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
-        the pose grows with the distance, unless pose_covariance_diagonal is given.
+        the pose grows with the distance, unless pose_covariance_diagonal is given. ~/odometry of
+        mecanum and steering controllers that a control file names.
+    ~/controller_state (control_msgs/msg/MecanumDriveControllerState or SteeringControllerStatus): of
+        mecanum drives and cars, every control cycle.
     ~/ground_truth (nav_msgs/msg/Odometry): the true pose and twist, with ~/odom.
     /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also the
         true world_frame_id -> odom_frame_id, and the movable boxes. world_frame_id ->
@@ -57,6 +63,7 @@ Services:
         command, and the world's boxes back to their start, unless a robot is in their place.
         Refused if another robot is at the start.
     ~/reset_odometry (std_srvs/srv/Trigger): sets the odometry to zero where the robot is.
+    ~/set_odometry (control_msgs/srv/SetOdometry): sets it to a pose.
     ~/pause (std_srvs/srv/SetBool): true stops simulated time, false continues.
     ~/step (std_srvs/srv/Trigger): one control cycle of a paused simulation.
     of another node, simulation (in the namespace of a single robot, else in /): step_simulation,
@@ -67,8 +74,10 @@ Services:
 If several robots share a world, ~/pause, ~/step and real_time_factor of any node apply to all of
 them; update_rate must be the same for all; use_sim_time, world and paused are the first robot's.
 
-Parameters are those of diff_drive_controller, joint_state_broadcaster and the simulation. A change
-takes effect at once, or is rejected with the reason.
+The drive is differential, mecanum, of omni wheels or steered: as the control file's type says, or
+else the description; README.md lists them. Parameters are those of its standard controller, of
+joint_state_broadcaster and the simulation. A change takes effect at once, or is rejected with the
+reason.
 """
 
 if __name__ == "__main__":  # first: the imports take a second

@@ -14,12 +14,18 @@ from onebot_bringup.launch.settings import BringupSettings, StandingSettings
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.drive_kinds import ControlConfig
+from onebot_control.drive_kinds import (
+    ControlConfig,
+    MecanumConfig,
+    OmniConfig,
+    SteeringConfig,
+    TricycleConfig,
+)
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
 from onebot_control.trajectories.gripping import GripperConfig
 from onebot_description.joints.config import JointsConfig
-from onebot_description.parameters.reader import rows
+from onebot_description.parameters.reader import leaves, rows
 from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 
@@ -27,6 +33,10 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "robot_state_publisher": (StateParameters,),
     "joint_state_publisher": (JointsConfig,),
     "velocity_controller": (ControlConfig,),
+    "mecanum_drive_controller": (MecanumConfig,),
+    "omni_wheel_drive_controller": (OmniConfig,),
+    "ackermann_steering_controller": (SteeringConfig,),
+    "tricycle_controller": (TricycleConfig,),
     "joint_trajectory_controller": (TrajectoryConfig,),
     "forward_command_controller": (ForwardConfig,),
     "parallel_gripper_action_controller": (GripperConfig,),
@@ -52,9 +62,12 @@ def tables() -> dict[str, str]:
 
 
 def _parameters(*kinds: type) -> str:
+    """Return the table of a node; of a drive other than velocity_controller's, what differs."""
+    known = {} if ControlConfig in kinds else {leaf.name: leaf for leaf in leaves(ControlConfig)}
     cells = (
         (_names(row.names), row.type, _code(row.default), _plain(row.meaning))
         for row in rows(*kinds)
+        if not known.keys() >= {*row.names} or known[row.names[0]].default_text != row.default
     )
     return _table(("Parameter", "Type", "Default", "Meaning"), cells)
 
