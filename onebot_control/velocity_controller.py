@@ -4,8 +4,8 @@
 Run it alone with ``python -m onebot_control.velocity_controller [FILE] --ros-args ...``; FILE is a
 URDF or xacro file. Without it, the description is the parameter or the topic robot_description.
 Without --params-file, OneBot's control.yaml is used; the node has the name that the file gives to a
-drive. Simulation, drive and joint_state_broadcaster run in one process: when it is killed, the robot
-stops.
+drive. Simulation, drive and joint_state_broadcaster run in one process: when it is killed, the
+robot stops.
 
 To simulate several robots in one world, where they can collide, run one process with a node for
 each: ``... --robot -r __ns:=/robot1 -p x:=0.0 --robot -r __ns:=/robot2 -p x:=1.0 --ros-args ...``.
@@ -33,7 +33,7 @@ Publishes (reliable, depth 10, unless noted):
     ~/odom (nav_msgs/msg/Odometry): pose and twist by the wheels, at publish_rate; the covariance of
         the pose grows with the distance, unless pose_covariance_diagonal is given. ~/odometry of
         mecanum and steering controllers that a control file names.
-    ~/controller_state (control_msgs/msg/MecanumDriveControllerState or SteeringControllerStatus): of
+    ~/controller_state (control_msgs/msg/MecanumDriveControllerState, SteeringControllerStatus): of
         mecanum drives and cars, every control cycle.
     ~/ground_truth (nav_msgs/msg/Odometry): the true pose and twist, with ~/odom.
     /tf (tf2_msgs/msg/TFMessage): odom_frame_id -> base_frame_id, with ~/odom; in a world also the
