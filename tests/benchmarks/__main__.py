@@ -15,8 +15,8 @@ from tests.orphans import end_with_this_process
 # Each benchmark is a module of this package with ``run(quick: bool) -> Report``. It raises
 # ``WrongAnswer`` where an answer is wrong, and stops all that it has started however it ends.
 BENCHMARKS = (
-    *("state_publisher", "simulation", "arms", "from_python", "lockstep", "stepping", "fleet"),
-    *("startup", "control_loop", "viewer", "sensing"),
+    *("state_publisher", "simulation", "drives", "arms", "from_python", "lockstep", "stepping"),
+    *("fleet", "startup", "control_loop", "viewer", "sensing"),
 )
 
 
