@@ -67,6 +67,7 @@ class Launch:
                 files = row.files(launch)[1:]
                 name = launch._name(row)
                 words += ["--robot", *launch.ros_nodes.arguments(name, node_parameters, files)]
+            parameters = {}  # each robot's node has its own
         else:
             parameters |= self.parameters(row)
         files = row.files(self)
@@ -342,7 +343,9 @@ class RosNodes:
         """Return a node's ROS arguments, and write its parameter file; see ``process``."""
         namespace = absolute(self.namespace)
         arguments = ["--log-level", self.log_level] if self.log_level else []
-        for file in (*files, write_parameters(self.folder, name, parameters, namespace)):
+        if parameters:
+            files = *files, write_parameters(self.folder, name, parameters, namespace)
+        for file in files:
             arguments += ["--params-file", str(file)]  # later ones override
         if namespace:
             arguments += ["-r", f"__ns:={namespace}"]

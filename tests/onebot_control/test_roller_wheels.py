@@ -162,21 +162,6 @@ def test_odometry_is_within_a_two_thousandth_of_the_truth(model: Rolling, path: 
     assert max(driver.errors()) <= 0.0005
 
 
-@pytest.mark.slow
-@both
-def test_odometry_is_as_exact_after_100_metres(model: Rolling) -> None:
-    with World([model.spawn()]) as world:
-        driver = Driver(model, world)
-        row = 0
-        while driver.driven < 100.0:
-            direction = 0.7 * row
-            twist = 0.8 * math.cos(direction), 0.8 * math.sin(direction), (0.3, 0.0, -0.3)[row % 3]
-            driver.drive(twist, 8.0)
-            row += 1
-        driver.drive((0.0, 0.0, 0.0), 2.0)
-    assert max(driver.errors()) <= 0.0005
-
-
 @both
 def test_it_drives_as_commanded(model: Rolling) -> None:
     """In the directions of the command, not only as its wheels say."""

@@ -1,9 +1,9 @@
 """Finds the text that defines an interface, as ROS calls a message, service or action type.
 
 An installed package has it in its share folder, as .msg, .srv or .action file. Those of tf2_msgs,
-control_msgs, map_msgs and simulation_interfaces, which no wheel has, are in the folder
-``definitions`` here; their names and types, which the type hash is made of, are those of ROS 2
-Jazzy. ``common_definitions`` has those messages of installed packages that drawing a description
+ackermann_msgs, control_msgs, map_msgs and simulation_interfaces, which no wheel has, are in the
+folder ``definitions`` here; their names and types, which the type hash is made of, are those of ROS
+2 Jazzy. ``common_definitions`` has those messages of installed packages that drawing a description
 takes, for where there is no ROS.
 """
 
