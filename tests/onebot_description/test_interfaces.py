@@ -153,7 +153,7 @@ def test_damaged_messages_are_refused(name: str) -> None:
             if not hasattr(kind, "SLOT_TYPES"):
                 continue
             good = bytes(serialize_message(data.draw(messages(kind))))
-            for length in range(4, len(good)):
+            for length in range(4, len(good), len(good) // 100 + 1):
                 with pytest.raises(rclpy._rclpy_pybind11.RMWError):
                     deserialize_message(good[:length], kind)
             for _ in range(30):
