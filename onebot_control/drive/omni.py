@@ -41,9 +41,7 @@ class OmniParameters(HolonomicParameters):
 
     @classmethod
     def is_found(cls, wheels: "Wheels") -> bool:
-        return len(wheels.rolling) >= 3 and not any(
-            wheels.axles[name].across for name in wheels.rolling
-        )
+        return bool(wheels.omni)
 
     def wheels(self, description: "Description") -> "OmniWheels":
         from onebot_control.drive.wheels.rollers import OmniWheels  # imports numpy
