@@ -24,6 +24,7 @@ _PIVOT = 1e-3
 # rad: as steering_controllers_library.
 _FAR, _FARTHEST = math.pi / 6.0, 1.5608
 _QUARTER = math.pi / 2.0
+_ROUNDED = 1e-3  # rad; a limit this near to a quarter turn, such as 1.57, is one
 _ROUNDING = 1e-6  # relative, of a radius
 
 
@@ -204,7 +205,8 @@ class SteeredParameters(DriveParameters["SteeredGeometry"]):
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
         geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
-        return geometry._replace(limit=self.steering_limit) if self.steering_limit else geometry
+        limit = self.steering_limit or min(geometry.limit, *self._limits)
+        return geometry._replace(limit=_QUARTER if limit > _QUARTER - _ROUNDED else limit)
 
     def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
         return SteeredKinematics(geometry, waits=geometry.front_driven)
@@ -213,6 +215,11 @@ class SteeredParameters(DriveParameters["SteeredGeometry"]):
     def _radius(self) -> float:
         """The radius of the driven wheels, m; 0: that of the URDF."""
         return 0.0
+
+    @property
+    def _limits(self) -> tuple[float, ...]:
+        """The greatest steering angles to each side, rad."""
+        return (_QUARTER,)
 
     @property
     def _tracks(self) -> tuple[float, float]:
@@ -298,6 +305,21 @@ class SteeringParameters(SteeredParameters):
 
 
 @dataclass(frozen=True)
+class SteeringLimits:
+    """tricycle_controller's parameters ``steering.*``."""
+
+    min_position: float = parameter(
+        0.0, "the farthest to the right, rad; 0: by the joint's limits", at_most=0.0
+    )
+    max_position: float = parameter(
+        0.0, "the farthest to the left, rad; 0: by the joint's limits", at_least=0.0
+    )
+    max_velocity: float = parameter(
+        0.0, "the greatest speed, rad/s; 0: by the joint's limits", at_least=0.0
+    )
+
+
+@dataclass(frozen=True)
 class TricycleParameters(SteeredParameters):
     """tricycle_controller's parameters: of a tricycle whose steered wheel is driven."""
 
@@ -311,6 +333,7 @@ class TricycleParameters(SteeredParameters):
     cmd_vel_timeout: float = parameter(
         500, "time without a command until the robot brakes, ms; 0: it never does", at_least=0.0
     )
+    steering: SteeringLimits = group(SteeringLimits)
     odom_only_twist: bool = ignored(False, "the odometry has its pose, too")
     publish_ackermann_command: bool = ignored(False, "~/cmd_vel_out has the limited command")
 
@@ -328,6 +351,15 @@ class TricycleParameters(SteeredParameters):
         traction, steering = self.traction_joint_name, self.steering_joint_name
         names = [[name] if name else [] for name in (traction, steering)]
         return SteeredWheels(description, *names, front_driven=True)
+
+    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
+        geometry = super().geometry(wheels)
+        speed = self.steering.max_velocity or math.inf
+        return geometry._replace(speed=min(geometry.speed, speed))
+
+    @property
+    def _limits(self) -> tuple[float, ...]:
+        return -self.steering.min_position or _QUARTER, self.steering.max_position or _QUARTER
 
     @property
     def _radius(self) -> float:
