@@ -158,10 +158,13 @@ _HINGES = "".join(
 @pytest.mark.parametrize("named", [_CLASSIC, _FOUR])
 def test_of_a_plugins_wheels_those_that_are_not_steered_are_driven(named: str) -> None:
     """Classic Gazebo's names the front wheels, too; that of new Gazebo may drive all four."""
-    plugin = f'<plugin filename="libgazebo_ros_ackermann_drive.so">{named}{_HINGES}</plugin>'
+    inside = f"{named}{_HINGES}<steering_limit>0.3</steering_limit>"
+    plugin = f'<plugin filename="libgazebo_ros_ackermann_drive.so">{inside}</plugin>'
     description = car(f"<gazebo>{plugin}</gazebo>", kind="revolute")
-    wheels = DRIVES[found_drive(description)]().wheels(description)
+    config = DRIVES[found_drive(description)]()
+    wheels = config.wheels(description)
     assert wheels.names == REAR
+    assert config.geometry(wheels).limit == 0.3
     assert {*wheels.free} == {*FRONT}
 
 

@@ -131,12 +131,14 @@ class SteeredWheels(Wheels):
         )
         if most <= 0.0:
             self._refuse(f"{', '.join(self.steering)} cannot be turned to both sides")
+        limit = _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering)
+        plugin = self.description.drive_plugin
         return SteeredGeometry(
             wheelbase,
             radius or self.radius,
             traction if len(self.names) > 1 else 0.0,
             steering if len(self.steering) > 1 else 0.0,
-            _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering),
+            min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
             self._front_driven,
             float(self._rear[0]),
             min(joint.velocity or STEERING_SPEED for joint in ranges),
