@@ -366,7 +366,8 @@ def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bo
 
 def _steering(joint: Joint, effort: float) -> Joint:
     """Return a joint that steers, with limits of its motor where none are written."""
-    return replace(joint, effort=joint.effort or effort, velocity=joint.velocity or STEERING_SPEED)
+    fastest = min(joint.velocity or STEERING_SPEED, STEERING_SPEED)
+    return replace(joint, effort=joint.effort or effort, velocity=fastest)
 
 
 def _report_held(

@@ -12,8 +12,9 @@ from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
 
-STEERING_SPEED = 2.0
-"""The greatest speed of a joint that steers, rad/s, if the description limits none."""
+STEERING_SPEED = 3.0
+"""The greatest speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
+or with one of 100 rad/s, would let it jump, and its reaction would turn the robot."""
 _QUARTER = math.pi / 2.0  # rad
 # How far the inner wheel of a car is steered, rad, if its joint is continuous. Near a quarter turn,
 # the two steered wheels and the driven ones would determine the turn in three different ways.
@@ -141,7 +142,7 @@ class SteeredWheels(Wheels):
             min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
             self._front_driven,
             float(self._rear[0]),
-            min(joint.velocity or STEERING_SPEED for joint in ranges),
+            min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
         )
 
     def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:
