@@ -5,7 +5,7 @@ URDF does not specify all that a simulation needs, and PyBullet's defaults are u
 - Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
   <lateral_friction>.
 - A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
-  cylinder instead.
+  cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
 - More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.
 - Everything else that touches the ground glides, unless the URDF has a <lateral_friction>, and is
   lifted a little if it would carry the robot instead of the wheels.
@@ -38,9 +38,9 @@ from onebot_description.model.rigid_bodies import Body, rigid_frames
 
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
-# The same of a robot that steers. At this width, PyBullet's margin rounds the whole rim, so that
-# it touches the ground in its middle. Wider ones touch it with either edge, and 1 mm is 1 % of a
-# small car's track; wheels on two sides, without others that fight them, do so in turn.
+# The same of a robot that steers. At this width, PyBullet's margin of 1 mm rounds the whole rim, so
+# that it touches the ground in its middle. A wider one whose axle is not exactly level touches it
+# with one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels would fight.
 _DISC = 0.002
 _GLIDING = 0.01  # coefficient of friction of parts that glide
 # Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:
