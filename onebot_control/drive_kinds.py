@@ -60,6 +60,7 @@ DRIVES: Mapping[str, type[SimulationConfig]] = {
     DEFAULT_DRIVE: ControlConfig,
     "mecanum_drive_controller/MecanumDriveController": MecanumConfig,
     "clearpath_mecanum_drive_controller/MecanumDriveController": MecanumConfig,
+    "husarion_mecanum_drive_controller/MecanumDriveController": MecanumConfig,
     "omni_wheel_drive_controller/OmniWheelDriveController": OmniConfig,
     "ackermann_steering_controller/AckermannSteeringController": SteeringConfig,
     "bicycle_steering_controller/BicycleSteeringController": SteeringConfig,

@@ -1,5 +1,6 @@
 """The differential drive: its parameters, as diff_drive_controller's, and its kinematics."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -43,7 +44,9 @@ class DiffDriveKinematics(Kinematics):
         check_lengths(self, "separation", "left_radius", "right_radius")
         self.shares = Share(0.5, 0.0, -separation), Share(0.5, 0.0, separation)
 
-    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
+    def command(
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
+    ) -> DriveCommand:
         linear, _, angular = twist
         left, right = self.paths(twist)
         wheels = left / self.left_radius, right / self.right_radius

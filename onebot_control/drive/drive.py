@@ -186,7 +186,8 @@ class Drive:
         # A command's first cycle comes less than dt after it, so do not age it yet.
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
-        self.command = self.odometry.kinematics.command(self._limited(dt), self._steering)
+        twist = self._limited(dt)
+        self.command = self.odometry.kinematics.command(twist, self._steering, dt)
         if self.config.open_loop:
             self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
         return self.command

@@ -117,7 +117,9 @@ class HolonomicKinematics(Kinematics):
         rows = [(math.sin(angle), -math.cos(angle), -robot_radius) for angle in angles]
         return cls(radius, rows)
 
-    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
+    def command(
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
+    ) -> DriveCommand:
         return DriveCommand(*twist, [path / self.radius for path in self.paths(twist)])
 
     def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:

@@ -53,12 +53,15 @@ class Kinematics(ABC):
     shares: Sequence[Share]
 
     @abstractmethod
-    def command(self, twist: Triple, steering: Sequence[float]) -> DriveCommand:
+    def command(
+        self, twist: Triple, steering: Sequence[float], dt: float = math.inf
+    ) -> DriveCommand:
         """Return what the joints do for a limited twist.
 
         Args:
             twist: the wanted motion per second; the result leaves out what the drive cannot do.
             steering: measured positions of the steering joints, rad.
+            dt: time until the next command, s, which steering needs.
         """
 
     def fault(self, twist: Triple) -> str:

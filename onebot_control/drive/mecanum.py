@@ -23,8 +23,16 @@ _CORNERS = "front_left", "front_right", "rear_right", "rear_left"  # in the orde
 _SAME = "the states of a wheel are those of its joint"
 
 
-def _wheel(corner: str) -> Any:
-    return parameter("", f"joint of the {corner} wheel; empty: found in the URDF", read_only=True)
+_FORK = ", by its name in Husarion's fork"
+
+
+def _wheel(corner: str, source: str = "") -> Any:
+    text = f"joint of the {corner} wheel{source}; empty: found in the URDF"
+    return parameter("", text, read_only=True)
+
+
+def _multiplier(length: str) -> Any:
+    return parameter(1.0, f"factor of {length}", above=0.0)
 
 
 @dataclass(frozen=True)
@@ -57,11 +65,21 @@ class MecanumParameters(HolonomicParameters):
     front_right_wheel_command_joint_name: str = _wheel("front right")
     rear_right_wheel_command_joint_name: str = _wheel("rear right")
     rear_left_wheel_command_joint_name: str = _wheel("rear left")
+    front_left_wheel_name: str = _wheel("front left", _FORK)
+    front_right_wheel_name: str = _wheel("front right", _FORK)
+    rear_right_wheel_name: str = _wheel("rear right", _FORK)
+    rear_left_wheel_name: str = _wheel("rear left", _FORK)
     front_left_wheel_state_joint_name: str = ignored("", _SAME)
     front_right_wheel_state_joint_name: str = ignored("", _SAME)
     rear_right_wheel_state_joint_name: str = ignored("", _SAME)
     rear_left_wheel_state_joint_name: str = ignored("", _SAME)
     lengths: MecanumLengths = group(MecanumLengths, "kinematics")
+    wheel_radius: float = read_from_urdf(f"radius of the wheels{_FORK}")
+    wheel_separation_x: float = read_from_urdf(f"distance between the axles{_FORK}")
+    wheel_separation_y: float = read_from_urdf(f"distance between the sides{_FORK}")
+    wheel_radius_multiplier: float = _multiplier("wheel_radius")
+    wheel_separation_x_multiplier: float = _multiplier("wheel_separation_x")
+    wheel_separation_y_multiplier: float = _multiplier("wheel_separation_y")
     reference_timeout: float = parameter(
         math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
     )
@@ -73,7 +91,9 @@ class MecanumParameters(HolonomicParameters):
 
     @property
     def _names(self) -> list[str]:
-        return [getattr(self, f"{corner}_wheel_command_joint_name") for corner in _CORNERS]
+        kinds = "wheel_command_joint_name", "wheel_name"
+        given = [[getattr(self, f"{corner}_{kind}") for corner in _CORNERS] for kind in kinds]
+        return next(filter(any, given), given[0])
 
     def check(self) -> Iterator[Problem]:
         """Report wheels of which only some are named."""
@@ -82,6 +102,9 @@ class MecanumParameters(HolonomicParameters):
                 if not name:
                     text = "is missing; name the wheels of all four corners, or none"
                     yield Problem(f"{corner}_wheel_command_joint_name", text)
+        if bool(self.wheel_separation_x) != bool(self.wheel_separation_y):
+            text = "is given without the other one; write both, or none"
+            yield Problem(f"wheel_separation_{'x' if self.wheel_separation_x else 'y'}", text)
 
     @classmethod
     def is_found(cls, wheels: "Wheels") -> bool:
@@ -94,8 +117,11 @@ class MecanumParameters(HolonomicParameters):
 
     def geometry(self, wheels: "MecanumWheels") -> HolonomicGeometry:
         lengths, offset = self.lengths, self.lengths.base_frame_offset
-        radius = lengths.wheels_radius or wheels.radius
-        if reach := lengths.sum_of_robot_center_projection_on_X_Y_axis:
+        radius = lengths.wheels_radius or self.wheel_radius or wheels.radius
+        radius *= self.wheel_radius_multiplier
+        along = self.wheel_separation_x * self.wheel_separation_x_multiplier
+        across = self.wheel_separation_y * self.wheel_separation_y_multiplier
+        if reach := lengths.sum_of_robot_center_projection_on_X_Y_axis or (along + across) / 2.0:
             pose = PlanarPose(offset.x, offset.y, offset.theta)
             counts = [len(corner) for corner in wheels.corners]
             kinematics = HolonomicKinematics.mecanum(radius, reach, counts, pose)

@@ -41,8 +41,7 @@ class OmniParameters(HolonomicParameters):
 
     @classmethod
     def is_found(cls, wheels: "Wheels") -> bool:
-        across = [wheels.axles[name].across for name in wheels.rolling]
-        return len(across) >= 3 and not all(across)
+        return bool(wheels.omni)
 
     def wheels(self, description: "Description") -> "OmniWheels":
         from onebot_control.drive.wheels.rollers import OmniWheels  # imports numpy

@@ -24,6 +24,7 @@ _PIVOT = 1e-3
 # rad: as steering_controllers_library.
 _FAR, _FARTHEST = math.pi / 6.0, 1.5608
 _QUARTER = math.pi / 2.0
+_ROUNDED = 1e-3  # rad; a limit this near to a quarter turn, such as 1.57, is one
 _ROUNDING = 1e-6  # relative, of a radius
 
 
@@ -48,7 +49,7 @@ class SteeredKinematics(Kinematics):
         """
         self.wheelbase, self.radius = geometry.wheelbase, geometry.radius
         self.traction_track, self.steering_track = geometry.traction_track, geometry.steering_track
-        self.limit, self.front_driven, self.axle = geometry[4:]
+        self.limit, self.front_driven, self.axle, self.speed = geometry[4:]
         self._waits = waits
         check_lengths(self, "wheelbase", "radius")
         for name in ("traction_track", "steering_track"):
@@ -62,33 +63,46 @@ class SteeredKinematics(Kinematics):
         # The heading's errors are as if the wheels were on two sides, as far apart as the axles.
         self.shares = Share(0.5, 0.0, -self.wheelbase), Share(0.5, 0.0, self.wheelbase)
 
-    def command(self, twist: Triple, steering: Sequence[float] = ()) -> DriveCommand:
+    def command(
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
+    ) -> DriveCommand:
         """Return what the joints do for a twist.
 
         The robot drives as fast as commanded, and turns as far as it can; only a driven front wheel
-        that can be steered across turns it on the spot.
+        that can be steered across turns it on the spot. Both wheels of an axle fit each other while
+        the steering moves, too.
         """
         linear, _, angular = twist
-        angle = self.steering_angle(linear, angular)
-        speed = self._speed(linear, angular, angle)
+        wanted = self.steering_angle(linear, angular)
+        actual = self.middle_angle(steering) if steering else wanted
+        reached = self._reached(actual, wanted, dt)
+        speed, angle = self._speed(linear, angular, wanted), (actual + reached) / 2.0
         if self.front_driven:
             turn = speed * math.sin(angle) / self.wheelbase
         else:
             turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
         speed /= self.radius
-        if self._waits and steering:
-            missing = abs(angle - self.middle_angle(steering))
+        if self._waits:
+            missing = abs(wanted - actual)
             if missing >= _FAR:
                 speed *= math.cos(min(missing, _FARTHEST)) / math.cos(_FAR)
         bend = 0.0 if self.front_driven else self._bend(angle, self.traction_track)
         wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
-        steered = self._steering_positions(angle)
+        steered = self._steering_positions(reached)
         return DriveCommand(linear, -self.axle * turn, turn, wheels, steered)
+
+    def _reached(self, actual: float, wanted: float, dt: float) -> float:
+        """Return the steering angle after ``dt``, s, so that no wheel is turned too fast."""
+        ends = (self._steering_positions(angle) for angle in (actual, wanted))
+        most = max(abs(end - start) for start, end in zip(*ends, strict=True))
+        share = self.speed * dt / most if most else 1.0
+        return wanted if share >= 1.0 else actual + (wanted - actual) * share
 
     def fault(self, twist: Triple) -> str:
         linear, _, angular = twist
         least = self.wheelbase / math.tan(self.limit)
-        if abs(linear) >= abs(angular) * least * (1.0 - _ROUNDING) or self.limit >= _QUARTER:
+        turns = self.limit >= _QUARTER and (self.front_driven or linear)
+        if turns or abs(linear) >= abs(angular) * least * (1.0 - _ROUNDING):
             return ""
         return (
             f"it turns less than commanded: the steering allows curves of {least:.3g} m radius "
@@ -191,15 +205,21 @@ class SteeredParameters(DriveParameters["SteeredGeometry"]):
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
         geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
-        return geometry._replace(limit=self.steering_limit) if self.steering_limit else geometry
+        limit = self.steering_limit or min(geometry.limit, *self._limits)
+        return geometry._replace(limit=_QUARTER if limit > _QUARTER - _ROUNDED else limit)
 
     def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
-        return SteeredKinematics(geometry)
+        return SteeredKinematics(geometry, waits=geometry.front_driven)
 
     @property
     def _radius(self) -> float:
         """The radius of the driven wheels, m; 0: that of the URDF."""
         return 0.0
+
+    @property
+    def _limits(self) -> tuple[float, ...]:
+        """The greatest steering angles to each side, rad."""
+        return (_QUARTER,)
 
     @property
     def _tracks(self) -> tuple[float, float]:
@@ -261,7 +281,7 @@ class SteeringParameters(SteeredParameters):
 
     @classmethod
     def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.steered)
+        return bool(wheels.steered) and not wheels.front_driven
 
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
@@ -287,6 +307,21 @@ class SteeringParameters(SteeredParameters):
 
 
 @dataclass(frozen=True)
+class SteeringLimits:
+    """tricycle_controller's parameters ``steering.*``."""
+
+    min_position: float = parameter(
+        0.0, "the farthest to the right, rad; 0: by the joint's limits", at_most=0.0
+    )
+    max_position: float = parameter(
+        0.0, "the farthest to the left, rad; 0: by the joint's limits", at_least=0.0
+    )
+    max_velocity: float = parameter(
+        0.0, "the greatest speed, rad/s; 0: by the joint's limits", at_least=0.0
+    )
+
+
+@dataclass(frozen=True)
 class TricycleParameters(SteeredParameters):
     """tricycle_controller's parameters: of a tricycle whose steered wheel is driven."""
 
@@ -300,6 +335,7 @@ class TricycleParameters(SteeredParameters):
     cmd_vel_timeout: float = parameter(
         500, "time without a command until the robot brakes, ms; 0: it never does", at_least=0.0
     )
+    steering: SteeringLimits = group(SteeringLimits)
     odom_only_twist: bool = ignored(False, "the odometry has its pose, too")
     publish_ackermann_command: bool = ignored(False, "~/cmd_vel_out has the limited command")
 
@@ -307,12 +343,25 @@ class TricycleParameters(SteeredParameters):
     def timeout(self) -> float:
         return self.cmd_vel_timeout / 1000.0
 
+    @classmethod
+    def is_found(cls, wheels: "Wheels") -> bool:
+        return bool(wheels.steered) and wheels.front_driven
+
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
 
         traction, steering = self.traction_joint_name, self.steering_joint_name
         names = [[name] if name else [] for name in (traction, steering)]
         return SteeredWheels(description, *names, front_driven=True)
+
+    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
+        geometry = super().geometry(wheels)
+        speed = self.steering.max_velocity or math.inf
+        return geometry._replace(speed=min(geometry.speed, speed))
+
+    @property
+    def _limits(self) -> tuple[float, ...]:
+        return -self.steering.min_position or _QUARTER, self.steering.max_position or _QUARTER
 
     @property
     def _radius(self) -> float:

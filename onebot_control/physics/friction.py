@@ -5,7 +5,7 @@ URDF does not specify all that a simulation needs, and PyBullet's defaults are u
 - Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
   <lateral_friction>.
 - A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
-  cylinder instead.
+  cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
 - More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.
 - Everything else that touches the ground glides, unless the URDF has a <lateral_friction>, and is
   lifted a little if it would carry the robot instead of the wheels.
@@ -38,6 +38,10 @@ from onebot_description.model.rigid_bodies import Body, rigid_frames
 
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
+# The same of a robot that steers. At this width, PyBullet's margin of 1 mm rounds the whole rim, so
+# that it touches the ground in its middle. A wider one whose axle is not exactly level touches it
+# with one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels would fight.
+_DISC = 0.002
 _GLIDING = 0.01  # coefficient of friction of parts that glide
 # Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:
 # round shapes up to _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
@@ -71,6 +75,8 @@ class Contacts:
         tyres: Mapping[str, Tyre | None],
         casters: Collection[str],
         moved: Collection[str],
+        *,
+        steers: bool = False,
     ) -> None:
         """Find out what supports the robot.
 
@@ -79,7 +85,9 @@ class Contacts:
             tyres: the round shapes of the driven wheels, by joint; None if there is none.
             casters: joints of casters, swivelling and rolling ones.
             moved: joints of arms and grippers, whose links keep their shapes and friction.
+            steers: whether the robot steers wheels.
         """
+        self._width, self._thin = (_DISC, _DISC) if steers else (_WIDTH, _THIN)
         self._robot, self._tyres, self._casters, self._moved = robot, tyres, casters, moved
         self._poses = rigid_frames(robot)
         self._joints = {joint.child: joint for joint in robot.joints}
@@ -145,9 +153,11 @@ class Contacts:
             if self._poses[part.name][0] == first
             for geometry in part.collisions
         ]
-        if tyre is None or (shapes and all(map(_is_thin, shapes))):
+        if tyre is None or (shapes and all(_is_thin(shape, self._thin) for shape in shapes)):
             return link
-        return replace(link, collisions=(_thin(joint, tyre),) if link.name == first else ())
+        return replace(
+            link, collisions=(_wheel(joint, tyre, self._width),) if link.name == first else ()
+        )
 
     def _lifted(self, link: Link) -> Link:
         """Return a link of the base; shapes about as low as the wheels are lifted."""
@@ -191,17 +201,17 @@ def _is_round(shape: Shape) -> bool:
     return not isinstance(shape, Mesh | Box)
 
 
-def _is_thin(shape: Shape) -> bool:
-    return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= _THIN)
+def _is_thin(shape: Shape, most: float) -> bool:
+    return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= most)
 
 
-def _thin(joint: Joint, tyre: Tyre) -> Geometry:
-    """Return a thin wheel on the axle of ``joint``."""
+def _wheel(joint: Joint, tyre: Tyre, width: float) -> Geometry:
+    """Return a thin wheel of a ``width``, m, on the axle of ``joint``."""
     x, y, z = joint.axis
     # A cylinder lies along z.
     rpy = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
     middle = (tyre.offset * x, tyre.offset * y, tyre.offset * z)
-    return Geometry(Cylinder(tyre.radius, _WIDTH), Origin(middle, rpy))
+    return Geometry(Cylinder(tyre.radius, width), Origin(middle, rpy))
 
 
 # In PyBullet ------------------------------------------------------------------------------------

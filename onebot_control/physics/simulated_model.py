@@ -21,6 +21,7 @@ import numpy as np
 
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.drive.wheels.rolling_shapes import Tyre
+from onebot_control.drive.wheels.steering import STEERING_SPEED
 from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
@@ -112,12 +113,17 @@ def simulated_model(
                 joint = SkidAxle(**vars(joint))
         elif joint.name in roles.starts:
             interfaces = description.interfaces.get(joint.name)
+            if wheels and joint.name in wheels.steering:
+                joint = _steering(
+                    joint, weight * max(tyre.radius for tyre in tyres.values() if tyre)
+                )
             joint = _positioned(joint, interfaces, is_gear=joint.name in roles.gears)
         joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
     links: Sequence[Link] = rigid.links
     if wheels:
-        contacts = Contacts(rigid, tyres, casters, {*roles.starts, *roles.passive})
+        moved, steers = {*roles.starts, *roles.passive}, bool(wheels.steering)
+        contacts = Contacts(rigid, tyres, casters, moved, steers=steers)
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
@@ -356,6 +362,12 @@ def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bo
     if is_gear and joint.kind != "continuous":
         return replace(joint, lower=1.0, upper=-1.0)  # how PyBullet denotes no limits
     return joint
+
+
+def _steering(joint: Joint, effort: float) -> Joint:
+    """Return a joint that steers, with limits of its motor where none are written."""
+    fastest = min(joint.velocity or STEERING_SPEED, STEERING_SPEED)
+    return replace(joint, effort=joint.effort or effort, velocity=fastest)
 
 
 def _report_held(

@@ -27,7 +27,8 @@ _REASONS = {
     "colours are those of <visual>": "material visual",
     "is not simulated": "dampingFactor velocity_decay laserRetro static kinematic enable_wind axis "
     "allow_auto_disable stopCfm stopErp fudgeFactor provideFeedback implicitSpringDamper pose "
-    "light cfmDamping springReference springStiffness initial_joint_position collision physics",
+    "light cfmDamping springReference springStiffness initial_joint_position collision physics "
+    "slip1 slip2",
 }
 _REASON_OF = {tag: reason for reason, tags in _REASONS.items() for tag in tags.split()}
 _LIMITS = ("acceleration", "deceleration", "jerk")
@@ -99,8 +100,15 @@ class _Unused:
         self._found: dict[str, tuple[Element, dict[str, None], dict[str, None]]] = {}
 
     def add(self, reason: str, what: str, element: Element, owner: str | None) -> None:
-        if self._used.issuperset(part for part in element.iter() if not len(part)):
-            return
+        parts = [part for part in element.iter() if not len(part)]
+        if not self._used.isdisjoint(parts):
+            for part in parts:
+                if part not in self._used:
+                    self._add(_reason(part.tag), f"<{part.tag}>", part, owner)
+        else:
+            self._add(reason, what, element, owner)
+
+    def _add(self, reason: str, what: str, element: Element, owner: str | None) -> None:
         _, names, owners = self._found.setdefault(reason, (element, {}, {}))
         names[what], owners[owner or "the robot"] = None, None
 

@@ -28,7 +28,9 @@ class Mecanum(Kinematics):
 
     shares = tuple(Share(x / 4.0, y / 4.0, 4.0 * LEVER**2 / yaw) for x, y, yaw in SIGNS.tolist())
 
-    def command(self, twist: Triple, steering: Sequence[float]) -> DriveCommand:
+    def command(
+        self, twist: Triple, steering: Sequence[float], dt: float = math.inf
+    ) -> DriveCommand:
         angle = math.atan2(twist[1], twist[0])
         return DriveCommand(*twist, (SIGNS @ twist / RADIUS).tolist(), (angle,))
 

@@ -98,7 +98,10 @@ def test_other_elements_beside_the_rollers_are_warned_of() -> None:
     kp = "<contact><ode><kp>1e6</kp></ode></contact>"
     block = of(ODE.format(f"{GRIPS}<fdir1>1 1 0</fdir1>").replace("<friction>", f"{kp}<friction>"))
     [warning] = read(block).warnings
-    assert warning.endswith("<collision> of w: is not simulated")
+    assert warning.endswith("<kp> of w: contacts are rigid here")
+    slip = "<slip1>0.1</slip1><slip2>0</slip2><fdir1>1 1 0</fdir1>"
+    [warning] = read(of(ODE.format(f"{GRIPS}{slip}"))).warnings
+    assert warning.endswith("<slip1>, <slip2> of w: is not simulated")
 
 
 NAMESPACE = ' xmlns:{}="http://gazebosim.org/schema"'

@@ -31,7 +31,8 @@ _VERTICAL = 0.9  # cosine of the greatest angle of a swivel joint to the vertica
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # Matches the names of omnidirectional wheels and of their meshes.
 _SKEW = math.sin(math.radians(5.0))  # sine of the least angle of a mecanum wheel's rollers
-_FEWEST_OMNI = 3  # wheels that drive a robot without any that is lateral
+_FEWEST_OMNI = 3  # wheels of a drive by omni wheels
+_FEWEST_OBLIQUE = 2  # those of them that are not lateral; one may be
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
 
@@ -158,6 +159,19 @@ def ground_wheels(
     return [wheel for wheel in wheels if swivel(description, wheel.name, turning) is None]
 
 
+def omni_wheels(
+    description: Description, turning: Mapping[str, Axle], tyres: Tyres
+) -> Sequence[Wheel]:
+    """Return three or more alike wheels of which at least two do not drive forward; or none."""
+    groups = [
+        group
+        for group in _alike(ground_wheels(description, turning, tyres))
+        if len(group) >= _FEWEST_OMNI
+        and sum(not turning[wheel.name].across for wheel in group) >= _FEWEST_OBLIQUE
+    ]
+    return groups[-1] if groups else ()
+
+
 def has_wheels(description: Description) -> bool:
     """Return whether a robot has wheels on the ground; otherwise it stands still.
 
@@ -266,13 +280,19 @@ def _is_steered(wheel: Wheel, axle: Axle, swivel: Axle) -> bool:
 
 def _sets(wheels: Iterable[Wheel]) -> list[list[Wheel]]:
     """Group wheels of similar radius; keep groups with as many wheels left as right."""
+    alike = _alike(wheels)
+    return [group for group in alike if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
+
+
+def _alike(wheels: Iterable[Wheel]) -> list[list[Wheel]]:
+    """Group wheels of similar radius, the smallest first."""
     sets: list[list[Wheel]] = []
     for wheel in sorted(wheels, key=lambda wheel: wheel.radius):
         if sets and wheel.radius <= sets[-1][0].radius * (1.0 + _ALIKE) + 1e-6:
             sets[-1].append(wheel)
         else:
             sets.append([wheel])
-    return [group for group in sets if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
+    return sets
 
 
 def _is_passive(wheel: Wheel) -> bool:

@@ -11,6 +11,7 @@ from onebot_control.drive.wheels.finding import (
     axles,
     find_wheels,
     ground_wheels,
+    omni_wheels,
     rollers_reason,
     steered_wheels,
 )
@@ -77,6 +78,21 @@ class Wheels:
     def steered(self) -> Mapping[str, str]:
         """The joint that steers each steered wheel, by the wheel's joint."""
         return steered_wheels(self.description, self.axles, self.tyres)
+
+    @cached_property
+    def omni(self) -> Sequence[str]:
+        """The joints of a drive by omni wheels, if the robot looks like one."""
+        return [wheel.name for wheel in omni_wheels(self.description, self.axles, self.tyres)]
+
+    @cached_property
+    def front_driven(self) -> bool:
+        """Whether it is the steered wheels that ``<ros2_control>`` commands by velocity."""
+        commanded = {
+            name
+            for name, listed in self.description.interfaces.items()
+            if "velocity" in listed.commands
+        }
+        return not commanded.isdisjoint(self.steered) and commanded.isdisjoint(self.rolling)
 
     @property
     def has_rollers(self) -> bool:

@@ -127,7 +127,7 @@ class OmniWheels(Wheels):
                     f'robot "{description.robot_name}", joint "{name}": the axis of a wheel must '
                     "be level"
                 )
-        self._middles = {name: self.middle(name) for name in names} or self.rolling
+        self._middles = {name: self.middle(name) for name in names or self.omni}
         names = names or sorted(self._middles, key=self._direction)
         self.groups = [[name] for name in names]
         self.rollers = dict.fromkeys(names, 0.0)

@@ -12,7 +12,13 @@ from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
 
+STEERING_SPEED = 3.0
+"""The greatest speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
+or with one of 100 rad/s, would let it jump, and its reaction would turn the robot."""
 _QUARTER = math.pi / 2.0  # rad
+# How far the inner wheel of a car is steered, rad, if its joint is continuous. Near a quarter turn,
+# the two steered wheels and the driven ones would determine the turn in three different ways.
+_FARTHEST = math.pi / 3.0
 _AHEAD = 1e-3  # m by which the steered wheels must be in front of the others
 
 
@@ -30,6 +36,7 @@ class SteeredGeometry(NamedTuple):
     limit: float = _QUARTER  # the greatest steering angle, rad
     front_driven: bool = False  # the steered wheel is driven; then it is the only one
     axle: float = 0.0  # x of the rear axle in the base's frame, m
+    speed: float = STEERING_SPEED  # the greatest of the steering joints, rad/s
 
     @property
     def least_radius(self) -> float:
@@ -82,12 +89,13 @@ class SteeredWheels(Wheels):
         """
         super().__init__(description)
         if (plugin := description.drive_plugin) and plugin.kind == "ackermann":
-            traction = traction or _of(plugin, "left", "right")
+            named = _of(plugin, "left", "right")
+            traction = traction or [n for n in named if n not in self.steered] or named
             steering = steering or _of(plugin, "left_steering", "right_steering")
         self.check_names(traction_joints_names=traction, steering_joints_names=steering)
         self.steering = self._rightmost(steering or dict.fromkeys(self.steered.values()))
         rear = [name for name in self.rolling if name not in self.steered]
-        found = list(self.steered) if front_driven else self._driven(rear)
+        found = list(self.steered) if front_driven or self.front_driven else rear
         names = self._rightmost(traction or found)
         self.groups = [[name] for name in names]
         self.free = [name for name in (*rear, *self.steered) if name not in names]
@@ -117,29 +125,25 @@ class SteeredWheels(Wheels):
         pivots = [self._pivot(name) for name in self.steering]
         steering = steering_track or self._track(pivots)
         ranges = [self.axles[name].joint for name in self.steering]
+        unlimited = _FARTHEST if len(pivots) > 1 else _QUARTER
         most = min(
-            math.inf if joint.kind == "continuous" else min(-joint.range[0], joint.range[1])
+            unlimited if joint.kind == "continuous" else min(-joint.range[0], joint.range[1])
             for joint in ranges
         )
         if most <= 0.0:
             self._refuse(f"{', '.join(self.steering)} cannot be turned to both sides")
+        limit = _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering)
+        plugin = self.description.drive_plugin
         return SteeredGeometry(
             wheelbase,
             radius or self.radius,
             traction if len(self.names) > 1 else 0.0,
             steering if len(self.steering) > 1 else 0.0,
-            _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering),
+            min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
             self._front_driven,
             float(self._rear[0]),
+            min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
         )
-
-    def _driven(self, rear: Sequence[str]) -> Sequence[str]:
-        """Return which wheels are driven: those with a velocity command, or else the rear ones."""
-        interfaces = self.description.interfaces
-        commanded = {name for name, listed in interfaces.items() if "velocity" in listed.commands}
-        behind = [name for name in rear if name in commanded]
-        ahead = [name for name in self.steered if name in commanded]
-        return behind or ahead or rear
 
     def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:
         return sorted(names, key=lambda name: float(self._pivot(name)[1]))

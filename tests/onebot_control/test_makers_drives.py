@@ -1,0 +1,289 @@
+"""Cars, tricycles and omni drives as makers describe them drive by their descriptions alone."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from onebot_control import Simulation
+from onebot_control.control_files import read_control_files
+from onebot_control.drive.steered import SteeredKinematics
+from onebot_control.drive.wheels.steering import SteeredGeometry
+from onebot_control.drive_kinds import DRIVES, found_drive
+from onebot_control.simulated_robot import SimulatedRobot
+from onebot_description.description import Description, parse_description
+from onebot_description.geometry.poses import PlanarPose
+from onebot_description.parameters.reader import read
+
+BASE, TRACK, RADIUS = 1.7, 1.0, 0.3  # m, of the car
+ROUGH = "-1.57"  # rad, as makers write a quarter turn
+CAR = "ackermann_steering_controller/AckermannSteeringController"
+TRICYCLE = "tricycle_controller/TricycleController"
+OMNI = "omni_wheel_drive_controller/OmniWheelDriveController"
+REAR, FRONT = ("rear_right", "rear_left"), ("front_right", "front_left")
+
+
+def link(name: str, mass: float, moment: float, shape: str = "") -> str:
+    collision = f"<collision><geometry>{shape}</geometry></collision>" if shape else ""
+    return (
+        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{moment}" '
+        f'iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/></inertial>{collision}</link>'
+    )
+
+
+def joint(name: str, parent: str, xyz: str, rpy: str, axis: str, kind: str = "continuous") -> str:
+    limit = '<limit lower="-0.5" upper="0.5" effort="9" velocity="100"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}_link"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+        f"{limit if kind == 'revolute' else ''}</joint>"
+    )
+
+
+def wheel(name: str, parent: str, xyz: str, rpy: str = f"{ROUGH} 0 0", mass: float = 2.0) -> str:
+    shape = f'<cylinder radius="{RADIUS}" length="0.08"/>'
+    return link(f"{name}_link", mass, 0.14, shape) + joint(name, parent, xyz, rpy, "0 0 1")
+
+
+def robot(*parts: str) -> Description:
+    """A robot whose body is lighter than its wheels."""
+    body = link("body", 1.0, 0.4, '<box size="1.8 0.8 0.3"/>')
+    fixed = joint("body", "base", f"{BASE / 2} 0 {RADIUS + 0.2}", "0 0 0", "1 0 0", "fixed")
+    body = body.replace('"body"', '"body_link"')
+    return parse_description(
+        f'<robot name="bot"><link name="base"/>{body}{fixed}{"".join(parts)}</robot>'
+    )
+
+
+def steered(name: str, x: float, y: float, kind: str) -> str:
+    hinge = link(f"{name}_hinge_link", 0.1, 1e-4)
+    hinge += joint(f"{name}_hinge", "base", f"{x} {y} {RADIUS}", "0 0 0", "0 0 1", kind)
+    return hinge + wheel(name, f"{name}_hinge_link", "0 0 0")
+
+
+def car(*more: str, kind: str = "continuous") -> Description:
+    sides = {"right": -TRACK / 2.0, "left": TRACK / 2.0}
+    rear = [wheel(f"rear_{side}", "base", f"0 {y} {RADIUS}") for side, y in sides.items()]
+    front = [steered(f"front_{side}", BASE, y, kind) for side, y in sides.items()]
+    return robot(*rear, *front, *more)
+
+
+def control(**commands: str) -> str:
+    joints = (
+        f'<joint name="{name}"><command_interface name="{command}"/></joint>'
+        for name, command in commands.items()
+    )
+    return f'<ros2_control name="r" type="system">{"".join(joints)}</ros2_control>'
+
+
+def tricycle() -> Description:
+    """Its front wheel is steered and driven."""
+    rear = [wheel(f"rear_{y}", "base", f"0 {y} {RADIUS}") for y in (-0.5, 0.5)]
+    hinge = link("hinge_link", 0.005, 0.1)
+    hinge += joint("hinge", "base", f"{BASE} 0 {RADIUS}", "0 0 0", "0 0 1")
+    driven = wheel("driven", "hinge_link", "0 0 0", f"{-math.pi / 2.0} 0 0", 15.0)
+    return robot(*rear, hinge, driven, control(hinge="position", driven="velocity"))
+
+
+def error(robot: SimulatedRobot, start: PlanarPose) -> float:
+    """Return how far the odometry is off, m; ``start`` is its frame in the world."""
+    pose = start.compose(PlanarPose(robot.odometry.x, robot.odometry.y, robot.odometry.yaw))
+    return math.hypot(pose.x - robot.pose.x, pose.y - robot.pose.y)
+
+
+@pytest.mark.parametrize(("kind", "turn"), [("continuous", 0.5), ("revolute", 0.25)])
+def test_a_light_car_drives_a_figure_of_eight(kind: str, turn: float) -> None:
+    """Its wheels weigh more than its body, and their axles are off by what 1.57 is rounded."""
+    with Simulation(car(kind=kind)) as simulation:
+        robot, circle = simulation.robot, math.tau / turn
+        for angular in (turn, -turn):
+            robot.drive(1.0, angular)
+            simulation.run(circle)
+            assert abs(robot.twist.angular - angular) < 1e-3
+        assert error(robot, PlanarPose()) < 5e-4 * 2.0 * circle
+        assert max(abs(robot.pose.roll), abs(robot.pose.pitch)) < 1e-4
+        assert abs(robot.pose.z) < 1e-3
+
+
+def test_steering_that_swings_round_throws_no_car_over() -> None:
+    """In reverse, the angle swings from one limit to the other while the speed passes zero."""
+    with Simulation(car()) as simulation:
+        robot, tilts = simulation.robot, []
+        simulation.on_step(lambda: tilts.append(max(abs(robot.pose.roll), abs(robot.pose.pitch))))
+        for linear in (1.0, -1.0, 1.0):
+            robot.drive(linear, 0.3)
+            simulation.run(4.5)
+        assert max(tilts) < 1e-3
+        assert robot.twist.linear == pytest.approx(1.0, abs=1e-3)
+        assert robot.twist.angular == pytest.approx(0.3, abs=1e-3)
+
+
+def test_steered_wheels_fit_each_other_while_they_move() -> None:
+    """No joint turns faster than its limit, and the driven wheels drive as the steering stands."""
+    geometry = SteeredGeometry(BASE, RADIUS, TRACK, TRACK, 1.0, speed=2.0)
+    kinematics, dt, steering = SteeredKinematics(geometry), 0.01, (0.0, 0.0)
+    angles = []
+    for _ in range(200):
+        _, _, turn, (right, left), reached = kinematics.command((1.0, 0.0, 9.0), steering, dt)
+        most = max(abs(b - a) for a, b in zip(steering, reached, strict=True))
+        assert most < 1.05 * 2.0 * dt
+        middle = kinematics.middle_angle(reached)
+        assert kinematics._steering_positions(middle) == pytest.approx(reached)
+        assert (right - left) * RADIUS == pytest.approx(turn * TRACK)
+        steering = reached
+        angles.append(middle)
+    assert angles[0] < 0.02
+    assert angles[-1] == pytest.approx(1.0)
+
+
+_CLASSIC = "".join(
+    f"<{end}_{side}_joint>{end}_{side}</{end}_{side}_joint>"
+    for end in ("front", "rear")
+    for side in ("left", "right")
+)
+_FOUR = "".join(
+    f"<{side}_joint>{end}_{side}</{side}_joint>"
+    for end in ("front", "rear")
+    for side in ("left", "right")
+)
+_HINGES = "".join(
+    f"<{side}_steering_joint>front_{side}_hinge</{side}_steering_joint>"
+    for side in ("left", "right")
+)
+
+
+@pytest.mark.parametrize("named", [_CLASSIC, _FOUR])
+def test_of_a_plugins_wheels_those_that_are_not_steered_are_driven(named: str) -> None:
+    """Classic Gazebo's names the front wheels, too; that of new Gazebo may drive all four."""
+    inside = f"{named}{_HINGES}<steering_limit>0.3</steering_limit>"
+    plugin = f'<plugin filename="libgazebo_ros_ackermann_drive.so">{inside}</plugin>'
+    description = car(f"<gazebo>{plugin}</gazebo>", kind="revolute")
+    config = DRIVES[found_drive(description)]()
+    wheels = config.wheels(description)
+    assert wheels.names == REAR
+    assert config.geometry(wheels).limit == 0.3
+    assert {*wheels.free} == {*FRONT}
+
+
+def test_a_tricycle_whose_steered_wheel_is_driven() -> None:
+    assert found_drive(car()) == CAR
+    assert found_drive(tricycle()) == TRICYCLE
+    with Simulation(tricycle()) as simulation:
+        robot = simulation.robot
+        robot.drive(0.5, 0.3)
+        simulation.run(4.0)
+        assert robot.twist.linear == pytest.approx(0.5, abs=1e-3)
+        assert robot.twist.angular == pytest.approx(0.3, abs=1e-3)
+        robot.drive(0.0, 0.5)
+        simulation.run(4.0)
+        assert robot.twist.linear == pytest.approx(0.0, abs=5e-3)
+        assert robot.twist.angular == pytest.approx(0.5, abs=5e-3)
+
+
+def test_a_car_says_that_it_does_not_turn_on_the_spot() -> None:
+    for limit in (0.5, math.pi / 2.0):
+        kinematics = SteeredKinematics(SteeredGeometry(BASE, RADIUS, TRACK, 0.0, limit))
+        assert "no turn on the spot" in kinematics.fault((0.0, 0.0, 1.0))
+        assert kinematics.fault((1.0, 0.0, 0.1)) == ""
+    driven = SteeredGeometry(BASE, RADIUS, front_driven=True)
+    assert SteeredKinematics(driven).fault((0.0, 0.0, 1.0)) == ""
+
+
+def omni(*yaws: float, circle: float = 0.3) -> Description:
+    wheels = [
+        wheel(
+            f"w{number}",
+            "base",
+            f"{circle * math.cos(yaw)} {circle * math.sin(yaw)} {RADIUS}",
+            f"{-math.pi / 2.0} 0 {yaw - math.pi / 2.0}",
+        )
+        for number, yaw in enumerate(yaws)
+    ]
+    body = link("trunk_link", 5.0, 0.1)
+    fixed = joint("trunk", "base", f"0 0 {RADIUS}", "0 0 0", "1 0 0", "fixed")
+    return parse_description(
+        f'<robot name="bot"><link name="base"/>{body}{fixed}{"".join(wheels)}</robot>'
+    )
+
+
+@pytest.mark.parametrize(
+    "yaws", [(-90, 30, 150), (0, 120, 240), (0, 90, 180, 270), (45, 135, 225, 315)]
+)
+def test_an_omni_drive_may_have_lateral_wheels(yaws: tuple[float, ...]) -> None:
+    description = omni(*map(math.radians, yaws))
+    assert found_drive(description) == OMNI
+    with Simulation(description) as simulation:
+        robot = simulation.robot
+        for linear, lateral, angular in ((0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.2, -0.1, 0.4)):
+            robot.drive(linear, angular, lateral=lateral)
+            simulation.run(1.5)
+            twist = robot.twist
+            assert (twist.linear, twist.lateral, twist.angular) == pytest.approx(
+                (linear, lateral, angular), abs=2e-3
+            )
+        assert error(robot, PlanarPose()) < 2e-3
+
+
+def test_a_ball_that_rolls_sideways_makes_no_omni_drive() -> None:
+    """Nor do wheels of another radius."""
+    ball = link("ball_link", 0.1, 1e-4, '<sphere radius="0.05"/>')
+    ball += joint("ball", "base", "0.5 0 0.05", "0 0 0", "1 0 0")
+    sides = [wheel(f"side_{y}", "base", f"0 {y} {RADIUS}") for y in (-0.5, 0.5)]
+    description = robot(*sides, ball, ball.replace("ball", "bowl").replace('"0.5 0', '"0.6 0'))
+    assert found_drive(description) == "diff_drive_controller/DiffDriveController"
+
+
+def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
+    """The names of its wheels, and their distances with multipliers."""
+    names = {
+        f"{end}_{side}": f"{end[0]}{side[0]}"
+        for end in ("front", "rear")
+        for side in ("left", "right")
+    }
+    lines = [f"    {corner}_wheel_name: {name}" for corner, name in names.items()]
+    file = tmp_path / "control.yaml"
+    file.write_text(
+        "controller_manager:\n  ros__parameters:\n    drive_controller:\n"
+        "      type: husarion_mecanum_drive_controller/MecanumDriveController\n"
+        "drive_controller:\n  ros__parameters:\n" + "\n".join(lines) + "\n"
+        "    wheel_separation_x: 0.4\n    wheel_separation_y: 0.6\n    wheel_radius: 0.1\n"
+        "    wheel_separation_y_multiplier: 1.5\n    wheel_radius_multiplier: 2.0\n"
+    )
+    values = read_control_files([file], "/", "drive_controller")
+    assert not values.warnings
+    kind = DRIVES["husarion_mecanum_drive_controller/MecanumDriveController"]
+    config = read(kind, values.values)
+    parts = [
+        wheel(
+            name,
+            "base",
+            f"{0.2 if name[0] == 'f' else -0.2} {0.3 if name[1] == 'l' else -0.3} {RADIUS}",
+        )
+        for name in names.values()
+    ]
+    wheels = config.wheels(robot(*parts))
+    assert wheels.names == ("fl", "fr", "rr", "rl")
+    (right, *_) = config.geometry(wheels).kinematics.command((0.0, 0.0, 1.0)).wheels
+    assert right == pytest.approx(-(0.4 + 0.6 * 1.5) / 2.0 / 0.2)
+
+
+@pytest.mark.parametrize(
+    ("steering", "limit", "speed"),
+    [
+        ("max_position: 1.57, min_position: -1.57, max_velocity: 1.0", math.pi / 2.0, 1.0),
+        ("max_position: 1.2, min_position: -0.7", 0.7, 3.0),
+    ],
+)
+def test_steering_limits_of_tricycle_controller(
+    tmp_path: Path, steering: str, limit: float, speed: float
+) -> None:
+    """A limit of 1.57 rad is a quarter turn."""
+    file = tmp_path / "control.yaml"
+    file.write_text(
+        f"tricycle_controller:\n  ros__parameters:\n    type: {TRICYCLE}\n"
+        f"    steering: {{{steering}}}\n"
+    )
+    values = read_control_files([file], "/", "tricycle_controller")
+    config = read(DRIVES[TRICYCLE], values.values)
+    geometry = config.geometry(config.wheels(tricycle()))
+    assert (geometry.limit, geometry.speed) == (limit, speed)
