@@ -8,7 +8,7 @@ from onebot_control.drive.diff_drive import DiffDriveParameters
 from onebot_control.drive.mecanum import MecanumParameters
 from onebot_control.drive.omni import OmniParameters
 from onebot_control.drive.parameters import DriveParameters
-from onebot_control.drive.steered import SteeringParameters, TricycleParameters
+from onebot_control.drive.steered import SteeringControllerParameters, TricycleParameters
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.parameters.reader import is_parameter, read
 
@@ -46,7 +46,7 @@ class OmniConfig(OmniParameters, SimulationConfig):
 
 
 @dataclass(frozen=True)
-class SteeringConfig(SteeringParameters, SimulationConfig):
+class SteeringConfig(SteeringControllerParameters, SimulationConfig):
     """All parameters of the node of a car, a bicycle or a tricycle with driven rear wheels."""
 
 

@@ -236,7 +236,7 @@ _SAME = "the states are those of the same joints"
 
 
 @dataclass(frozen=True)
-class SteeringParameters(SteeredParameters):
+class SteeringControllerParameters(SteeredParameters):
     """The parameters of the ackermann, bicycle and tricycle_steering_controller."""
 
     topics: ClassVar[tuple[str, str]] = "reference", "odometry"

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from onebot_control.drive.drive import Drive
 from onebot_control.drive.mecanum import MecanumParameters
 from onebot_control.drive.parameters import DriveParameters
-from onebot_control.drive.steered import SteeringParameters
+from onebot_control.drive.steered import SteeringControllerParameters
 from onebot_control.drive.wheels.rollers import MecanumWheels
 from onebot_control.physics import JointStates
 from onebot_description.ros.topic_qos import DEPTH
@@ -79,5 +79,5 @@ def _fill_steering(
 Fill = Callable[[Any, Drive, Mapping[str, int], JointStates], None]
 _STATES: Mapping[type, tuple[str, Fill]] = {
     MecanumParameters: ("control_msgs/msg/MecanumDriveControllerState", _fill_mecanum),
-    SteeringParameters: ("control_msgs/msg/SteeringControllerStatus", _fill_steering),
+    SteeringControllerParameters: ("control_msgs/msg/SteeringControllerStatus", _fill_steering),
 }

@@ -89,22 +89,27 @@ class SteeredWheels(Wheels):
         """
         super().__init__(description)
         if (plugin := description.drive_plugin) and plugin.kind == "ackermann":
-            named = _of(plugin, "left", "right")
-            traction = traction or [n for n in named if n not in self.steered] or named
+            wheels = _of(plugin, "left", "right")
+            traction = traction or [name for name in wheels if name not in self.steered] or wheels
             steering = steering or _of(plugin, "left_steering", "right_steering")
         self.check_names(traction_joints_names=traction, steering_joints_names=steering)
         self.steering = self._rightmost(steering or dict.fromkeys(self.steered.values()))
         rear = [name for name in self.rolling if name not in self.steered]
-        found = list(self.steered) if front_driven or self.front_driven else rear
-        names = self._rightmost(traction or found)
+        driven = list(self.steered) if front_driven or self.front_driven else rear
+        names = self._rightmost(traction or driven)
         self.groups = [[name] for name in names]
         self.free = [name for name in (*rear, *self.steered) if name not in names]
         self.check_across()
         self._check_counts()
-        swivels = [swivel(description, name, self.axles) for name in names]
+        self._place_axles(rear)
+
+    def _place_axles(self, rear: Sequence[str]) -> None:
+        """Find where the axles are; ``rear`` are the joints of the wheels that are not steered."""
+        swivels = [swivel(self.description, name, self.axles) for name in self.names]
         self._front_driven = any(joint and joint.name in self.steering for joint in swivels)
-        behind = [name for name in rear if name not in names] if self._front_driven else names
-        self._rear = np.mean([self.middle(name) for name in behind or names], axis=0)
+        free = [name for name in rear if name not in self.names]
+        behind = free if self._front_driven and free else self.names
+        self._rear = np.mean([self.middle(name) for name in behind], axis=0)
         self._front = np.mean([self._pivot(name) for name in self.steering], axis=0)
         if self._front[0] < self._rear[0] + _AHEAD:
             self._refuse(
