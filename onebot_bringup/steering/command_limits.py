@@ -21,11 +21,11 @@ from onebot_description.parameters.reader import ConfigError, read
 UNKNOWN = Velocity(2.0, 4.0, 2.0)
 DEFAULT = Velocity(1.0, 2.0, 1.0)  # initial limits in that case
 _NONE = Velocity()
-_AXES = "linear.x", "angular.z", "linear.y"  # in the order of Velocity
+_AXES = "linear.x", "angular.z", "linear.y"  # the order of Velocity
 _NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
 _OMNI = {"robot_radius", "wheel_names"}  # parameters of omni_wheel_drive_controller
 _STEERING = {"steering_joints_names", "steering_joint_name"}  # a steered drive has one of them
-_LENGTHS = "wheelbase", "minimum_turning_radius"  # of a steered drive, m
+_LENGTHS = "wheelbase", "minimum_turning_radius"  # lengths of a steered drive, m
 _STEERING_LIMIT = 0.5  # rad; assumed if the least radius is not known
 PREFIXES = *_AXES, *_OMNI, *_STEERING, *_LENGTHS
 """The parameters of a controller that are read here, or the prefixes of their names."""
@@ -100,7 +100,7 @@ class CommandRange(NamedTuple):
 
     most: Velocity  # forward, and to the left
     reverse: Velocity  # backward, and to the right; positive
-    least_radius: float = 0.0  # of curves, m
+    least_radius: float = 0.0  # least radius of curves, m
 
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
@@ -125,7 +125,7 @@ class Limits:
     linear: Bound
     angular: Bound
     lateral: Bound = Bound(0.0, 0.0, 0.0)
-    least_radius: float = 0.0  # of curves, m; 0: the robot turns on the spot
+    least_radius: float = 0.0  # least radius of curves, m; 0: the robot turns on the spot
     chosen: SetLimits = SetLimits()  # an operator's choice
 
     @property

@@ -157,7 +157,7 @@ class SteeringServer:
             "chosen": asdict(limits.chosen),
             "ceiling": {axis: bound.most for axis, bound in limits.bounds.items()},
             "ceiling_from": {axis: bound.source for axis, bound in limits.bounds.items()},
-            "least_radius": limits.least_radius,  # of curves, m; 0: the robot turns on the spot
+            "least_radius": limits.least_radius,  # m; 0: the robot turns on the spot
             "command": {**arbiter.command.velocity._asdict(), "joints": arbiter.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }

@@ -130,7 +130,7 @@ class SteeringPage(Node):
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._odometry = OdometryTopic(self, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
-        self._braking: Mapping[str, Braking | None] = {}  # by axis
+        self._braking: Mapping[str, Braking | None] = {}  # keys are axes
         self._topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._joints = JointCommands(self, self._on_lock)

@@ -92,7 +92,7 @@ class Drive:
             [(joints.index(name), wheels.directions[name]) for name in names]
             for names in wheels.groups
         ]
-        # Likewise of each steering joint; 1 if it steers to the left by positive positions.
+        # The row of each steering joint, and 1 if it steers to the left by positive positions.
         self._steering_rows = [
             (joints.index(name), math.copysign(1.0, wheels.axles[name].axis[2]))
             for name in wheels.steering

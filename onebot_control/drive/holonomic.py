@@ -141,7 +141,7 @@ class HolonomicGeometry(NamedTuple):
     """The geometry of a drive by wheels with rollers; see ``HolonomicKinematics``."""
 
     kinematics: HolonomicKinematics
-    kind: str  # of the wheels
+    kind: str  # kind of the wheels
 
     @property
     def radius(self) -> float:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from onebot_control.drive.wheels.rollers import MecanumWheels
     from onebot_description.description import Description
 
-_CORNERS = "front_left", "front_right", "rear_right", "rear_left"  # in the order of their wheels
+_CORNERS = "front_left", "front_right", "rear_right", "rear_left"  # the order of their wheels
 _SAME = "the states of a wheel are those of its joint"
 
 

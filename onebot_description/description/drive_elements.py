@@ -70,7 +70,7 @@ def _read_plugin(
 class Rollers(NamedTuple):
     """The rollers of wheels."""
 
-    angles: Mapping[str, float]  # by link; see Description.rollers
+    angles: Mapping[str, float]  # keys are links; see Description.rollers
     elements: frozenset[Element]  # those that say so
 
 

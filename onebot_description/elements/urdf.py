@@ -232,7 +232,7 @@ class DrivePlugin(NamedTuple):
     # What is written of wheelbase, wheel_separation, wheel_radius, kingpin_width, m, and
     # steering_limit, rad.
     lengths: Mapping[str, float]
-    topic: str  # of commands, as written; "" if it is not
+    topic: str  # topic of commands, as written; "" if it is not
 
 
 @dataclass(frozen=True)

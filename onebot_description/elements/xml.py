@@ -122,7 +122,7 @@ def _with_prefix(data: bytes, prefix: str) -> tuple[bytes, str]:
     Returns:
         The document, and the line and text of a warning, "" if nothing was changed.
     """
-    bare = _COMMENT.sub(_emptied, data)  # as long
+    bare = _COMMENT.sub(_emptied, data)  # its length is the same
     used = re.search(rb"<(?:[^<>]*\s)?%s:\w" % prefix.encode(), bare)
     root = re.search(rb"<robot(?=[\s/>])", bare)
     if not used or not root or f"xmlns:{prefix}".encode() in bare:

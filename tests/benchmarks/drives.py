@@ -15,7 +15,7 @@ from tests.onebot_control.drive_models import car, mecanum, omni
 _DRIVES = {"mecanum": mecanum(), "omni wheels": omni(), "car": car()}
 _MOST = {"mecanum": 1.5, "omni wheels": 1.5}
 _LINEAR, _ANGULAR = 0.3, 0.2  # m/s, rad/s
-_OFF = 0.001  # of the way
+_OFF = 0.001  # share of the way
 _CYCLES, _SLICE = 20, 0.05  # cycles a call, s of processor time
 
 

@@ -15,7 +15,7 @@ from onebot_description.geometry.poses import Triple
 
 CORNERS = "front_left", "front_right", "rear_right", "rear_left"
 """The corners of a mecanum drive, in the order of their wheels."""
-_SLANT = math.pi / 4.0  # of the rollers of mecanum wheels, unless the description says otherwise
+_SLANT = math.pi / 4.0  # rad; slant of rollers, unless the description says otherwise
 
 
 def _row(middle: Floats, forward: float, roller: float) -> Triple:

@@ -30,7 +30,7 @@ class SteeredGeometry(NamedTuple):
     """
 
     wheelbase: float  # distance between the axles, m
-    radius: float  # of the driven wheels, m
+    radius: float  # radius of the driven wheels, m
     traction_track: float = 0.0  # distance between the driven wheels, m; 0: there is one
     steering_track: float = 0.0  # distance between the steered wheels, m; 0: there is one
     limit: float = _QUARTER  # the greatest steering angle, rad
