@@ -17,7 +17,7 @@ from geometry_msgs.msg import Twist
 from rclpy.node import Node
 
 from onebot_control import velocity_controller
-from onebot_control.nodes import control_loop
+from onebot_control.runtime import control_loop
 from onebot_control.runtime.pacing import Pacer, wake_exactly
 from onebot_description.ros.run_node import run_node
 
