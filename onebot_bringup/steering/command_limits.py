@@ -77,7 +77,7 @@ def _least_radius(values: Mapping[str, Any]) -> float:
     if values.keys().isdisjoint(_STEERING):
         return 0.0
     wheelbase, radius = (_length(values.get(name)) for name in _LENGTHS)
-    return (radius or wheelbase / tan(_STEERING_LIMIT)) if wheelbase else 0.0
+    return radius or wheelbase / tan(_STEERING_LIMIT)
 
 
 def _length(value: Any) -> float:

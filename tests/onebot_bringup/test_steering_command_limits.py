@@ -134,6 +134,7 @@ CAR = {"wheelbase": 0.5, "steering_joints_names": ["right", "left"]}
     [
         ({**CAR, "minimum_turning_radius": 0.47}, 0.47),
         ({**CAR, "minimum_turning_radius": 2}, 2.0),
+        ({**CAR, "wheelbase": 0.0, "minimum_turning_radius": 2.0}, 2.0),  # read from the URDF
         (CAR, 0.5 / math.tan(0.5)),
         ({**CAR, "minimum_turning_radius": 0.0}, 0.5 / math.tan(0.5)),
         ({**CAR, "minimum_turning_radius": math.nan}, 0.5 / math.tan(0.5)),
