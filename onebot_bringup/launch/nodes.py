@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # The steering page is the page to open, so its address is printed once its view is available.
 AWAIT_VIEW = 15.0  # s at most
 _MAP = "map"  # the frame of localization (REP-105)
+_NAV2_TOPICS = "cmd_vel", "odom"  # topics for which Nav2 has names
 # Parameters of joint_state_publisher without a file: Hz, and seconds for one swing.
 _SWINGING = {"rate": 30.0, "swing": 8.0}
 
@@ -93,27 +94,19 @@ class Launch:
 
         Other nodes expect the topics of velocity_controller.
         """
-        drive = self.settings.drive
+        drive, targets = self.settings.drive, dict[str, str]()
+        topics = {"cmd_vel": drive.command, "odom": drive.odometry, "ground_truth": "ground_truth"}
+        for topic, name in topics.items():
+            own = f"{drive.name}/{name}"
+            is_nav2 = self.settings.nav2_topics and topic in _NAV2_TOPICS
+            targets[f"{DRIVE_CONTROLLER}/{topic}"] = targets[own] = topic if is_nav2 else own
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
-        names = {"cmd_vel": drive.command, "odom": drive.odometry}
-        targets = {
-            topic: topic if self.settings.nav2_topics else f"{drive.name}/{name}"
-            for topic, name in names.items()
-        }
-        targets["ground_truth"] = f"{drive.name}/ground_truth"
-        rules = [
-            (f"{node}/{name}", target)
-            for topic, target in targets.items()
-            for node, name in dict.fromkeys(
-                ((DRIVE_CONTROLLER, topic), (drive.name, names.get(topic, topic)))
-            )
-        ]
         return [
             word
             for space in of_robots or [""]
-            for topic, name in rules
-            if topic != name and not self.settings.stands
-            for word in ("-r", f"{space}{topic}:={space}{name}")
+            for topic, target in targets.items()
+            if topic != target and not self.settings.stands
+            for word in ("-r", f"{space}{topic}:={space}{target}")
         ]
 
     def _of_robot(self, robot: PlacedRobot) -> Launch:
