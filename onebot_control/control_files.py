@@ -201,10 +201,7 @@ def foreign_sections(
 
 
 def unknown_by_node(
-    controller: str,
-    files: Sequence[Path] = (),
-    namespaces: Sequence[str] = ("/",),
-    found: type[SimulationConfig] = ControlConfig,
+    controller: str, files: Sequence[Path] = (), namespaces: Sequence[str] = ("/",)
 ) -> dict[str, Unknown]:
     """Return the nodes that control files are for, each with a check for unknown parameters.
 
@@ -212,12 +209,11 @@ def unknown_by_node(
         controller: as for ``read_control_files``.
         files: control files; the joint controllers that they name are included.
         namespaces: namespaces of the nodes.
-        found: as for ``read_control_files``.
     """
     declared: type[SimulationConfig] = ManagerConfig
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     for namespace in namespaces:
-        control = _ControlFiles(files, namespace, found)
+        control = _ControlFiles(files, namespace)
         kinds.update(control.kinds)
         if controller != MANAGER:
             declared = control.declared(controller)

@@ -8,6 +8,9 @@ BROADCASTER = "joint_state_broadcaster"
 MANAGER = "controller_manager"
 DEFAULT_JOINT_CONTROLLER = "joint_trajectory_controller"
 
+# The corners of a mecanum drive, in the order in which its wheels are named.
+CORNERS = "front_left", "front_right", "rear_right", "rear_left"
+
 IN_EACH_CYCLE = "every controller runs in each control cycle"  # why a parameter has no effect
 WORLD_FRAME = "world"  # the default of the parameter world_frame_id
 

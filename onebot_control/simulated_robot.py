@@ -69,7 +69,7 @@ class SimulatedRobot:
             ValueError: a velocity is not finite.
             OneBotError: the robot has no wheels, or these do not drive it sideways.
         """
-        if lateral and "linear.y" not in self._drive.config.limits:
+        if lateral and not self._drive.moves_sideways:
             raise OneBotError("the robot's drive does not move sideways: leave lateral out")
         if self._drive:
             self._core.commands[self._row] = linear, lateral, angular

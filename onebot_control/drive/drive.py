@@ -152,7 +152,7 @@ class Drive:
         age = max(0.0, age or 0.0)
         if timeout and age >= timeout:
             return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
-        if lateral and "linear.y" not in self.config.limits:
+        if lateral and not self.moves_sideways:
             self.notice = "linear.y is ignored: the drive does not move sideways"
         elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
             self.notice = fault
@@ -214,6 +214,11 @@ class Drive:
         self._age, self._fresh = 0.0, True
         still = (0.0,) * len(self._groups)
         self.command = DriveCommand(0.0, 0.0, 0.0, still, self.command.steering)
+
+    @property
+    def moves_sideways(self) -> bool:
+        """Whether it has the axis linear.y."""
+        return "linear.y" in self.config.limits
 
     @property
     def timed_out(self) -> bool:

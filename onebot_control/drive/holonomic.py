@@ -12,7 +12,7 @@ from onebot_control.drive.kinematics import (
     Share,
     check_lengths,
 )
-from onebot_control.drive.parameters import DriveParameters, wheel_noise
+from onebot_control.drive.parameters import AlikeWheelsParameters
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import PlanarPose, Triple, cross, scaled, total
 from onebot_description.parameters.reader import group
@@ -154,20 +154,16 @@ class HolonomicGeometry(NamedTuple):
 
 
 @dataclass(frozen=True)
-class HolonomicParameters(DriveParameters[HolonomicGeometry]):
+class HolonomicParameters(AlikeWheelsParameters[HolonomicGeometry]):
     """The parameters that all drives by wheels with rollers have."""
 
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     lateral: SpeedLimits = group(SpeedLimits, "linear.y")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
-    wheel_noise: float = wheel_noise()
 
     @property
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "linear.y": self.lateral, "angular.z": self.angular}
-
-    def noise(self, paths: int) -> Sequence[float]:
-        return (self.wheel_noise**2,) * paths
 
     def kinematics(self, geometry: HolonomicGeometry) -> HolonomicKinematics:
         return geometry.kinematics

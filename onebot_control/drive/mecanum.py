@@ -1,16 +1,16 @@
 """The mecanum drive: its parameters, as mecanum_drive_controller's."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
+from onebot_control.conventions import CORNERS
 from onebot_control.drive.holonomic import (
     HolonomicGeometry,
     HolonomicKinematics,
     HolonomicParameters,
 )
-from onebot_control.drive.parameters import read_from_urdf
+from onebot_control.drive.parameters import ReferenceParameters, read_from_urdf
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
@@ -19,10 +19,7 @@ if TYPE_CHECKING:
     from onebot_control.drive.wheels.rollers import MecanumWheels
     from onebot_description.description import Description
 
-_CORNERS = "front_left", "front_right", "rear_right", "rear_left"  # the order of their wheels
 _SAME = "the states of a wheel are those of its joint"
-
-
 _FORK = ", by its name in Husarion's fork"
 
 
@@ -56,10 +53,8 @@ class MecanumLengths:
 
 
 @dataclass(frozen=True)
-class MecanumParameters(HolonomicParameters):
+class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeometry]):
     """mecanum_drive_controller's parameters."""
-
-    topics: ClassVar[tuple[str, str]] = "reference", "odometry"
 
     front_left_wheel_command_joint_name: str = _wheel("front left")
     front_right_wheel_command_joint_name: str = _wheel("front right")
@@ -80,25 +75,17 @@ class MecanumParameters(HolonomicParameters):
     wheel_radius_multiplier: float = _multiplier("wheel_radius")
     wheel_separation_x_multiplier: float = _multiplier("wheel_separation_x")
     wheel_separation_y_multiplier: float = _multiplier("wheel_separation_y")
-    reference_timeout: float = parameter(
-        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
-    )
-
-    @property
-    def timeout(self) -> float:
-        given = self.reference_timeout
-        return self.cmd_vel_timeout if math.isnan(given) else given
 
     @property
     def _names(self) -> list[str]:
         kinds = "wheel_command_joint_name", "wheel_name"
-        given = [[getattr(self, f"{corner}_{kind}") for corner in _CORNERS] for kind in kinds]
+        given = [[getattr(self, f"{corner}_{kind}") for corner in CORNERS] for kind in kinds]
         return next(filter(any, given), given[0])
 
     def check(self) -> Iterator[Problem]:
         """Report wheels of which only some are named."""
         if any(self._names):
-            for corner, name in zip(_CORNERS, self._names, strict=True):
+            for corner, name in zip(CORNERS, self._names, strict=True):
                 if not name:
                     text = "is missing; name the wheels of all four corners, or none"
                     yield Problem(f"{corner}_wheel_command_joint_name", text)

@@ -1,5 +1,6 @@
 """The parameters that every drive has."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -126,3 +127,29 @@ class DriveParameters(ABC, Generic[G]):
         Raises:
             ValueError: a length is too short or not finite.
         """
+
+
+@dataclass(frozen=True)
+class AlikeWheelsParameters(DriveParameters[G]):
+    """The parameters of drives whose wheels are as exact as each other."""
+
+    wheel_noise: float = wheel_noise()
+
+    def noise(self, paths: int) -> Sequence[float]:
+        return (self.wheel_noise**2,) * paths
+
+
+@dataclass(frozen=True)
+class ReferenceParameters(DriveParameters[G]):
+    """What mecanum_drive_controller and the steering controllers name differently from others."""
+
+    topics: ClassVar[tuple[str, str]] = "reference", "odometry"
+
+    reference_timeout: float = parameter(
+        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
+    )
+
+    @property
+    def timeout(self) -> float:
+        given = self.reference_timeout
+        return self.cmd_vel_timeout if math.isnan(given) else given

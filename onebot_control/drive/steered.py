@@ -3,10 +3,14 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from onebot_control.drive.kinematics import DriveCommand, Kinematics, Share, check_lengths
-from onebot_control.drive.parameters import DriveParameters, read_from_urdf, wheel_noise
+from onebot_control.drive.parameters import (
+    AlikeWheelsParameters,
+    ReferenceParameters,
+    read_from_urdf,
+)
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import Triple, clamp, total
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
@@ -179,12 +183,11 @@ class SteeredKinematics(Kinematics):
 
 
 @dataclass(frozen=True)
-class SteeredParameters(DriveParameters["SteeredGeometry"]):
+class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     """The parameters that all drives with steered front wheels have."""
 
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")
-    wheel_noise: float = wheel_noise()
     wheelbase: float = read_from_urdf("distance between the axles")
     steering_limit: float = parameter(
         0.0,
@@ -199,9 +202,6 @@ class SteeredParameters(DriveParameters["SteeredGeometry"]):
     @property
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "angular.z": self.angular}
-
-    def noise(self, paths: int) -> Sequence[float]:
-        return (self.wheel_noise**2,) * paths
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
         geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
@@ -236,10 +236,8 @@ _SAME = "the states are those of the same joints"
 
 
 @dataclass(frozen=True)
-class SteeringControllerParameters(SteeredParameters):
+class SteeringControllerParameters(SteeredParameters, ReferenceParameters["SteeredGeometry"]):
     """The parameters of the ackermann, bicycle and tricycle_steering_controller."""
-
-    topics: ClassVar[tuple[str, str]] = "reference", "odometry"
 
     traction_joints_names: tuple[str, ...] = _joints("the driven wheels")
     steering_joints_names: tuple[str, ...] = _joints("the steering")
@@ -264,14 +262,6 @@ class SteeringControllerParameters(SteeredParameters):
     reduce_wheel_speed_until_steering_reached: bool = parameter(
         False, "the wheels slow down while the steering is more than 30 degrees off"
     )
-    reference_timeout: float = parameter(
-        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
-    )
-
-    @property
-    def timeout(self) -> float:
-        given = self.reference_timeout
-        return self.cmd_vel_timeout if math.isnan(given) else given
 
     def check(self) -> Iterator[Problem]:
         """Report rear wheels that are steered."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.drive.wheels.finding import (
+    Wheel,
     axles,
     find_wheels,
     ground_wheels,
@@ -71,8 +72,7 @@ class Wheels:
     @cached_property
     def rolling(self) -> Mapping[str, Floats]:
         """The middle (3,), m, of each wheel on the ground that no joint swivels, by its joint."""
-        found = ground_wheels(self.description, self.axles, self.tyres)
-        return {wheel.name: self.middle(wheel.name) for wheel in found}
+        return {wheel.name: self.middle(wheel.name) for wheel in self._on_ground}
 
     @cached_property
     def steered(self) -> Mapping[str, str]:
@@ -97,8 +97,11 @@ class Wheels:
     @property
     def has_rollers(self) -> bool:
         """Whether the wheels that no joint swivels have rollers, as those of a mecanum drive."""
-        found = ground_wheels(self.description, self.axles, self.tyres)
-        return bool(rollers_reason(self.description, found))
+        return bool(rollers_reason(self.description, self._on_ground))
+
+    @cached_property
+    def _on_ground(self) -> Sequence[Wheel]:
+        return ground_wheels(self.description, self.axles, self.tyres)
 
     def middle(self, name: str) -> Floats:
         """Return the middle of the wheel on a joint, (3,), m, in the root link's frame."""

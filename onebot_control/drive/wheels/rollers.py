@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from onebot_control.conventions import CORNERS
 from onebot_control.drive.wheels.finding import find_wheels
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
@@ -13,8 +14,6 @@ from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 
-CORNERS = "front_left", "front_right", "rear_right", "rear_left"
-"""The corners of a mecanum drive, in the order of their wheels."""
 _SLANT = math.pi / 4.0  # rad; slant of rollers, unless the description says otherwise
 
 
