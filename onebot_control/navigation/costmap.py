@@ -3,12 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from onebot_control.navigation.grid import GridMap, Mask, Window
+from onebot_control.navigation.grid import GridMap, Window
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
-from onebot_description.arrays import Floats, Singles
 
 _REACH = 1.0  # m; distances are not computed beyond
 _NEAR = 8.0  # price of a cell right beside an obstacle, over one that is far from all
@@ -38,13 +36,10 @@ class Costmap:
         self.distances = np.zeros((0, 0), np.float32)
         self.prices = np.zeros((0, 0), np.float32)
         self.version = -1
+        self._fresh = True  # nothing has been measured yet
 
-    def update(self, window: Window, ends: Floats) -> Window | None:
+    def update(self, window: Window) -> Window | None:
         """Take over what has changed in a part of the map.
-
-        Args:
-            window: the part.
-            ends: (N, 2), ends of the last scan in the map, m, which are obstacles anyway.
 
         Returns:
             The part of the prices that has changed; None if none has.
@@ -52,31 +47,20 @@ class Costmap:
         grid = self._grid
         if self.version != grid.version:
             self._resize()
-            window = Window(0, 0, *grid.shape)
-        cells = grid.cells(ends)
-        cells = cells[grid.inside(cells)]
-        occupied = grid.log_odds[window.cells] > 0.0
-        known = self._occupied[window.cells]
-        changed = occupied != known
-        self._occupied[window.cells] = occupied
-        near = cells - (window.top, window.left)
-        del near, cells
-        if self.distances[window.cells].size and not changed.any() and not self._fresh:
-            return None
         if self._fresh:
-            part = window
-        else:
-            rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(
-                changed.any(axis=0)
-            )
-            part = Window(
-                window.top + int(rows[0]),
-                window.left + int(columns[0]),
-                window.top + int(rows[-1]) + 1,
-                window.left + int(columns[-1]) + 1,
-            )
-        self._fresh = False
-        return self._measure(part)
+            self._fresh, window = False, Window(0, 0, *grid.shape)
+            self._occupied = grid.log_odds > 0.0
+            return self._measure(window)
+        occupied = grid.log_odds[window.cells] > 0.0
+        changed = occupied != self._occupied[window.cells]
+        if not changed.any():
+            return None
+        self._occupied[window.cells] = occupied
+        rows, columns = (np.flatnonzero(changed.any(axis=axis)).tolist() for axis in (1, 0))
+        top, left = window.top, window.left
+        return self._measure(
+            Window(top + rows[0], left + columns[0], top + rows[-1] + 1, left + columns[-1] + 1)
+        )
 
     def _resize(self) -> None:
         grid = self._grid
@@ -96,8 +80,9 @@ class Costmap:
         """Compute distances and prices anew around a part whose obstacles have changed."""
         resolution = self._grid.resolution
         reach = math.ceil(_REACH / resolution)
-        inner, outer = part.grown(reach, self._occupied.shape), part.grown(
-            2 * reach, self._occupied.shape
+        inner, outer = (
+            part.grown(reach, self._occupied.shape),
+            part.grown(2 * reach, self._occupied.shape),
         )
         occupied = self._occupied[outer.cells]
         distances = np.full(occupied.shape, _REACH, np.float32)
@@ -131,9 +116,7 @@ class Costmap:
     def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> None:
         """Remember that the robot was near a cell, so that it prefers other ways."""
         half = math.ceil(radius / self._grid.resolution)
-        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(
-            half, self._visits.shape
-        )
+        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(half, self._visits.shape)
         self._visits[window.cells] += np.float32(seconds)
 
     def forget_visits(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.navigation.footprint import Vehicle
-from onebot_description.arrays import Floats, Singles
+from onebot_description.arrays import Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 
 _BLOCK = 6  # steps for which the noise of a sequence stays
@@ -49,7 +49,7 @@ class Surroundings(NamedTuple):
         np.clip(row, 0, rows - 1, out=row)
         row *= columns
         row += column
-        return self.distances.reshape(-1)[row]
+        return np.asarray(self.distances.reshape(-1)[row])
 
     def to_go(self, x: Singles, y: Singles) -> Singles:
         """Return the cost to go at points, interpolated between the middles of cells."""
@@ -105,9 +105,7 @@ class Follower:
         self._scale = max(0.3, vehicle.forward * horizon / _RANGE)
         centers, radii = vehicle.circles()
         self._circles = np.concatenate((centers, radii[:, None]), axis=1).astype(np.float32)
-        self._low = np.array(
-            [-vehicle.backward, -vehicle.sideways, -vehicle.turning], np.float32
-        )
+        self._low = np.array([-vehicle.backward, -vehicle.sideways, -vehicle.turning], np.float32)
         self._high = np.array([vehicle.forward, vehicle.sideways, vehicle.turning], np.float32)
         self._rates = np.array(
             [vehicle.acceleration, vehicle.acceleration, vehicle.turning_acceleration], np.float32
@@ -280,8 +278,7 @@ class Follower:
         paths = self._roll_out(braking, pose, speed)
         clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
         allowed = min(0.0, self.clearance(around, pose) - 0.002)
-        result: NDArray[np.bool_] = (clearance >= allowed).all(axis=1)
-        return result
+        return np.asarray((clearance >= allowed).all(axis=1))
 
     def is_safe(
         self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple

@@ -1,6 +1,5 @@
 """What a robot covers of the ground, and how it can move: what the planner has to know of it."""
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 

@@ -131,13 +131,12 @@ class GridMap:
 
     def middle(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
         """Return the middles (N, 2) of cells, m."""
-        middles: Floats = (np.stack((columns, rows), axis=1) + 0.5) * self.resolution + self.origin
-        return middles
+        middles = np.stack((columns, rows), axis=1) + 0.5
+        return np.asarray(middles * self.resolution + self.origin, float)
 
     def inside(self, cells: NDArray[np.intp]) -> Mask:
         """Return which cells (N, 2) are in the map."""
-        within: Mask = ((cells >= 0) & (cells < self.shape)).all(axis=1)
-        return within
+        return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=1))
 
     def cover(self, low: tuple[float, float], high: tuple[float, float]) -> bool:
         """Let the map grow to a rectangle between two corners, m; return whether it has grown.
@@ -217,11 +216,11 @@ class GridMap:
             slice(window.top - row + half, window.bottom - row + half),
             slice(window.left - column + half, window.right - column + half),
         )
-        limit = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
-        limit = np.minimum(limit, reach) / self.resolution - _MARGIN
-        turn = round(math.tau / scan.step) == len(limit)  # whether the rays go all around
-        limit = np.minimum(limit, np.append(limit[1:], limit[0] if turn else 0.0))
-        limit = np.append(limit, 0.0).astype(np.float32)
+        known = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
+        before = np.minimum(known, reach) / self.resolution - _MARGIN
+        turn = round(math.tau / scan.step) == len(before)  # whether the rays go all around
+        behind = np.append(before[1:], before[0] if turn else 0.0)
+        limit = np.append(np.minimum(before, behind), 0.0).astype(np.float32)
         offset = (sensor.yaw + scan.least) % math.tau
         rays = bearings[at] - np.float32(offset)
         rays[rays < 0.0] += np.float32(math.tau)
@@ -275,7 +274,7 @@ class GridMap:
         rows, columns = np.nonzero((self.log_odds[window.cells] > 0.0) & (ends[..., 0] > 0.0))
         chosen = ends[rows, columns].astype(float)
         means = chosen[:, 1:] / chosen[:, :1]
-        return self.middle(rows + window.top, columns + window.left) + means
+        return np.asarray(self.middle(rows + window.top, columns + window.left) + means)
 
     def occupancy(self) -> OccupancyGrid:
         """Return the map as it is now."""

@@ -78,9 +78,7 @@ class Localizer:
         # The chord lies at half of the turn.
         bend = (yaw - by_wheels) / 2.0
         cos, sin = math.cos(bend), math.sin(bend)
-        motion = PlanarPose(
-            cos * motion.x - sin * motion.y, sin * motion.x + cos * motion.y, yaw
-        )
+        motion = PlanarPose(cos * motion.x - sin * motion.y, sin * motion.x + cos * motion.y, yaw)
         before = self._pose
         self._pose = before.compose(motion)
         self._turn += by_wheels

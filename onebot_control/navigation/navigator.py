@@ -20,7 +20,6 @@ Example:
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -37,7 +36,7 @@ from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.scan_matching import Walls
 from onebot_description.arrays import Floats
-from onebot_description.geometry.poses import PlanarPose, Triple, clamp
+from onebot_description.geometry.poses import PlanarPose, Triple
 
 _STOP: Triple = (0.0, 0.0, 0.0)
 _OLDEST_SCAN = 0.3  # s
@@ -139,8 +138,6 @@ class Navigator:
         self.parameters = parameters or NavigationParameters()
         self.localizer = Localizer(start)
         self._given = known
-        resolution = known.resolution if known else self.parameters.resolution
-        self._new_map = lambda: GridMap.of(known) if known else GridMap(resolution)
         self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
         self._circles = vehicle.circles()
         self._radius = vehicle.half_width + 0.01
@@ -151,10 +148,11 @@ class Navigator:
         self._begin_map()
 
     def _begin_map(self) -> None:
-        self.map = self._new_map()
+        given, parameters = self._given, self.parameters
+        self.map = GridMap.of(given) if given else GridMap(parameters.resolution)
         self._costmap = Costmap(self.map, self._radius)
         if self._given:
-            self._costmap.update(Window(0, 0, *self.map.shape), np.zeros((0, 2)))
+            self._costmap.update(Window(0, 0, *self.map.shape))
         self._walls = Walls(self.map.walls())
         self._scans = 0
         self._scanned: float | None = None
@@ -297,7 +295,7 @@ class Navigator:
         if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
             self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
         resized = self._costmap.version != self.map.version
-        changed = self._costmap.update(window, placed(points, pose))
+        changed = self._costmap.update(window)
         if resized:
             self._field = None
         elif changed is not None:
@@ -398,7 +396,7 @@ class Navigator:
             self._fail(Failure.GOAL_OUTSIDE_MAP)
             return False
         if self._costmap.version != self.map.version:
-            self._costmap.update(Window(0, 0, *self.map.shape), np.zeros((0, 2)))
+            self._costmap.update(Window(0, 0, *self.map.shape))
         cells = self._free_cells(goal)
         if not len(cells):
             self._fail(Failure.GOAL_OCCUPIED)
@@ -418,7 +416,7 @@ class Navigator:
         cells = middle + offsets
         cells = cells[self.map.inside(cells)]
         free = np.isfinite(self._costmap.prices[tuple(cells.T)])
-        return cells[free][:1]
+        return np.asarray(cells[free][:1])
 
     def _without_way(self, goal: _Goal) -> bool:
         """Wait for a way, then forget what blocks it, then give up."""
@@ -511,7 +509,7 @@ class Navigator:
             return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
         if self.recoveries % 3 == 1 and not self._given:
             window = self.map.clear_around(pose, 1.5)
-            changed = self._costmap.update(window, np.zeros((0, 2)))
+            changed = self._costmap.update(window)
             self._changed = changed.union(self._changed) if changed else self._changed
         self._recovery = _Recovery(self.vehicle, self.recoveries, self.time)
         self.status, self.reason = "recovering", "it backs up and turns"

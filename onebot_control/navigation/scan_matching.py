@@ -59,7 +59,7 @@ class Walls:
         )
         xx, yy = xx + _SIGMA**2, yy + _SIGMA**2
         determinant = xx * yy - xy * xy
-        return np.stack((yy, -xy, xx), axis=1) / determinant[:, None]
+        return np.asarray(np.stack((yy, -xy, xx), axis=1) / determinant[:, None])
 
     def match(self, points: Floats, start: PlanarPose, prior: Floats) -> Match:
         """Return where a robot near ``start`` has measured ``points``.
