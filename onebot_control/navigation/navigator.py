@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
-from onebot_control.navigation.follower import Follower, Surroundings, quartered
+from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, Scan, Window, placed
 from onebot_control.navigation.localization import Localizer
@@ -290,7 +290,8 @@ class Navigator:
         if len(self._walls.points):
             self.localizer.correct(time, points, self._walls)
         pose = self.localizer.at(time)
-        window = self.map.enter(scan, points, pose)
+        self._entered = scan, points, pose
+        window = self.map.enter(*self._entered)
         self._scanned, self._scans = time, self._scans + 1
         if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
             self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
@@ -431,21 +432,14 @@ class Navigator:
         return False
 
     def _around(self, pose: PlanarPose) -> Surroundings:
-        """Return the part of the map that the robot can reach soon."""
-        field, resolution = self._field, self.map.resolution
-        assert field is not None
-        vehicle = self.vehicle
-        reach = vehicle.forward * 2.0 + vehicle.outer_radius + 1.0
-        cell = self._cell(pose)
-        part = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(
-            math.ceil(reach / resolution), self.map.shape
+        assert self._field is not None
+        return Surroundings(
+            self._costmap.fine,
+            self._field.values,
+            self._value(self._cell(pose)) + 2.0 * _BEYOND,
+            self.map.origin,
+            self.map.resolution,
         )
-        most = self._value(cell) + _BEYOND * 2.0
-        values = np.minimum(field.values[part.cells], most).astype(np.float32)
-        x, y = self.map.origin
-        origin = x + part.left * resolution, y + part.top * resolution
-        distances = quartered(self._costmap.distances[part.cells])
-        return Surroundings(distances, values, origin, resolution)
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
         """Return the command for the last stretch, straight to the goal; end it there."""
@@ -509,6 +503,7 @@ class Navigator:
             return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
         if self.recoveries % 3 == 1 and not self._given:
             window = self.map.clear_around(pose, 1.5)
+            self.map.enter(*self._entered)
             changed = self._costmap.update(window)
             self._changed = changed.union(self._changed) if changed else self._changed
         self._recovery = _Recovery(self.vehicle, self.recoveries, self.time)
