@@ -122,11 +122,16 @@ class Costmap:
         prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
-    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> None:
-        """Remember that the robot was near a cell, so that it prefers other ways."""
+    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> Window:
+        """Remember that the robot was near a cell, so that it prefers other ways.
+
+        Returns:
+            The part whose prices are to be computed anew.
+        """
         half = math.ceil(radius / self._grid.resolution)
         window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(half, self._visits.shape)
         self._visits[window.cells] += np.float32(seconds)
+        return window
 
     def forget_visits(self) -> None:
         """Forget where the robot has been."""

@@ -23,9 +23,10 @@ _SPREAD = 0.3, 0.3, 0.35  # its standard deviation, of the limits of speed
 _BATCHES = 8  # sets of noise, which take turns
 _TURNS = 16  # directions to turn to, and then to drive
 _SOFT = 0.05  # m in which the price of being near falls to 1/e
-_LEAST = 0.005  # m, clearance that is kept from obstacles
+_LEAST = 0.01  # m, clearance that is kept from obstacles
 _PER_SPEED = 0.04  # m of further clearance for each m/s of speed
 _FAST = 10.0  # price of being faster than that
+_CREEP = np.float32(0.1)  # m/s, which is slow enough anywhere
 _HIT = 60.0  # price of touching something
 _HEADING = 0.8  # price of an end that does not point down the field
 _AHEAD = 0.35  # m ahead of the end where the field is looked up, too
@@ -256,8 +257,9 @@ class Follower:
         speeds = np.abs(paths.speeds[:, 0]) + np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
         prices *= np.float32(0.9) + speeds * np.float32(3.0 / scale)
-        fast = clearance < np.float32(2.0 * _LEAST) + speeds * np.float32(_PER_SPEED)
-        prices += fast * speeds * np.float32(_FAST / scale) + np.float32(0.15)
+        fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
+        prices += fast * np.maximum(speeds - _CREEP, 0.0) * np.float32(_FAST / scale)
+        prices += np.float32(0.15)
         prices[arrived] = 0.0
         total = prices.sum(axis=0) * (dt * scale)
         later = np.arange(self._steps, 0, -1, dtype=np.float32) / np.float32(self._steps)

@@ -45,6 +45,8 @@ _WALLS_REACH = 8.0  # m
 _BEYOND = 3.0  # price by which the field is known beyond the robot
 _SLICE = 30_000  # cells of a first field in one update
 _REPAIR_EVERY = 0.2  # s between repairs of the field
+_REPRICE_EVERY = 1.0  # s
+_BARRED = 20.0  # s of visits that a place counts where the robot got stuck
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
@@ -158,7 +160,8 @@ class Navigator:
         self._scanned: float | None = None
         self._field: CostToGo | None = None
         self._changed: Window | None = None  # part of the prices that the field does not know yet
-        self._repaired = -math.inf
+        self._repaired = self._repriced = -math.inf
+        self._visited: Window | None = None  # part where the robot was since prices were computed
         self._is_planned = False
         self.recoveries = 0
 
@@ -485,6 +488,8 @@ class Navigator:
 
     def _progress(self, pose: PlanarPose) -> bool:
         """Return whether the robot has moved in the last seconds; remember where it was."""
+        period = 1.0 / self.parameters.controller_frequency
+        self._visit(self._costmap.visit(self._cell(pose), self._radius, period))
         if self._moved is None:
             self._moved = self.time, pose
         since, place = self._moved
@@ -495,10 +500,22 @@ class Navigator:
             return False
         return True
 
+    def _visit(self, part: Window) -> None:
+        """Take over that ways through a part are dearer; the field hears of it later."""
+        self._visited = part.union(self._visited)
+        if self.time - self._repriced > _REPRICE_EVERY:
+            self._costmap.price(self._visited)
+            self._changed = self._visited.union(self._changed)
+            self._visited, self._repriced = None, self.time
+
     def _recover(self, pose: PlanarPose) -> Triple:
         """Begin the next recovery: forget obstacles nearby, back up, turn."""
         self.recoveries += 1
         self._moved, self._blocked = None, None
+        # The gap ahead may be one that it cannot drive through.
+        for x, y in self.path[:: math.ceil(self._radius / self.map.resolution)][:3]:
+            cell = self._cell(PlanarPose(float(x), float(y)))
+            self._visit(self._costmap.visit(cell, self._radius, _BARRED))
         if self.recoveries > _RECOVERIES:
             return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
         if self.recoveries % 3 == 1 and not self._given:
