@@ -136,7 +136,6 @@ class Localizer:
         self._turned = self._turned + (abs(by_wheels), math.copysign(1.0, by_wheels) * actual)
         if self._turned[0] > _LEARNT:
             ratio = self._turned[1] / self._turned[0]
-            self.turn_ratio = clamp(
-                self.turn_ratio + 0.2 * (ratio - self.turn_ratio), _TURNS_LEAST, _TURNS_MOST
-            )
+            learnt = self.turn_ratio + 0.2 * (ratio - self.turn_ratio)
+            self.turn_ratio = clamp(learnt, _LEAST_RATIO, _MOST_RATIO)
             self._turned = np.zeros(2)
