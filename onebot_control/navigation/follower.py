@@ -33,7 +33,7 @@ _HEADING = 0.8  # price of an end that does not point down the field
 _AHEAD = 0.35  # m ahead of the end where the field is looked up, too
 _TEMPERATURE = 0.15
 _TRIED = 12  # best sequences from which the first safe one is taken
-_NARROW = 0.1  # m of clearance below which the way itself is tried, too
+_NARROW = 0.2  # m of clearance below which the way itself is tried, too
 _PURSUED = (0.08, 0.15, 0.3)  # m/s, speeds at which it is
 _LOOKED = (3, 5, 8)  # cells ahead on it that are pursued
 _RANGE = 2.9  # m that the prices were chosen for
@@ -289,7 +289,7 @@ class Follower:
         hit = np.logical_or.accumulate(touching & ~arrived, axis=0)
         speeds = np.abs(paths.speeds[:, 0]) + np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
-        prices *= np.float32(0.9) + speeds * np.float32(3.0 / scale)
+        prices *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
         fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
         prices += fast * np.maximum(speeds - _CREEP, 0.0) * np.float32(_FAST / scale)
         prices += np.float32(0.15)

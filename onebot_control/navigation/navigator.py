@@ -20,7 +20,7 @@ Example:
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -53,6 +53,7 @@ _EXACT = 0.01  # m or rad at which a motion has ended
 _OFF_PATH = 30.0  # further price 1 m off a followed path
 _ASIDE = 4  # cells within which the robot leaves what is too near
 _MARGIN = 0.01  # m that a gap is to be wider than the robot on either side
+_CAREFUL, _TIGHT = 0.5, 0.06  # m/s, speed in places where the clearance is less, m
 _SOON = 30  # cells of the way that the follower gets
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
@@ -157,7 +158,11 @@ class Navigator:
         self.parameters = parameters or NavigationParameters()
         self.localizer = Localizer(start)
         self._given = known
-        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
+        period = 1.0 / self.parameters.controller_frequency
+        self._follower = Follower(vehicle, period)
+        # In narrow places it looks less far ahead, in smaller steps.
+        careful = replace(vehicle, forward=min(vehicle.forward, _CAREFUL))
+        self._careful = Follower(careful, period)
         self._circles = vehicle.circles()
         resolution = known.resolution if known else self.parameters.resolution
         # The best way may lie between the middles of cells.
@@ -311,6 +316,7 @@ class Navigator:
         self._field, self._is_planned = None, False
         self._costmap.forget_visits()
         self._follower.reset()
+        self._careful.reset()
         self._moved: tuple[float, PlanarPose] | None = None
         self._blocked: float | None = None
         self._hopeless: float | None = None
@@ -459,6 +465,7 @@ class Navigator:
                 return command
             self._recovery = None
             self._follower.reset()
+            self._careful.reset()
         away = math.hypot(goal.x - pose.x, goal.y - pose.y)
         if self._finishing or away < _NEAR_GOAL:
             command = self._finish(goal, pose, speed)
@@ -468,7 +475,10 @@ class Navigator:
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return command
-        command, free = self._follower.command(
+        clearance = self._follower.clearance(around, pose)
+        slow = max(abs(speed[0]), abs(speed[1])) <= _CAREFUL
+        follower = self._careful if clearance < _TIGHT and slow else self._follower
+        command, free = follower.command(
             around, pose, speed, (goal.x, goal.y), limit=self.parameters.speed_limit
         )
         if free:

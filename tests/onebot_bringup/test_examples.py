@@ -13,6 +13,7 @@ from PIL import Image
 from rclpy.serialization import deserialize_message
 
 from onebot_bringup.bags.bag_reader import Bag
+from onebot_control.navigation.map_files import load_map
 from tests.readme import CHECKOUT
 from tests.support import PATIENCE, run_to_end
 from tests.support_rendering import require_renderer
@@ -154,3 +155,12 @@ def test_grasp_lifts_the_box(run) -> None:
     grip, box = run("09_grasp")
     assert _numbers(grip) == pytest.approx([25.0, 10.0], abs=0.2)  # mm, N: half of the box's edge
     assert _numbers(box) == pytest.approx([125.0], abs=0.2)  # half of its edge, and 100 mm
+
+
+def test_go_to(run: Callable[[str], list[str]], tmp_path: Path) -> None:
+    """It arrives within the tolerance, and its map can be read."""
+    *way, goal, belief = run("10_go_to")
+    assert "arrived" in way[-1] and "driving" in way[0]
+    assert _numbers(goal)[0] <= 50.0 and _numbers(belief)[0] <= 30.0
+    data = load_map(tmp_path / "maze.yaml").data
+    assert (data == 100).sum() > 50 and (data == 0).sum() > 1000
