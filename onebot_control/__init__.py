@@ -42,8 +42,8 @@ __all__ = [
 if TYPE_CHECKING:
     # Not in __all__: ``import *`` would need ROS.
     from onebot_control.nodes.lockstep import Lockstep as Lockstep
+    from onebot_control.occupancy_grid import OccupancyGrid
     from onebot_control.physics.contacts import Contact
-    from onebot_control.physics.occupancy import OccupancyGrid
     from onebot_control.recording import Moment
     from onebot_control.robot_setup import RobotSetup
     from onebot_control.sensing.readings import (
@@ -61,7 +61,7 @@ else:
     __getattr__ = onebot_description.lazy(
         {
             "onebot_control.physics.contacts": ("Contact",),
-            "onebot_control.physics.occupancy": ("OccupancyGrid",),
+            "onebot_control.occupancy_grid": ("OccupancyGrid",),
             "onebot_control.nodes.lockstep": ("Lockstep",),
             "onebot_control.recording": ("Moment",),
             "onebot_control.robot_setup": ("RobotSetup",),

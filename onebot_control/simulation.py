@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.physics.occupancy import OccupancyGrid, occupancy_grid
+from onebot_control.occupancy_grid import OccupancyGrid
+from onebot_control.physics.occupancy import occupancy_grid
 from onebot_control.recording import Moment, MomentLog
 from onebot_control.robot_setup import (
     Model,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from onebot_control.navigation.grid import GridMap, Window
-from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Singles
 
 _REACH = 1.0  # m; distances are not computed beyond

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onebot_control.navigation.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose
 

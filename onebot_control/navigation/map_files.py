@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 from PIL import Image, UnidentifiedImageError
 
-from onebot_control.navigation.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError, listing
 from onebot_description.parameters import bounded_yaml

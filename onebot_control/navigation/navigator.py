@@ -34,8 +34,8 @@ from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, Scan, Window, placed
 from onebot_control.navigation.localization import Localizer
-from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.scan_matching import Walls
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from onebot_control.occupancy_grid import OCCUPIED, OccupancyGrid
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.physics_settings import Settings
 from onebot_control.physics.scene import SceneBodies
@@ -17,28 +16,11 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
 
-FREE, OCCUPIED = 0, 100  # the values of nav_msgs/OccupancyGrid
 _FLAT = 1e-4  # m, height of what the cells are probed with
 _INSIDE = 1e-6  # m; what only touches a cell's edge does not occupy it
 _EDGE = 1e-6  # the same, in cells
 _MARGIN = 0.001  # m by which PyBullet's bounding boxes are larger
 _MOST_CELLS = 100_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class OccupancyGrid:
-    """What is occupied of a part of the world, as in nav_msgs/OccupancyGrid.
-
-    Attributes:
-        data: (rows, columns), int8: 0 free, 100 occupied. Rows go along y, columns along x, and
-            ``data[0, 0]`` is the cell at the origin, so ``data.ravel()`` is that of the message.
-        resolution: edge of a cell, m.
-        origin: x and y of the lower left corner of ``data[0, 0]`` in the world, m.
-    """
-
-    data: NDArray[np.int8]
-    resolution: float
-    origin: tuple[float, float]
 
 
 def occupancy_grid(

@@ -8,7 +8,7 @@ from PIL import Image
 
 from onebot_control.navigation.grid import GridMap, Scan, Window
 from onebot_control.navigation.map_files import load_map, save_map
-from onebot_control.navigation.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
 

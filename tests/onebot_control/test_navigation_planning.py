@@ -19,7 +19,7 @@ from onebot_control.navigation.navigator import (
     NavigationParameters,
     Navigator,
 )
-from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.description import load_description
 from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.test_navigation_map import room_scan
