@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from onebot_bringup.testing.running import RunningBringup
 else:
     __getattr__ = onebot_description.lazy(
+        globals(),
         {
             "onebot_bringup.testing.plugin": (
                 *("BringupFixture", "RosSimulationFixture", "SimulationFixture"),
             ),
             "onebot_bringup.testing.running": ("RunningBringup",),
-        }
+        },
     )
