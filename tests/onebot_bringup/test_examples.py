@@ -14,13 +14,15 @@ from rclpy.serialization import deserialize_message
 
 from onebot_bringup.bags.bag_reader import Bag
 from tests.readme import CHECKOUT
-from tests.support import PATIENCE, run_to_end
+from tests.ros_support import NodeProcess, Peer
+from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 EXAMPLES = sorted((CHECKOUT / "onebot_bringup/examples").iterdir())
 SCRIPTS = [path for path in EXAMPLES if path.suffix == ".py"]
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 _MOST_LINES = 30
+BRINGUP = "onebot_bringup.launch.onebot_bringup"
 
 
 def _command(path: Path) -> list[str]:
@@ -64,7 +66,8 @@ def test_each_example_is_in_the_table_and_is_tested_here() -> None:
     assert rows == [(name, name) for name in names]
     assert all(len(path.read_text().splitlines()) <= _MOST_LINES for path in SCRIPTS)
     source = Path(__file__).read_text()
-    assert re.findall(r'run\("(\w+)"\)', source) == [name.removesuffix(".py") for name in names]
+    tested = re.findall(r'run\("(\w+)"\)|== "(\w+)\.py"', source)
+    assert ["".join(each) for each in tested] == [name.removesuffix(".py") for name in names]
 
 
 @pytest.mark.slow
@@ -154,3 +157,28 @@ def test_grasp_lifts_the_box(run) -> None:
     grip, box = run("09_grasp")
     assert _numbers(grip) == pytest.approx([25.0, 10.0], abs=0.2)  # mm, N: half of the box's edge
     assert _numbers(box) == pytest.approx([125.0], abs=0.2)  # half of its edge, and 100 mm
+
+
+def test_panda_reaches_the_point(run) -> None:
+    [line] = run("10_panda")
+    assert _numbers(line)[1:] == pytest.approx([0.4, 0.2, 0.5], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_node_drives_a_circle_beside_the_robot(ros_domain: int) -> None:
+    """It is the one that runs until Ctrl-C."""
+    file = next(str(path) for path in SCRIPTS if path.name == "11_node.py")
+    with Peer(ros_domain) as peer, NodeProcess(BRINGUP, "viewer:=none"):
+        truth = peer.hear(Odometry, "/velocity_controller/ground_truth")
+        with RunningProcess([sys.executable, file]) as node:
+            wait_for(lambda: truth and truth[-1].pose.pose.position.y > 1.0, "half a circle")
+            wait_for(lambda: re.search(r"at -?\d\.\d\d, -?\d\.\d\d m", node.output), "its log")
+    places = np.array([[t.pose.pose.position.x, t.pose.pose.position.y - 1.0] for t in truth])
+    # On a circle of 1 m radius, but for the start, where it speeds up
+    assert np.hypot(*places.T) == pytest.approx(1.0, abs=0.1)
+
+
+def test_learn_plays_an_episode(run) -> None:
+    [line] = run("12_learn")
+    steps, nearer, left = _numbers(line)
+    assert 10 < steps <= 100 and nearer + left == pytest.approx(1.6, abs=0.002)
