@@ -21,10 +21,10 @@ class GoTo(OneBotEnv):
         return robot.collided or self.distance < 0.2
 
 
-task, rewards, is_over = GoTo(world="maze", y=0.8, max_steps=100), [], False
+task, rewards, is_over = GoTo(world="maze", y=0.8, max_steps=100), [0.0], False
 task.reset(seed=1)
 task.action_space.seed(1)
 while not is_over:
     _, reward, *ends, _ = task.step(task.action_space.sample())
     rewards, is_over = [*rewards, reward], any(ends)
-print(f"{len(rewards)} steps, {sum(rewards):.3f} m nearer, {task.distance:.3f} m from the place")
+print(f"{len(rewards) - 1} steps, {sum(rewards):.3f} m nearer, {task.distance:.3f} m from the place")
