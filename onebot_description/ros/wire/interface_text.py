@@ -16,7 +16,7 @@ from pathlib import Path
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.definition import NUMBERS, STRINGS, fields, section
 
-_OWN = Path(__file__).with_name("definitions")
+_OWN = Path(__file__).parents[1] / "packages"
 _COMMON = Path(__file__).with_name("common_definitions")
 
 

@@ -1,0 +1,168 @@
+"""Packages that ROS 2's wheels lack, importable by their own names, and the finder of them.
+
+Each folder here is a package: Python code (``__init__.py``), or interfaces (``msg/``, ``srv/``,
+``action/``), whose classes are made of their definitions. ``PackageFinder`` is the last that Python
+asks, so that a package that is installed or sourced takes precedence. ``onebot_packages.pth``
+installs it in every Python of the environment; it imports this module with the first package.
+
+The same finder raises one clear error if ROS 2 itself is missing: its wheels exist only for Linux
+on x86-64. An installed ROS works everywhere, once it is sourced; forgetting that should not end in
+a traceback.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from types import ModuleType, TracebackType
+
+from onebot_description.errors import OneBotError
+
+TYPE_CHECKING = not __name__  # false; typing is slow
+if TYPE_CHECKING:
+    from importlib.machinery import ModuleSpec
+
+# The imported packages of ROS that its wheels have.
+ROS_PACKAGES = (
+    "builtin_interfaces",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "nav_msgs",
+    "rcl_interfaces",
+    "rclpy",
+    "rosgraph_msgs",
+    "rosidl_adapter",
+    "rosidl_parser",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+    "trajectory_msgs",
+)
+_COMPILED = "rclpy._rclpy_pybind11"
+_PLACEHOLDER = "OneBotPackages"  # the finder of onebot_packages.pth
+
+
+class MissingRosError(OneBotError, ModuleNotFoundError):
+    """A package of ROS is missing; ``str(error)`` says what to source or to install."""
+
+
+class PackageFinder:
+    """A finder for the end of ``sys.meta_path``, which is asked for modules that were not found."""
+
+    @staticmethod
+    def find_spec(
+        name: str, path: "Sequence[str] | None" = None, target: "ModuleType | None" = None
+    ) -> "ModuleSpec | None":
+        """Return the spec of a module of a package here; None for any other module.
+
+        Raises:
+            MissingRosError: the module is one of ROS that its wheels, or an installed ROS, have.
+        """
+        return _later_spec(name, path, target) or _own_spec(name) or _missing(name)
+
+
+def install() -> None:
+    """Have Python ask PackageFinder last, in place of the one of onebot_packages.pth."""
+    is_placeholder = [getattr(finder, "__name__", "") == _PLACEHOLDER for finder in sys.meta_path]
+    place = is_placeholder.index(True) if any(is_placeholder) else len(is_placeholder)
+    sys.meta_path.insert(place, PackageFinder)
+    # Python may be asking one of these now: those behind it are removed, which ends the round.
+    sys.meta_path[place + 1 :] = [
+        finder
+        for finder in sys.meta_path[place + 1 :]
+        if getattr(finder, "__name__", "") != _PLACEHOLDER
+    ]
+
+
+def _later_spec(
+    name: str, path: "Sequence[str] | None", target: "ModuleType | None"
+) -> "ModuleSpec | None":
+    """Return what the finders that were installed after this one have: they take precedence."""
+    for finder in sys.meta_path[sys.meta_path.index(PackageFinder) + 1 :]:
+        if spec := finder.find_spec(name, path, target):
+            return spec
+    return None
+
+
+def _own_spec(name: str) -> "ModuleSpec | None":
+    """Return the spec of a package here, or of a module with its interfaces."""
+    from importlib.machinery import ModuleSpec
+    from importlib.util import spec_from_file_location
+
+    package, *inner = name.split(".")
+    folder = os.path.join(os.path.dirname(__file__), package)
+    if not os.path.isdir(folder):
+        return None
+    code = os.path.join(folder, "__init__.py")
+    if os.path.isfile(code):
+        found = spec_from_file_location(name, code, submodule_search_locations=[folder])
+        return None if inner else found
+    if inner and (len(inner) > 1 or not os.path.isdir(os.path.join(folder, *inner))):
+        return None
+    spec = ModuleSpec(name, InterfaceLoader, origin=folder, is_package=True)
+    return spec
+
+
+class InterfaceLoader:
+    """Loads a package of interfaces, whose classes are made when they are first used."""
+
+    @staticmethod
+    def create_module(spec: "ModuleSpec") -> None:
+        """Leave the module to Python."""
+
+    @staticmethod
+    def exec_module(module: "ModuleType") -> None:
+        """Have the module make its classes."""
+        if "." not in module.__name__:
+            return
+        from onebot_description.ros.wire.interfaces import make_interface
+
+        def find(short: str) -> object:
+            if short.startswith("_"):
+                raise AttributeError(f'no attribute "{short}"', name=short)
+            made = make_interface("/".join([*module.__name__.split("."), short]))
+            setattr(module, short, made)
+            return made
+
+        module.__getattr__ = find  # type: ignore[method-assign]
+
+
+def _missing(name: str) -> None:
+    """Raise MissingRosError for a package of ROS; do nothing for any other module."""
+    if name in ROS_PACKAGES or name == _COMPILED:
+        sys.excepthook = _print_error
+        raise MissingRosError(_explain(name))
+
+
+def _explain(name: str) -> str:
+    from importlib.machinery import PathFinder  # every command imports this module
+
+    ros = PathFinder.find_spec("rclpy")
+    if ros is None:
+        return (
+            f'no ROS 2 here (there is no Python package "{name}"): source an installed ROS 2 Jazzy '
+            "(source /opt/ros/jazzy/setup.bash), activate its RoboStack environment, or, on Linux "
+            'on x86-64, pip install "ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces'
+        )
+    if name == _COMPILED:
+        version = ".".join(map(str, sys.version_info[:2]))
+        return (
+            f"the ROS 2 of {ros.origin} is made for another Python than this one, {version}: "
+            "make the environment with the Python of that ROS, or use a shell without it"
+        )
+    return (
+        f'the ROS 2 of {ros.origin} lacks the package "{name}": install it, '
+        f"as in apt install ros-jazzy-{name.replace('_', '-')}"
+    )
+
+
+def _print_error(
+    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+) -> None:
+    """Print the exception that ended the process; this error without a traceback."""
+    if isinstance(error, MissingRosError):
+        print(f"error: {error}", file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, traceback)
+
+
+install()
