@@ -14,6 +14,7 @@ checkout itself, through a prefix of symbolic links, comes first, so an edit tak
 """
 
 import contextlib
+import functools
 import os
 import re
 import sys
@@ -200,6 +201,20 @@ def use_environment_prefix() -> None:
     ours = _own_prefixes()
     other_entries = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
     os.environ[_AMENT_PATH] = os.pathsep.join(other_entries + ours)
+
+
+def packages_on_ros_path() -> dict[str, Path]:
+    """Return the packages in and below the folders of ``ROS_PACKAGE_PATH``, by name."""
+    return _packages_below_all(tuple(_entries(_ROS_PATH)))
+
+
+@functools.cache
+def _packages_below_all(tops: tuple[str, ...]) -> dict[str, Path]:
+    resources = Resources(None)
+    found: dict[str, Path] = {}
+    for top in reversed(tops):
+        found |= resources._packages_below(Path(top))
+    return found
 
 
 def package_share(name: str) -> Path:

@@ -113,10 +113,10 @@ def check_class(part: str, twin: Any, generated: Any) -> None:
     assert twin.__module__ == generated.__module__
     assert twin.get_fields_and_field_types() == generated.get_fields_and_field_types()
     assert twin.SLOT_TYPES == generated.SLOT_TYPES
-    assert [*twin.__slots__, "_check_fields"] == list(generated.__slots__)
+    assert list(twin.__slots__) == list(generated.__slots__)
     assert repr(twin()) == repr(generated())
     assert twin() == twin() != generated() and twin.__hash__ is None
-    names = [key for key in dir(generated) if key.isupper() and not key.endswith("__DEFAULT")]
+    names = [key for key in dir(generated) if key.isupper()]
     for key in set(names) - {"SLOT_TYPES"}:
         assert getattr(twin, key) == getattr(generated, key), key
     for field in twin.get_fields_and_field_types():
@@ -138,13 +138,11 @@ def classes_of(name: str) -> Iterator[Any]:
 
 
 def test_type_hashes() -> None:
-    others = "simulation_interfaces/", "map_msgs/", "ackermann_msgs/"  # not looked up
-    assert {name for name in OWN if not name.startswith(others)} == {*HASHES}
     for name, expected in HASHES.items():
         assert described(load_interface(name))["hash"][:32] == expected, name
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", [*HASHES, "nav2_msgs/msg/Costmap", "vision_msgs/msg/Detection2D"])
 def test_damaged_messages_are_refused(name: str) -> None:
     @settings(max_examples=3, suppress_health_check=list(HealthCheck), deadline=None)
     @given(st.data())

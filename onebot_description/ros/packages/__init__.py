@@ -38,6 +38,7 @@ ROS_PACKAGES = (
     "trajectory_msgs",
 )
 _COMPILED = "rclpy._rclpy_pybind11"
+_ROS_MARKER = "share/ament_index/resource_index/packages/rclpy"  # below the prefix of a ROS
 _PLACEHOLDER = "OneBotPackages"  # the finder of onebot_packages.pth
 
 
@@ -57,7 +58,10 @@ class PackageFinder:
         Raises:
             MissingRosError: the module is one of ROS that its wheels, or an installed ROS, have.
         """
-        return _later_spec(name, path, target) or _own_spec(name) or _missing(name)
+        if found := _later_spec(name, path, target):
+            return found
+        _check_ros(name)
+        return None if _is_replaced() else _own_spec(name)
 
 
 def install() -> None:
@@ -90,43 +94,44 @@ def _own_spec(name: str) -> "ModuleSpec | None":
 
     package, *inner = name.split(".")
     folder = os.path.join(os.path.dirname(__file__), package)
-    if not os.path.isdir(folder):
-        return None
     code = os.path.join(folder, "__init__.py")
-    if os.path.isfile(code):
-        found = spec_from_file_location(name, code, submodule_search_locations=[folder])
-        return None if inner else found
-    if inner and (len(inner) > 1 or not os.path.isdir(os.path.join(folder, *inner))):
+    if os.path.isfile(code) and not inner:  # Python finds the modules of the folder itself
+        return spec_from_file_location(name, code, submodule_search_locations=[folder])
+    if inner and not isinstance(getattr(sys.modules.get(package), "__loader__", None), _Loader):
         return None
-    spec = ModuleSpec(name, InterfaceLoader, origin=folder, is_package=True)
-    return spec
+    from onebot_description.ros.wire.interface_text import KINDS, own_package
+
+    own = own_package(package)
+    if own is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
+        return None
+    return ModuleSpec(name, _Loader(), origin=str(own), is_package=len(inner) < 2)
 
 
-class InterfaceLoader:
-    """Loads a package of interfaces, whose classes are made when they are first used."""
+class _Loader:
+    """Loads the modules of a package of interfaces."""
 
-    @staticmethod
-    def create_module(spec: "ModuleSpec") -> None:
-        """Leave the module to Python."""
+    def create_module(self, spec: "ModuleSpec") -> None:
+        """Leave it to Python."""
 
-    @staticmethod
-    def exec_module(module: "ModuleType") -> None:
-        """Have the module make its classes."""
-        if "." not in module.__name__:
-            return
-        from onebot_description.ros.wire.interfaces import make_interface
+    def exec_module(self, module: "ModuleType") -> None:
+        if "." in module.__name__:
+            from onebot_description.ros.packages.interface_modules import fill
 
-        def find(short: str) -> object:
-            if short.startswith("_"):
-                raise AttributeError(f'no attribute "{short}"', name=short)
-            made = make_interface("/".join([*module.__name__.split("."), short]))
-            setattr(module, short, made)
-            return made
-
-        module.__getattr__ = find  # type: ignore[method-assign]
+            fill(module)
 
 
-def _missing(name: str) -> None:
+def _is_replaced() -> bool:
+    """Whether a sourced ROS takes the place of the wheels, and of what they lack."""
+    here = os.path.realpath(sys.prefix)
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return any(
+        os.path.exists(os.path.join(prefix, _ROS_MARKER)) and os.path.realpath(prefix) != here
+        for prefix in prefixes
+        if prefix
+    )
+
+
+def _check_ros(name: str) -> None:
     """Raise MissingRosError for a package of ROS; do nothing for any other module."""
     if name in ROS_PACKAGES or name == _COMPILED:
         sys.excepthook = _print_error
