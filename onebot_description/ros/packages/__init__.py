@@ -20,6 +20,7 @@ from onebot_description.errors import OneBotError
 TYPE_CHECKING = not __name__  # false; typing is slow
 if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
+    from typing import Any
 
 # The imported packages of ROS that its wheels have.
 ROS_PACKAGES = (
@@ -39,7 +40,6 @@ ROS_PACKAGES = (
 )
 _COMPILED = "rclpy._rclpy_pybind11"
 _ROS_MARKER = "share/ament_index/resource_index/packages/rclpy"  # below the prefix of a ROS
-_PLACEHOLDER = "OneBotPackages"  # the finder of onebot_packages.pth
 
 
 class MissingRosError(OneBotError, ModuleNotFoundError):
@@ -48,6 +48,8 @@ class MissingRosError(OneBotError, ModuleNotFoundError):
 
 class PackageFinder:
     """A finder for the end of ``sys.meta_path``, which is asked for modules that were not found."""
+
+    is_onebot = True
 
     @staticmethod
     def find_spec(
@@ -66,15 +68,11 @@ class PackageFinder:
 
 def install() -> None:
     """Have Python ask PackageFinder last, in place of the one of onebot_packages.pth."""
-    is_placeholder = [getattr(finder, "__name__", "") == _PLACEHOLDER for finder in sys.meta_path]
-    place = is_placeholder.index(True) if any(is_placeholder) else len(is_placeholder)
-    sys.meta_path.insert(place, PackageFinder)
-    # Python may be asking one of these now: those behind it are removed, which ends the round.
-    sys.meta_path[place + 1 :] = [
-        finder
-        for finder in sys.meta_path[place + 1 :]
-        if getattr(finder, "__name__", "") != _PLACEHOLDER
-    ]
+    for place, finder in enumerate(sys.meta_path):
+        if getattr(finder, "is_onebot", False):
+            sys.meta_path[place] = PackageFinder
+            return
+    sys.meta_path.append(PackageFinder)
 
 
 def _later_spec(
@@ -97,14 +95,32 @@ def _own_spec(name: str) -> "ModuleSpec | None":
     code = os.path.join(folder, "__init__.py")
     if os.path.isfile(code) and not inner:  # Python finds the modules of the folder itself
         return spec_from_file_location(name, code, submodule_search_locations=[folder])
-    if inner and not isinstance(getattr(sys.modules.get(package), "__loader__", None), _Loader):
+    rooms = os.path.dirname(__file__), f"{sys.prefix}/share/onebot_interfaces"
+    if not os.environ.get("ROS_PACKAGE_PATH"):
+        if not any(os.path.exists(os.path.join(room, package)) for room in rooms):
+            return None  # sooner than by the imports below
+    found = sys.modules.get(package)
+    is_own = isinstance(getattr(found, "__loader__", None), _Loader)
+    is_folder = getattr(found, "__file__", None) is None  # without code: Python found it as such
+    if inner and not is_own and not is_folder:
         return None
     from onebot_description.ros.wire.interface_text import KINDS, own_package
 
     own = own_package(package)
     if own is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
         return None
-    return ModuleSpec(name, _Loader(), origin=str(own), is_package=len(inner) < 2)
+    if len(inner) == 2 and not inner[1].startswith("_"):  # a class: `from package.msg import Name`
+        if not is_own:
+            _fill(sys.modules[f"{package}.{inner[0]}"])
+        return None
+    loader: Any = _Loader()
+    return ModuleSpec(name, loader, origin=str(own), is_package=len(inner) < 2)
+
+
+def _fill(module: "ModuleType") -> None:
+    from onebot_description.ros.packages.interface_modules import fill
+
+    fill(module)
 
 
 class _Loader:
@@ -115,9 +131,20 @@ class _Loader:
 
     def exec_module(self, module: "ModuleType") -> None:
         if "." in module.__name__:
-            from onebot_description.ros.packages.interface_modules import fill
+            _fill(module)
 
-            fill(module)
+
+def origin(name: str) -> "tuple[str, bool]":
+    """Return where a package is imported from, "" if nowhere, and whether it is one of ours."""
+    from importlib.util import find_spec
+
+    spec = find_spec(name)
+    if spec is None:
+        return "", False
+    here = os.path.dirname(__file__)
+    place = str(spec.origin or "")
+    folder = os.path.dirname(place) if place.endswith("__init__.py") else place
+    return folder, isinstance(spec.loader, _Loader) or os.path.dirname(folder) == here
 
 
 def _is_replaced() -> bool:

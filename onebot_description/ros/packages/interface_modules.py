@@ -8,7 +8,7 @@ from itertools import product
 from types import ModuleType
 from typing import Any
 
-from onebot_description.ros.wire.interface_text import own_interfaces
+from onebot_description.ros.wire.interface_text import definitions, own_package
 from onebot_description.ros.wire.interfaces import own_interface
 from onebot_description.ros.wire.message_class import made_class, module_name
 
@@ -29,7 +29,9 @@ def fill(module: ModuleType) -> None:
         ModuleNotFoundError: the package has no interface of that name.
     """
     package, kind, *stem = module.__name__.split(".")
-    types = [name for name in own_interfaces(kind) if name.startswith(f"{package}/")]
+    folder = own_package(package)
+    files = definitions(folder, [kind]) if folder else ()
+    types = [f"{package}/{kind}/{file.stem}" for file in files]
     if stem:
         types = [name for name in types if module_name(name) == module.__name__]
     if not types:

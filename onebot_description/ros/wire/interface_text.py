@@ -10,7 +10,7 @@ drawing a description takes, for where there is no ROS.
 import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from onebot_description.elements.packages import packages_on_ros_path
@@ -39,10 +39,11 @@ def own_package(name: str) -> Path | None:
     return next((folder for folder in folders if folder and any(definitions(folder))), None)
 
 
-def definitions(folder: Path) -> Iterator[Path]:
+def definitions(folder: Path, kinds: Sequence[str] = KINDS) -> Iterator[Path]:
     """List the files of a package that define interfaces."""
-    for kind in KINDS:
-        yield from sorted(folder.glob(f"{kind}/*.{kind}"))
+    for kind in kinds:
+        if (inner := folder / kind).is_dir():
+            yield from sorted(inner.glob(f"*.{kind}"))
 
 
 @functools.cache
@@ -51,8 +52,7 @@ def own_interfaces(kind: str) -> tuple[str, ...]:
     return tuple(
         f"{package}/{kind}/{file.stem}"
         for package, folder in own_packages().items()
-        for file in definitions(folder)
-        if file.parent.name == kind
+        for file in definitions(folder, [kind])
     )
 
 
@@ -76,10 +76,17 @@ def interface_file(name: str) -> Path:
     for folder in (*(share / package for share in share_folders()), _COMMON / package):
         if (folder / inner).is_file():
             return folder / inner
-    own = own_package(package)
-    if own and (own / inner).is_file():
-        return (own / inner).resolve()
+    if own := own_file(name):
+        return own
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+
+
+def own_file(name: str) -> Path | None:
+    """Return the file of an interface of a package that is made of its definitions."""
+    package, kind, type_name = name.split("/")
+    folder = own_package(package)
+    file = folder and folder / kind / f"{type_name}.{kind}"
+    return file.resolve() if file and file.is_file() else None
 
 
 def share_folders() -> Iterator[Path]:

@@ -10,8 +10,10 @@ rclpy loads the type support with the first publisher, subscription, service, cl
 If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
 """
 
+import contextlib
 import functools
 import importlib
+import io
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +40,7 @@ from onebot_description.ros.wire import type_support
 from onebot_description.ros.wire.interface_text import (
     interface_file,
     interface_text,
-    own_interfaces,
+    own_file,
 )
 from onebot_description.ros.wire.message_class import (
     MessageField,
@@ -79,7 +81,7 @@ def load_interface(name: str) -> Any:
     try:
         return getattr(importlib.import_module(f"{package}.{kind}"), short)
     except (ImportError, AttributeError) as error:
-        if name not in own_interfaces(kind):
+        if not own_file(name):
             raise OneBotError(f"{name} cannot be used: {error}") from error
     return own_interface(name)
 
@@ -109,11 +111,12 @@ def make_interface(name: str) -> Any:
         kind
     ]
     try:
-        return make(package, short, text)
+        with contextlib.redirect_stderr(io.StringIO()):  # the parser prints there, too
+            return make(package, short, text)
     except TypeSupportError:
         raise
     except Exception as error:  # the parser raises many kinds
-        raise _explained(error, name, text) from error
+        raise _explained(error, name, text) from None
 
 
 def _explained(error: Exception, name: str, text: str) -> InterfaceError:
@@ -125,7 +128,8 @@ def _explained(error: Exception, name: str, text: str) -> InterfaceError:
             start = number + 1
         try:
             part = "\n".join(lines[start : number + 1])
-            _parsed(package, kind, short, parser.parse_message_string(package, short, part))
+            with contextlib.redirect_stderr(io.StringIO()):
+                _parsed(package, kind, short, parser.parse_message_string(package, short, part))
         except Exception as found:
             where = f'{interface_file(name)}, line {number + 1}: "{line.strip()}"'
             return InterfaceError(f"{where} cannot be used: {_reason(found)}")
