@@ -94,15 +94,15 @@ def add(args: Namespace) -> None:
         raise OneBotError(f'"{name}" is no package name, such as my_interfaces: add a package.xml')
     link = ADDED / name
     link.unlink(missing_ok=True)
-    place, is_own = origin(name)
-    if place and not is_own:
-        raise OneBotError(f"{name} is installed in {place}, which takes precedence")
     try:
         ADDED.mkdir(parents=True, exist_ok=True)
         link.symlink_to(folder)
     except OSError as error:
         text = f"{link}: {error.strerror}; or export ROS_PACKAGE_PATH={folder}"
         raise OneBotError(text) from error
+    if (place := origin(name)) != str(folder.parent):
+        link.unlink()
+        raise OneBotError(f"{name} of {place or 'the sourced ROS'} takes precedence")
     types = [f"{name}/{file.parent.name}/{file.stem}" for file in definitions(folder)]
     try:
         for type_ in types:

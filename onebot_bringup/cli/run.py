@@ -107,8 +107,8 @@ def _calls_main(file: Path) -> bool:
 
 def _explain(error: ImportError) -> str:
     """Return which package is missing, and where it comes from."""
-    name = str(error.name).partition(".")[0]
-    if not isinstance(error, ModuleNotFoundError):
+    name = str(error.name)
+    if not isinstance(error, ModuleNotFoundError) or "." in name:  # a part of what is there
         return str(error)
     apt = f"an installed ROS 2 has it by apt install ros-jazzy-{name.lower().replace('_', '-')}"
     if name in _ROS_1:

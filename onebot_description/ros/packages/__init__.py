@@ -134,17 +134,24 @@ class _Loader:
             _fill(module)
 
 
-def origin(name: str) -> "tuple[str, bool]":
-    """Return where a package is imported from, "" if nowhere, and whether it is one of ours."""
+def package_names() -> list[str]:
+    """Return the names of the packages here, and of those that a user has added."""
+    from onebot_description.ros.wire.interface_text import own_packages
+
+    here = os.path.dirname(__file__)
+    with_code = {name for name in os.listdir(here) if os.path.isfile(f"{here}/{name}/__init__.py")}
+    return sorted(with_code | {*own_packages()})
+
+
+def origin(name: str) -> str:
+    """Return the folder that a package is imported from, without its name; "" if there is none."""
     from importlib.util import find_spec
 
     spec = find_spec(name)
     if spec is None:
-        return "", False
-    here = os.path.dirname(__file__)
-    place = str(spec.origin or "")
-    folder = os.path.dirname(place) if place.endswith("__init__.py") else place
-    return folder, isinstance(spec.loader, _Loader) or os.path.dirname(folder) == here
+        return ""
+    places = [*(spec.submodule_search_locations or ()), spec.origin or ""]
+    return os.path.dirname(os.path.realpath(places[0]))
 
 
 def _is_replaced() -> bool:

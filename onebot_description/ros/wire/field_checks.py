@@ -57,6 +57,7 @@ def check_of(name: str, slot: AbstractType, class_of: Callable[[NamespacedType],
         type_problem = f"must be a sub message of type '{item.type_name}'"
     elif item.type_name == "bytes":
         type_problem = "must be of type 'bytes' or 'ByteString' with length 1"
+        item = item._replace(fits=lambda value: len(value) == 1)
     elif isinstance(slot, AbstractGenericString) and slot.has_maximum_size():
         type_problem = item.single
     else:
@@ -112,6 +113,7 @@ def _check_of_numbers(name: str, slot: AbstractNestedType) -> Callable[[Any], bo
     if not isinstance(item, BasicType) or item.typename in ("boolean", "octet"):
         return None
     dtype = np.dtype(_DTYPES.get(item.typename, item.typename))
+    code = {"l": "q", "L": "Q"}.get(dtype.char, dtype.char)  # of ``array``, whose "l" is C's long
     size_fits = _size_check(slot)
 
     def check(value: Any) -> bool:
@@ -122,7 +124,7 @@ def _check_of_numbers(name: str, slot: AbstractNestedType) -> Callable[[Any], bo
             return True
         if isinstance(slot, AbstractSequence) and isinstance(value, array.array):
             kind = f"The '{name}' array.array()"
-            assert value.typecode == dtype.char, f"{kind} must have the type code of '{dtype.char}'"
+            assert value.typecode == code, f"{kind} must have the type code of '{code}'"
             assert size_fits(len(value)), f"{kind} must have a size <= {slot.maximum_size}"
             return True
         return False
@@ -145,7 +147,7 @@ def _item(slot: AbstractType, class_of: Callable[[NamespacedType], Any]) -> _Ite
         return _Item(lambda value: isinstance(value, bool), "bool")
     if kind == "octet":
         is_bytes = lambda value: isinstance(value, (bytes, bytearray))  # noqa: E731
-        return _Item(is_bytes, "bytes", lambda value: len(value) == 1)
+        return _Item(is_bytes, "bytes")
     if kind in _REALS:
         most = _REALS[kind]
         return _Item(
