@@ -23,7 +23,7 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: 
 
     find_silently()
 
-from onebot_description.ros.missing_ros import LastFinder
+import onebot_description.ros.packages  # noqa: F401  (installs the finder of packages)
 
 TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
 __version__: str  # version of the installed distribution, which has all packages
@@ -39,8 +39,6 @@ __all__ = [
     "load_description",
     "parse_description",
 ]
-
-sys.meta_path.append(LastFinder)
 
 
 def _installed_version() -> str:

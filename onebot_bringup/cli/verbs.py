@@ -28,7 +28,7 @@ VERBS = {
     "interface": Verb("list types of messages and show them"),
     "tf": Verb("show the tree of frames, and transforms between frames"),
     "snapshot": Verb("draw a robot into a picture file"),
-    "run": Verb("run a node by its package and name", 0),
+    "run": Verb("run a node by its package and name, or from its file", 0),
     "bag": Verb("record topics, play a recording, show what it holds"),
     "replay": Verb("show a recording"),
     "doctor": Verb("check what is wrong on this computer"),
