@@ -24,6 +24,7 @@ from onebot_control.sensing.readings import (
     RobotPose,
     Scan,
 )
+from onebot_control.simulated_navigation import SimulatedNavigation
 from onebot_control.simulated_world import SimulatedWorld
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
@@ -53,6 +54,7 @@ class SimulatedRobot:
     def __init__(self, core: SimulatedWorld, row: int) -> None:
         """Take the robot ``row`` of a world; users get it from ``Simulation.robots``."""
         self._core, self._row, self._name = core, row, core.names[row]
+        self._navigation = SimulatedNavigation(core, row)
 
     def drive(self, linear: float, angular: float = 0.0, *, lateral: float = 0.0) -> None:
         """Command a velocity; it holds until the next call, as if sent in every cycle.
@@ -72,7 +74,48 @@ class SimulatedRobot:
         if lateral and not self._drive.moves_sideways:
             raise OneBotError("the robot's drive does not move sideways: leave lateral out")
         if self._drive:
+            self.navigation.cancel("drive took over")
             self._core.commands[self._row] = linear, lateral, angular
+
+    def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
+        """Drive to a point in the world, around what is in the way, while the simulation runs.
+
+        The robot finds its way by its own scans, its odometry and its IMU, if it has one; it maps
+        what it sees, and knows of the world only where it started. ``navigating`` is true until the
+        goal has ended: reached within 5 cm, or given up; then ``navigation.status`` is "arrived" or
+        "failed", and ``navigation.reason`` says why. ``drive`` cancels the goal; another call
+        replaces it.
+
+        Args:
+            x: x coordinate of the root link in the world, m.
+            y: y coordinate of the root link in the world, m.
+            yaw: heading there in the world, rad; None for any. A robot that cannot turn on the spot
+                arrives with any heading.
+
+        Raises:
+            ValueError: a number is not finite.
+            OneBotError: the robot has no wheels, no lidar that is level, or no shape.
+        """
+        self.navigation.go_to(x, y, yaw)
+
+    @property
+    def navigating(self) -> bool:
+        """Whether the robot is driving to a goal of ``go_to``."""
+        return self.navigation.navigating
+
+    @property
+    def navigation(self) -> SimulatedNavigation:
+        """What drives the robot to goals: its status, and the map that it makes."""
+        return self._navigation
+
+    @property
+    def path(self) -> NDArray[np.float64]:
+        """The way to the goal of ``go_to`` that is planned now.
+
+        Returns:
+            (N, 2), points in the world, m, from the robot to the goal; N = 0 without a goal.
+        """
+        return self.navigation.path
 
     def move_to(self, positions: _Positions, *, seconds: Positive) -> None:
         """Move joints to ``positions``, where they come to rest after ``seconds``.
@@ -151,6 +194,7 @@ class SimulatedRobot:
         """
         self._controlled.teleport(PlanarPose(x, y, yaw))
         self._core.moved(self._row)
+        self.navigation.place(PlanarPose(x, y, yaw))
 
     @property
     def contacts(self) -> Sequence[Contact]:

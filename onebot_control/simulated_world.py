@@ -43,6 +43,7 @@ class SimulatedWorld:
         commands: the commanded velocity of each robot forward and to the left, m/s, and of turning
             to the left, rad/s, which is sent in every cycle; None if there was no command.
         after_cycle: functions that are called after each cycle, by any key.
+        starts: how often it has started, by a restart, too.
         publish: publishes the states at the beginning of a cycle and their stamp, ns, to ROS nodes
             in lockstep, and runs these; None if there are none.
     """
@@ -76,7 +77,7 @@ class SimulatedWorld:
         self.after_cycle: dict[object, Callable[[], object]] = {}
         self.publish: Callable[[Sequence[Snapshot], int], object] | None = None
         self._log: MomentLog | None = None
-        self._is_closed = False
+        self._is_closed, self.starts = False, 0
         self.fleet = fleet = Fleet.from_members(members, scene=scene)
         self.sensors = Sensors(scene, fleet.rate, fleet.world.settings.gravity)
         self.instruments = [self._instruments(row) for row in range(len(members))]
@@ -97,6 +98,7 @@ class SimulatedWorld:
         ]
 
     def _begin(self) -> None:
+        self.starts += 1
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
         self._contacts_wanted = False  # whether contacts have been asked for

@@ -1,0 +1,137 @@
+"""Where a robot may drive, and at what price: distances from obstacles and costs of cells."""
+
+import math
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from onebot_control.navigation.grid import GridMap, Window
+from onebot_control.navigation.occupancy_grid import OccupancyGrid
+
+_REACH = 1.0  # m; distances are not computed beyond
+_NEAR = 8.0  # price of a cell right beside an obstacle, over one that is far from all
+_DECAY = 0.08  # m in which it falls to 1/e
+_UNKNOWN = 0.5  # further price of an unknown cell
+_VISITED = 0.25  # further price for each second that the robot was near
+
+# The costs of nav2_costmap_2d.
+_INSCRIBED, _LETHAL, _NO_INFORMATION = 253, 254, 255
+
+
+class Costmap:
+    """Distances from obstacles, and the price of driving over cells, updated by parts.
+
+    Attributes:
+        distances: (rows, columns), from the middle of a cell to the nearest obstacle, m; at most
+            1 m.
+        prices: (rows, columns), of driving 1 m there; infinite where the robot cannot be.
+    """
+
+    def __init__(self, grid: GridMap, radius: float) -> None:
+        """Take the map, and the radius within which the robot touches obstacles for sure, m."""
+        self._grid, self._radius = grid, radius
+        self._occupied = np.zeros((0, 0), np.bool_)
+        self._visits = np.zeros((0, 0), np.float32)
+        self._origin = grid.origin
+        self.distances = np.zeros((0, 0), np.float32)
+        self.prices = np.zeros((0, 0), np.float32)
+        self.version = -1
+        self._fresh = True  # nothing has been measured yet
+
+    def update(self, window: Window) -> Window | None:
+        """Take over what has changed in a part of the map.
+
+        Returns:
+            The part of the prices that has changed; None if none has.
+        """
+        grid = self._grid
+        if self.version != grid.version:
+            self._resize()
+        if self._fresh:
+            self._fresh, window = False, Window(0, 0, *grid.shape)
+            self._occupied = grid.log_odds > 0.0
+            return self._measure(window)
+        occupied = grid.log_odds[window.cells] > 0.0
+        changed = occupied != self._occupied[window.cells]
+        if not changed.any():
+            return None
+        self._occupied[window.cells] = occupied
+        rows, columns = (np.flatnonzero(changed.any(axis=axis)).tolist() for axis in (1, 0))
+        top, left = window.top, window.left
+        return self._measure(
+            Window(top + rows[0], left + columns[0], top + rows[-1] + 1, left + columns[-1] + 1)
+        )
+
+    def _resize(self) -> None:
+        grid = self._grid
+        old, origin, visits = self._occupied.shape, self._origin, self._visits
+        self._occupied = np.zeros(grid.shape, np.bool_)
+        self._visits = np.zeros(grid.shape, np.float32)
+        if visits.size:
+            column, row = np.rint((np.array(origin) - grid.origin) / grid.resolution).astype(int)
+            self._visits[row : row + old[0], column : column + old[1]] = visits
+        self._origin = grid.origin
+        self.distances = np.full(grid.shape, _REACH, np.float32)
+        self.prices = np.ones(grid.shape, np.float32)
+        self.version = grid.version
+        self._fresh = True
+
+    def _measure(self, part: Window) -> Window:
+        """Compute distances and prices anew around a part whose obstacles have changed."""
+        resolution = self._grid.resolution
+        reach = math.ceil(_REACH / resolution)
+        inner, outer = (
+            part.grown(reach, self._occupied.shape),
+            part.grown(2 * reach, self._occupied.shape),
+        )
+        occupied = self._occupied[outer.cells]
+        distances = np.full(occupied.shape, _REACH, np.float32)
+        if occupied.any():
+            rows, columns = distance_transform_edt(
+                ~occupied, return_distances=False, return_indices=True
+            )
+            # To the mean end in the nearest occupied cell, which is nearer to the truth than its
+            # middle.
+            number, x, y = self._grid.ends[outer.cells][rows, columns].transpose(2, 0, 1)
+            number = np.maximum(number, 1.0) * np.float32(resolution)
+            rows = rows + y / number - np.arange(occupied.shape[0], dtype=np.float32)[:, None]
+            columns = columns + x / number - np.arange(occupied.shape[1], dtype=np.float32)
+            np.minimum(np.hypot(rows, columns) * np.float32(resolution), _REACH, out=distances)
+        top, left = inner.top - outer.top, inner.left - outer.left
+        rows, columns = inner.bottom - inner.top, inner.right - inner.left
+        self.distances[inner.cells] = distances[top : top + rows, left : left + columns]
+        self.price(inner)
+        return inner
+
+    def price(self, part: Window) -> None:
+        """Compute the prices of a part anew."""
+        distances = self.distances[part.cells]
+        beyond = distances - np.float32(self._radius)
+        prices = np.float32(1.0) + np.float32(_NEAR) * np.exp(beyond * np.float32(-1.0 / _DECAY))
+        prices += np.float32(_UNKNOWN) * (self._grid.log_odds[part.cells] == 0.0)
+        prices += np.float32(_VISITED) * self._visits[part.cells]
+        prices[beyond < 0.0] = np.inf
+        self.prices[part.cells] = prices
+
+    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> None:
+        """Remember that the robot was near a cell, so that it prefers other ways."""
+        half = math.ceil(radius / self._grid.resolution)
+        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(half, self._visits.shape)
+        self._visits[window.cells] += np.float32(seconds)
+
+    def forget_visits(self) -> None:
+        """Forget where the robot has been."""
+        self._visits[:] = 0.0
+
+    def costs(self, scaling: float = 3.0) -> OccupancyGrid:
+        """Return the costs as Nav2's costmaps have them: 253 inscribed, 254 lethal, 255 unknown.
+
+        Args:
+            scaling: cost_scaling_factor, 1/m.
+        """
+        beyond = self.distances - self._radius
+        costs = np.where(self.distances < _REACH, 252.0 * np.exp(-scaling * beyond), 0.0)
+        costs[beyond <= 0.0] = _INSCRIBED
+        costs[self._occupied] = _LETHAL
+        costs[(self._grid.log_odds == 0.0) & (beyond > 0.0)] = _NO_INFORMATION
+        return OccupancyGrid(costs.astype(np.uint8), self._grid.resolution, self._grid.origin)

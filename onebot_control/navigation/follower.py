@@ -1,0 +1,288 @@
+"""Chooses the next command by trying many: model predictive path integral control (MPPI).
+
+Sequences of commands around the last best one, and some of a fixed kind (turn, then drive; back;
+stop), are rolled out with the robot's acceleration limits and its footprint, and priced by how near
+they come to obstacles and by the cost to go at their ends; the command is their mean, weighted by
+exponentials of the prices (Williams, Drews, Goldfain, Rehg and Theodorou, "Aggressive driving with
+model predictive path integral control", ICRA 2016). A command is sent only if the robot, once it
+has obeyed it for a while, could still brake without touching anything.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.navigation.footprint import Vehicle
+from onebot_description.arrays import Singles
+from onebot_description.geometry.poses import PlanarPose, Triple
+
+_BLOCK = 6  # steps for which the noise of a sequence stays
+_SPREAD = 0.3, 0.3, 0.35  # its standard deviation, of the limits of speed
+_BATCHES = 8  # sets of noise, which take turns
+_TURNS = 16  # directions to turn to, and then to drive
+_SOFT = 0.05  # m in which the price of being near falls to 1/e
+_HIT = 60.0  # price of touching something
+_HEADING = 0.8  # price of an end that does not point down the field
+_AHEAD = 0.35  # m ahead of the end where the field is looked up, too
+_TEMPERATURE = 0.15
+_TRIED = 12  # best sequences from which the first safe one is taken
+_RANGE = 2.9  # m that the prices were chosen for
+
+
+class Surroundings(NamedTuple):
+    """What is around the robot, in parts of a map."""
+
+    distances: Singles  # (2 rows, 2 columns), to the nearest obstacle, of quarters of cells, m
+    field: Singles  # (rows, columns), cost to go; finite
+    origin: tuple[float, float]  # of the lower left corner of the first cell, m
+    resolution: float  # m
+
+    def nearest(self, x: Singles, y: Singles) -> Singles:
+        """Return the distance to the nearest obstacle at points."""
+        rows, columns = self.distances.shape
+        scale = np.float32(2.0 / self.resolution)
+        column = ((x - np.float32(self.origin[0])) * scale).astype(np.int32)
+        row = ((y - np.float32(self.origin[1])) * scale).astype(np.int32)
+        np.clip(column, 0, columns - 1, out=column)
+        np.clip(row, 0, rows - 1, out=row)
+        row *= columns
+        row += column
+        return np.asarray(self.distances.reshape(-1)[row])
+
+    def to_go(self, x: Singles, y: Singles) -> Singles:
+        """Return the cost to go at points, interpolated between the middles of cells."""
+        rows, columns = self.field.shape
+        column = np.clip((x - self.origin[0]) / self.resolution - 0.5, 0.0, columns - 1.001)
+        row = np.clip((y - self.origin[1]) / self.resolution - 0.5, 0.0, rows - 1.001)
+        left, low = column.astype(np.int32), row.astype(np.int32)
+        right, up = column - left, row - low
+        field = self.field
+        below = field[low, left] * (1 - right) + field[low, left + 1] * right
+        above = field[low + 1, left] * (1 - right) + field[low + 1, left + 1] * right
+        result: Singles = (below * (1 - up) + above * up).astype(np.float32)
+        return result
+
+
+def quartered(values: Singles) -> Singles:
+    """Return what is interpolated at the middles of the quarters of cells, (2 rows, 2 columns)."""
+    for axis in (0, 1):
+        padded = np.pad(values, [(1, 1) if axis == side else (0, 0) for side in (0, 1)], "edge")
+        moved = np.moveaxis(padded, axis, 0)
+        low, high = moved[1:-1] * 0.75 + moved[:-2] * 0.25, moved[1:-1] * 0.75 + moved[2:] * 0.25
+        both = np.stack((low, high), axis=1)
+        values = np.moveaxis(both.reshape(-1, *both.shape[2:]), 0, axis)
+    return np.ascontiguousarray(values)
+
+
+class _Paths(NamedTuple):
+    """Roll-outs, (sequences, steps)."""
+
+    speeds: Singles  # (sequences, steps, 3), forward, to the left, turning
+    x: Singles
+    y: Singles
+    yaw: Singles
+
+
+class Follower:
+    """Follows a field of costs to go with one robot."""
+
+    def __init__(
+        self, vehicle: Vehicle, period: float = 0.05, *, samples: int = 400, steps: int = 24
+    ) -> None:
+        """Prepare the sequences.
+
+        Args:
+            vehicle: the robot.
+            period: time between commands, s.
+            samples: random sequences.
+            steps: steps of a sequence.
+        """
+        self.vehicle, self._period, self._steps = vehicle, period, steps
+        horizon = min(max(1.44, vehicle.forward / vehicle.acceleration + 0.4), 3.0)
+        self._dt = horizon / steps
+        self._scale = max(0.3, vehicle.forward * horizon / _RANGE)
+        centers, radii = vehicle.circles()
+        self._circles = np.concatenate((centers, radii[:, None]), axis=1).astype(np.float32)
+        self._low = np.array([-vehicle.backward, -vehicle.sideways, -vehicle.turning], np.float32)
+        self._high = np.array([vehicle.forward, vehicle.sideways, vehicle.turning], np.float32)
+        self._rates = np.array(
+            [vehicle.acceleration, vehicle.acceleration, vehicle.turning_acceleration], np.float32
+        )
+        generator = np.random.default_rng(0)
+        blocks = math.ceil(steps / _BLOCK)
+        noise = generator.standard_normal((_BATCHES, samples, blocks, 3), np.float32)
+        noise *= self._high * np.array(_SPREAD, np.float32)
+        self._noise = np.repeat(noise, _BLOCK, axis=2)[:, :, :steps]
+        self._noise[:, 0] = 0.0
+        self._primitives = self._fixed()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, from standing."""
+        self._plan = np.zeros((self._steps, 3), np.float32)
+        self._turn = 0
+
+    def _fixed(self) -> Singles:
+        """Return the sequences of a fixed kind, (N, steps, 3)."""
+        vehicle, steps = self.vehicle, self._steps
+        times = np.arange(steps) * self._dt
+        rows = [np.zeros((1, steps, 3))]
+        if not vehicle.least_radius:
+            # Turn by an angle as fast as the acceleration allows, then drive on.
+            for angle in np.linspace(-math.pi, math.pi, _TURNS + 1):
+                top = min(vehicle.turning, math.sqrt(abs(angle) * vehicle.turning_acceleration))
+                until = abs(angle) / top if top else 0.0
+                for speed in (0.0, 0.5, 1.0):
+                    row = np.zeros((1, steps, 3))
+                    row[0, :, 2] = np.where(times < until, math.copysign(top, angle), 0.0)
+                    row[0, times >= until, 0] = speed * vehicle.forward
+                    rows.append(row)
+        for speed in (-vehicle.backward, 0.15 * vehicle.forward, 0.4 * vehicle.forward):
+            curve = min(vehicle.turning, 2.0 * abs(speed) / max(self._scale, 0.1))
+            for share in (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0):
+                row = np.zeros((1, steps, 3))
+                row[0, :, 0], row[0, :, 2] = speed, share * curve
+                rows.append(row)
+        if vehicle.sideways:
+            for angle in np.linspace(0.0, math.tau, 12, endpoint=False):
+                row = np.zeros((1, steps, 3))
+                row[0, :, 0] = vehicle.forward * math.cos(angle)
+                row[0, :, 1] = vehicle.sideways * math.sin(angle)
+                rows.append(row)
+        return np.concatenate(rows).astype(np.float32)
+
+    def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
+        """Return where sequences of commands, (N, steps, 3), lead to."""
+        dt = np.float32(self._dt)
+        most = self._rates * dt
+        speeds = np.empty_like(commands)
+        now = np.broadcast_to(np.array(speed, np.float32), commands[:, 0].shape)
+        for step in range(commands.shape[1]):
+            now = now + np.clip(commands[:, step] - now, -most, most)
+            if self.vehicle.least_radius:
+                curve = np.abs(now[:, 0]) / np.float32(self.vehicle.least_radius)
+                now[:, 2] = np.clip(now[:, 2], -curve, curve)
+            speeds[:, step] = now
+        turns = speeds[..., 2] * dt
+        yaw = np.cumsum(turns, axis=1)
+        middle = yaw - turns / 2 + np.float32(pose.yaw)
+        cos, sin = np.cos(middle), np.sin(middle)
+        along, across = speeds[..., 0] * dt, speeds[..., 1] * dt
+        x = np.cumsum(along * cos - across * sin, axis=1) + np.float32(pose.x)
+        y = np.cumsum(along * sin + across * cos, axis=1) + np.float32(pose.y)
+        return _Paths(speeds, x, y, yaw + np.float32(pose.yaw))
+
+    def _clearance(self, around: Surroundings, x: Singles, y: Singles, yaw: Singles) -> Singles:
+        """Return how far the footprint is from obstacles at poses, m; negative: it touches one."""
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        least = np.full(x.shape, np.inf, np.float32)
+        for ahead, left, radius in self._circles:
+            away = around.nearest(x + ahead * cos - left * sin, y + ahead * sin + left * cos)
+            np.minimum(least, away - radius, out=least)
+        return least
+
+    def clearance(self, around: Surroundings, pose: PlanarPose) -> float:
+        """Return how far the robot is from obstacles at a pose, m; negative: it touches one."""
+        x, y, yaw = (np.array([value], np.float32) for value in pose)
+        return float(self._clearance(around, x, y, yaw)[0])
+
+    def command(
+        self,
+        around: Surroundings,
+        pose: PlanarPose,
+        speed: Triple,
+        goal: tuple[float, float],
+        *,
+        limit: float = math.inf,
+    ) -> tuple[Triple, bool]:
+        """Return the next command, and whether there is a way on.
+
+        Args:
+            around: what is around the robot.
+            pose: the robot's pose in the map.
+            speed: its velocity forward, to the left, m/s, and turning, rad/s.
+            goal: where the field ends, m.
+            limit: maximum speed, m/s.
+        """
+        noise = self._noise[self._turn % _BATCHES]
+        self._turn += 1
+        high, low = self._high.copy(), self._low.copy()
+        high[:2], low[:2] = np.minimum(high[:2], limit), np.maximum(low[:2], -limit)
+        commands = np.concatenate((self._plan + noise, self._primitives))
+        np.clip(commands, low, high, out=commands)
+        paths = self._roll_out(commands, pose, speed)
+        prices, touching = self._prices(around, paths, pose, goal)
+        weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * self._scale))
+        weights /= weights.sum()
+        mean = np.tensordot(weights, commands, axes=1)
+        best = np.argsort(prices, kind="stable")[:_TRIED]
+        tried = np.concatenate((mean[None], commands[best]))
+        safe = self._safe(around, tried, pose, speed)
+        free = not touching[best[0]]
+        if not free or not safe.any():
+            self._plan[:] = 0.0
+            return (0.0, 0.0, 0.0), False
+        chosen = tried[int(safe.argmax())]
+        share = np.float32(min(1.0, self._period / self._dt))
+        shifted = np.concatenate((chosen[1:], chosen[-1:]))
+        self._plan = chosen + share * (shifted - chosen)
+        # What the robot is to reach after the first step, not after an infinite acceleration.
+        forward, left, turning = chosen[0].tolist()
+        return (forward, left, turning), True
+
+    def _prices(
+        self,
+        around: Surroundings,
+        paths: _Paths,
+        pose: PlanarPose,
+        goal: tuple[float, float],
+    ) -> tuple[Singles, NDArray[np.bool_]]:
+        """Return the price of each path, and whether it touches something."""
+        dt, scale = np.float32(self._dt), np.float32(self._scale)
+        clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
+        now = self.clearance(around, pose)
+        touching = clearance < min(0.0, now - 0.01)
+        near = np.float32(self.vehicle.half_width)
+        away = np.hypot(paths.x - np.float32(goal[0]), paths.y - np.float32(goal[1]))
+        arrived = np.maximum.accumulate(away < near * np.float32(0.5), axis=1)
+        hit = np.maximum.accumulate(touching & ~arrived, axis=1)
+        speeds = np.abs(paths.speeds[..., :2]).sum(axis=2) / scale
+        prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
+        prices *= np.float32(3.0) * (np.float32(0.3) + speeds)
+        prices += np.float32(0.15)
+        prices[arrived] = 0.0
+        total = prices.sum(axis=1) * dt * scale
+        later = np.arange(self._steps, 0, -1, dtype=np.float32) / np.float32(self._steps)
+        total += (hit * later).sum(axis=1) * np.float32(20.0) * dt + hit[:, -1] * np.float32(_HIT)
+        x, y, yaw = paths.x[:, -1], paths.y[:, -1], paths.yaw[:, -1]
+        ends = around.to_go(x, y)
+        ahead = np.float32(_AHEAD * min(1.0, self._scale))
+        there = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
+        open_ = ~arrived[:, -1]
+        total += open_ * ends
+        if not self.vehicle.sideways:
+            total += open_ * np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
+        total += np.abs(paths.speeds[..., 2]).mean(axis=1) * np.float32(0.02) * scale
+        total += (paths.speeds[:, -1, 0] < 0.0) * np.float32(0.3) * scale
+        return total, hit[:, -1]
+
+    def _safe(
+        self, around: Surroundings, commands: Singles, pose: PlanarPose, speed: Triple
+    ) -> NDArray[np.bool_]:
+        """Return which sequences can be begun, and the robot could still brake then."""
+        first = math.ceil(2.0 * self._period / self._dt)
+        braking = np.zeros((len(commands), self._steps, 3), np.float32)
+        braking[:, :first] = commands[:, :first]
+        paths = self._roll_out(braking, pose, speed)
+        clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
+        allowed = min(0.0, self.clearance(around, pose) - 0.002)
+        return np.asarray((clearance >= allowed).all(axis=1))
+
+    def is_safe(
+        self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple
+    ) -> bool:
+        """Return whether the robot could still brake after it has obeyed a command for a while."""
+        sequence = np.tile(np.array(command, np.float32), (1, self._steps, 1))
+        return bool(self._safe(around, sequence, pose, speed)[0])

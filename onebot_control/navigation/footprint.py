@@ -1,0 +1,116 @@
+"""What a robot covers of the ground, and how it can move: what the planner has to know of it."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from onebot_description.arrays import Floats
+from onebot_description.errors import OneBotError
+
+if TYPE_CHECKING:
+    from onebot_description.description import Description
+
+_OVERHANG = 0.015  # m by which circles may reach beyond the footprint
+_MOST_CIRCLES = 16
+_SPACING = 0.01  # m between points of its edge and in it
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """A robot's footprint and the limits of its motion.
+
+    Attributes:
+        footprint: (N, 2), corners of a convex polygon, counterclockwise, in the robot's frame, m.
+        forward: maximum speed forward, m/s.
+        backward: maximum speed backward, m/s.
+        sideways: maximum speed to either side, m/s; 0: it cannot.
+        turning: maximum velocity of turning, rad/s.
+        acceleration: of ``forward`` and ``sideways``, m/s^2.
+        turning_acceleration: rad/s^2.
+        least_radius: of its curves, m; 0: it can turn on the spot.
+    """
+
+    footprint: Floats
+    forward: float
+    backward: float
+    sideways: float
+    turning: float
+    acceleration: float
+    turning_acceleration: float
+    least_radius: float = 0.0
+
+    @property
+    def half_width(self) -> float:
+        """Half of the width of the least gap that the robot can drive through, m."""
+        across = np.abs(self.footprint).max(axis=0)
+        return float(across.min() if self.sideways else across[1])
+
+    @property
+    def outer_radius(self) -> float:
+        """Radius of the least circle about the robot's frame around the footprint, m."""
+        return float(np.hypot(*self.footprint.T).max())
+
+    def circles(self) -> tuple[Floats, Floats]:
+        """Return centres (N, 2) and radii (N,), m, of circles that together cover the footprint.
+
+        They reach at most 15 mm beyond it. Of the circles in the footprint, that which covers most
+        of what is left of its edge is taken next.
+        """
+        start, edge = self.footprint, np.roll(self.footprint, -1, axis=0) - self.footprint
+        length = np.hypot(*edge.T)
+        share = np.arange(0.0, 1.0, _SPACING / length.max())[:, None, None]
+        rim = (start + share * edge).reshape(-1, 2)
+        low, high = self.footprint.min(axis=0), self.footprint.max(axis=0)
+        step = max(_SPACING, float((high - low).min()) / 40.0)
+        lines = (np.arange(a + step / 2.0, b, step) for a, b in zip(low, high, strict=True))
+        inner = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
+        away = inner[:, None] - start
+        depth = ((edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0]) / length).min(axis=1)
+        inner, depth = inner[depth > 0.0], depth[depth > 0.0] + _OVERHANG
+        covered = np.hypot(*(rim[:, None] - inner).transpose(2, 0, 1)) <= depth
+        left, chosen = np.ones(len(rim), np.bool_), list[int]()
+        while left.any() and len(chosen) < _MOST_CIRCLES:
+            chosen.append(int((covered[left].sum(axis=0) + depth).argmax()))
+            left &= ~covered[:, chosen[-1]]
+        return inner[chosen], depth[chosen]
+
+
+def footprint_of(description: "Description") -> Floats:
+    """Return the convex hull of a robot's collision shapes from above, with its joints at 0.
+
+    Returns:
+        (N, 2), its corners, counterclockwise, in the frame of the root link, m.
+
+    Raises:
+        OneBotError: the robot has no shapes.
+    """
+    from onebot_control.sensing.solids import robot_solid
+
+    corners = robot_solid(description).corners[:, :2].astype(float)
+    hull = convex_hull(corners)
+    if len(hull) < 3:
+        raise OneBotError(f"{description.source}: the robot has no shape, so it has no footprint")
+    return hull
+
+
+def convex_hull(points: Floats) -> Floats:
+    """Return the corners of the convex hull of points (N, 2), counterclockwise.
+
+    Points on its edges are left out (A. M. Andrew's monotone chain).
+    """
+    ordered = np.unique(points.round(6), axis=0).tolist()
+    if len(ordered) < 3:
+        return np.array(ordered).reshape(-1, 2)
+    chains = []
+    for order in (ordered, ordered[::-1]):
+        chain: list[list[float]] = []
+        for x, y in order:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 1e-12:
+                    break
+                chain.pop()
+            chain.append([x, y])
+        chains += chain[:-1]
+    return np.array(chains)

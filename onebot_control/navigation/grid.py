@@ -1,0 +1,292 @@
+"""The map that a robot makes by its scans: an occupancy grid by log-odds, with points of walls.
+
+Rays clear the cells that they cross, and their ends fill cells (Thrun, Burgard and Fox,
+"Probabilistic Robotics", chapter 9). Each cell also has the mean of the ends in it, which places
+walls more exactly than its edges, for scan matching.
+"""
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.navigation.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from onebot_description.arrays import Floats, Singles
+from onebot_description.geometry.poses import PlanarPose
+
+Mask = NDArray[np.bool_]
+
+_HIT, _MISS = 0.9, -0.4  # log-odds by which a ray's end fills a cell, and a ray clears it
+_LEAST, _MOST = -2.0, 3.5  # so that a cell can change within a second
+_FULL = 64.0  # ends in a cell, above which the older ones count half
+_CHUNK = 64  # cells by which a map grows
+_MARGIN = 1.5  # cells before its end in which a ray clears nothing
+_MOST_CELLS = 16_000_000
+
+
+class Scan(NamedTuple):
+    """A scan in the frame of its lidar, which is mounted at ``mount`` in the robot's."""
+
+    ranges: Singles  # (N,), m; infinite: nothing in range; NaN or minus infinity: not known
+    least: float  # angle of the first ray, rad; positive to the left
+    step: float  # angle between rays, rad
+    reach: float  # greatest range, m
+    mount: PlanarPose = PlanarPose()
+
+    @property
+    def points(self) -> Floats:
+        """Ends of the rays that hit something, (N, 2), in the robot's frame, m."""
+        hit = np.flatnonzero(np.isfinite(self.ranges))
+        ranges, angles = self.ranges[hit].astype(float), self.least + self.step * hit
+        ends = np.stack((ranges * np.cos(angles), ranges * np.sin(angles)), axis=1)
+        return placed(ends, self.mount)
+
+
+def placed(points: Floats, pose: PlanarPose) -> Floats:
+    """Return points (N, 2) of a frame that is at ``pose`` in its parent's frame."""
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    moved: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + (pose.x, pose.y)
+    return moved
+
+
+class Window(NamedTuple):
+    """A part of a map, in cells."""
+
+    top: int  # first row
+    left: int  # first column
+    bottom: int  # row after the last
+    right: int  # column after the last
+
+    @property
+    def cells(self) -> tuple[slice, slice]:
+        """The part as an index of arrays."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    def grown(self, cells: int, shape: tuple[int, ...]) -> "Window":
+        """Return a part that is larger on each side, within a map of that shape."""
+        return Window(
+            max(0, self.top - cells),
+            max(0, self.left - cells),
+            min(shape[0], self.bottom + cells),
+            min(shape[1], self.right + cells),
+        )
+
+    def union(self, other: "Window | None") -> "Window":
+        """Return the least part that holds this one and another."""
+        if other is None:
+            return self
+        low, high = map(min, self[:2], other[:2]), map(max, self[2:], other[2:])
+        return Window(*low, *high)
+
+
+class GridMap:
+    """An occupancy grid in which scans are entered; it grows as far as they reach.
+
+    Attributes:
+        resolution: edge of a cell, m.
+        origin: x and y of the lower left corner of the first cell, m.
+        log_odds: (rows, columns); above 0 occupied, below 0 free, 0 unknown.
+        ends: (rows, columns, 3): number of ends in a cell, and the sums of their x and y from the
+            cell's middle, m.
+        version: changes when the map grows.
+    """
+
+    def __init__(self, resolution: float = 0.05, reach: float = 10.0) -> None:
+        """Begin with an empty map.
+
+        Args:
+            resolution: edge of a cell, m.
+            reach: how far scans are entered, m.
+        """
+        self.resolution, self.reach = resolution, reach
+        self.origin = (0.0, 0.0)
+        self.log_odds = np.zeros((0, 0), np.float32)
+        self.ends = np.zeros((0, 0, 3), np.float32)
+        self.version = 0
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid, reach: float = 10.0) -> "GridMap":
+        """Return a map that begins with what is known."""
+        made = cls(grid.resolution, reach)
+        made.origin = grid.origin
+        data = grid.data
+        made.log_odds = np.select([data == UNKNOWN, data > 50], [0.0, _MOST], _LEAST).astype(
+            np.float32
+        )
+        made.ends = np.zeros((*data.shape, 3), np.float32)
+        made.ends[data > 50, 0] = 1.0
+        return made
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        rows, columns = self.log_odds.shape
+        return rows, columns
+
+    def cells(self, points: Floats) -> NDArray[np.intp]:
+        """Return row and column (N, 2) of points (N, 2); they may be outside of the map."""
+        return np.floor((points[:, ::-1] - self.origin[::-1]) / self.resolution).astype(np.intp)
+
+    def middle(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+        """Return the middles (N, 2) of cells, m."""
+        middles = np.stack((columns, rows), axis=1) + 0.5
+        return np.asarray(middles * self.resolution + self.origin, float)
+
+    def inside(self, cells: NDArray[np.intp]) -> Mask:
+        """Return which cells (N, 2) are in the map."""
+        return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=1))
+
+    def cover(self, low: tuple[float, float], high: tuple[float, float]) -> bool:
+        """Let the map grow to a rectangle between two corners, m; return whether it has grown.
+
+        Raises:
+            ValueError: the map would be too large.
+        """
+        chunk = _CHUNK * self.resolution
+        corners = np.array([low, high])
+        if self.log_odds.size:
+            edges = np.array([self.origin, self.origin]) + self.resolution * np.array(
+                [(0, 0), self.shape[::-1]]
+            )
+            if (corners[0] >= edges[0]).all() and (corners[1] <= edges[1]).all():
+                return False
+        else:
+            first = np.floor(corners[0] / chunk) * chunk
+            self.origin = (float(first[0]), float(first[1]))
+            edges = np.array([first, first])
+        # Whole chunks before the present first cell, and behind the last one.
+        before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
+        behind = np.ceil(np.maximum(0.0, corners[1] - edges[1]) / chunk).astype(int) * _CHUNK
+        rows, columns = (np.array(self.shape)[::-1] + before + behind)[::-1]
+        if rows * columns > _MOST_CELLS:
+            raise ValueError(f"a map of {columns} x {rows} cells is too large")
+        pads = ((before[1], behind[1]), (before[0], behind[0]))
+        self.log_odds = np.pad(self.log_odds, pads)
+        self.ends = np.pad(self.ends, (*pads, (0, 0)))
+        x, y = self.origin - before * self.resolution
+        self.origin = (float(x), float(y))
+        self.version += 1
+        return True
+
+    def enter(self, scan: Scan, points: Floats, pose: PlanarPose) -> Window:
+        """Enter a scan, and return the part of the map that it may have changed.
+
+        Args:
+            scan: the scan.
+            points: its ends in the robot's frame that are no part of the robot, (N, 2), m.
+            pose: the robot's pose in the map.
+        """
+        sensor = pose.compose(scan.mount)
+        ends = placed(points, pose)
+        far = np.hypot(*(ends - sensor[:2]).T) > min(self.reach, scan.reach)
+        ends = ends[~far]
+        reach = self._reach(scan)
+        low = np.minimum(ends.min(axis=0, initial=math.inf), np.array(sensor[:2]) - reach)
+        high = np.maximum(ends.max(axis=0, initial=-math.inf), np.array(sensor[:2]) + reach)
+        edge = 2.0 * self.resolution
+        self.cover(
+            (float(low[0]) - edge, float(low[1]) - edge),
+            (float(high[0]) + edge, float(high[1]) + edge),
+        )
+        cells = self.cells(ends)
+        window = self._clear(scan, sensor, reach, cells)
+        self._fill(cells, ends)
+        return window
+
+    def _reach(self, scan: Scan) -> float:
+        """Return how far the scan clears, m: to the greatest range that was measured."""
+        ranges = scan.ranges
+        if np.isposinf(ranges).any():
+            return min(self.reach, scan.reach)
+        known = ranges[np.isfinite(ranges)]
+        return float(min(self.reach, known.max(initial=0.0)))
+
+    def _clear(
+        self, scan: Scan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
+    ) -> Window:
+        """Clear the cells before the ends of the rays on both of their sides."""
+        half = math.ceil(reach / self.resolution)
+        row, column = self.cells(np.array([sensor[:2]]))[0].tolist()
+        window = Window(row - half, column - half, row + half + 1, column + half + 1)
+        window = window.grown(0, self.shape)
+        bearings, distances = _polar(half)
+        at = (
+            slice(window.top - row + half, window.bottom - row + half),
+            slice(window.left - column + half, window.right - column + half),
+        )
+        known = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
+        before = np.minimum(known, reach) / self.resolution - _MARGIN
+        turn = round(math.tau / scan.step) == len(before)  # whether the rays go all around
+        behind = np.append(before[1:], before[0] if turn else 0.0)
+        limit = np.append(np.minimum(before, behind), 0.0).astype(np.float32)
+        offset = (sensor.yaw + scan.least) % math.tau
+        rays = bearings[at] - np.float32(offset)
+        rays[rays < 0.0] += np.float32(math.tau)
+        index = (rays * np.float32(1.0 / scan.step)).astype(np.int32)
+        np.minimum(index, len(limit) - 1, out=index)
+        free = distances[at] < limit[index]
+        inside = filled[self.inside(filled)] - (window.top, window.left)
+        within = (
+            (inside >= 0) & (inside < (window.bottom - window.top, window.right - window.left))
+        ).all(axis=1)
+        free[tuple(inside[within].T)] = False
+        part = self.log_odds[window.cells]
+        part[free] = np.maximum(part[free] + np.float32(_MISS), np.float32(_LEAST))
+        cleared = free & (part < 0.0)
+        self.ends[window.cells][cleared] = 0.0
+        return window
+
+    def _fill(self, cells: NDArray[np.intp], ends: Floats) -> None:
+        index = tuple(cells.T)
+        part = np.maximum(self.log_odds[index], np.float32(0.0))
+        self.log_odds[index] = np.minimum(part + np.float32(_HIT), np.float32(_MOST))
+        offsets = ends - self.middle(*index)
+        counted = np.concatenate((np.ones((len(ends), 1)), offsets), axis=1).astype(np.float32)
+        np.add.at(self.ends, index, counted)
+        full = self.ends[index][:, 0] > _FULL
+        rows = tuple(cells[full].T)
+        self.ends[rows] *= np.float32(0.5)
+
+    def clear_around(self, pose: PlanarPose, radius: float) -> Window:
+        """Forget what is within ``radius``, m, of a pose, and return that part."""
+        half = math.ceil(radius / self.resolution)
+        row, column = self.cells(np.array([pose[:2]]))[0].tolist()
+        window = Window(row, column, row + 1, column + 1).grown(half, self.shape)
+        self.log_odds[window.cells] = np.minimum(self.log_odds[window.cells], 0.0)
+        self.ends[window.cells] = 0.0
+        return window
+
+    def walls(self, near: PlanarPose | None = None, radius: float = 0.0) -> Floats:
+        """Return points of walls, (N, 2), m: the mean end in each occupied cell.
+
+        Args:
+            near: only those in a square around this pose.
+            radius: half its edge, m.
+        """
+        window = Window(0, 0, *self.shape)
+        if near is not None:
+            half = math.ceil(radius / self.resolution)
+            row, column = self.cells(np.array([near[:2]]))[0].tolist()
+            window = Window(row, column, row + 1, column + 1).grown(half, self.shape)
+        ends = self.ends[window.cells]
+        rows, columns = np.nonzero((self.log_odds[window.cells] > 0.0) & (ends[..., 0] > 0.0))
+        chosen = ends[rows, columns].astype(float)
+        means = chosen[:, 1:] / chosen[:, :1]
+        return np.asarray(self.middle(rows + window.top, columns + window.left) + means)
+
+    def occupancy(self) -> OccupancyGrid:
+        """Return the map as it is now."""
+        data = np.select(
+            [self.log_odds > 0.0, self.log_odds < 0.0], [OCCUPIED, FREE], UNKNOWN
+        ).astype(np.int8)
+        return OccupancyGrid(data, self.resolution, self.origin)
+
+
+@cache
+def _polar(half: int) -> tuple[Singles, Singles]:
+    """Return bearing, rad from 0 to 2 pi, and distance, in cells, of the cells around one."""
+    away = np.arange(-half, half + 1, dtype=np.float32)
+    x, y = np.meshgrid(away, away)
+    return np.arctan2(y, x) % np.float32(math.tau), np.hypot(x, y)

@@ -1,0 +1,531 @@
+"""Drives a robot to goals: what happens from a goal to its end.
+
+``Navigator.update`` is called with odometry and scans, and returns commands of velocity. It keeps
+the map and the robot's pose in it, plans, follows, waits before what blocks the way, recovers, and
+gives up with a reason. It reads no clock and imports no ROS: a simulation, a node beside a real
+robot or a bag may drive it.
+
+Example:
+    >>> from onebot_control.navigation.footprint import Vehicle
+    >>> from onebot_control.navigation.navigator import Navigator
+    >>> from onebot_description.geometry.poses import PlanarPose
+    >>> square = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
+    >>> navigator = Navigator(Vehicle(square, 0.5, 0.2, 0.0, 2.0, 1.0, 3.0), PlanarPose())
+    >>> navigator.go_to(1.0, 0.5)
+    >>> navigator.status
+    'driving'
+    >>> navigator.cancel()
+    >>> navigator.status, navigator.reason
+    ('cancelled', 'the goal was cancelled')
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onebot_control.navigation.cost_to_go import CostToGo
+from onebot_control.navigation.costmap import Costmap
+from onebot_control.navigation.follower import Follower, Surroundings, quartered
+from onebot_control.navigation.footprint import Vehicle
+from onebot_control.navigation.grid import GridMap, Scan, Window, placed
+from onebot_control.navigation.localization import Localizer
+from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.navigation.scan_matching import Walls
+from onebot_description.arrays import Floats
+from onebot_description.geometry.poses import PlanarPose, Triple
+
+_STOP: Triple = (0.0, 0.0, 0.0)
+_OLDEST_SCAN = 0.3  # s
+_WALLS_EVERY = 4  # scans after which the walls that scans are matched to are gathered anew
+_WALLS_REACH = 8.0  # m
+_BEYOND = 3.0  # price by which the field is known beyond the robot
+_SLICE = 30_000  # cells of a first field in one update
+_REPAIR_EVERY = 0.2  # s between repairs of the field
+_OWN = 0.02  # m around the footprint in which a scan sees the robot itself
+_PATIENCE = 2.0  # s to wait before what blocks the way
+_HOPELESS = 6.0  # s without any way to the goal until it is given up
+_STUCK = 5.0  # s in which the robot has to move
+_MOVED = 0.15  # m, or three times as many rad, that count as moving
+_RECOVERIES = 6  # without progress between them
+_NEAR_GOAL = 0.4  # m
+_EASY = 0.7  # share of the speed from which the robot could just stop
+
+
+class Failure(Enum):
+    """Why a goal was not reached; Nav2's error codes have these names."""
+
+    GOAL_OCCUPIED = "the goal is in an obstacle, or too near to one"
+    GOAL_OUTSIDE_MAP = "the goal is outside of the map"
+    START_OCCUPIED = "the start is in an obstacle, or too near to one"
+    NO_VALID_PATH = "there is no way to the goal"
+    FAILED_TO_MAKE_PROGRESS = "the robot is stuck"
+    TIMEOUT = "it took longer than allowed"
+    COLLISION_AHEAD = "something is in the way"
+    INVALID_PATH = "the path is empty or not finite"
+
+
+class NavigationError(Exception):
+    """There is no plan; ``failure`` says why."""
+
+    def __init__(self, failure: Failure) -> None:
+        """Take the failure."""
+        super().__init__(failure.value)
+        self.failure = failure
+
+
+@dataclass(frozen=True)
+class NavigationParameters:
+    """How goals are reached; the names are Nav2's.
+
+    Attributes:
+        xy_goal_tolerance: distance from the goal at which it is reached, m.
+        yaw_goal_tolerance: likewise the difference of heading, rad.
+        resolution: edge of the map's cells, m.
+        controller_frequency: commands per second, Hz.
+        time_allowance: time for a goal, s.
+        speed_limit: maximum speed, m/s; infinite: the robot's.
+    """
+
+    xy_goal_tolerance: float = 0.05
+    yaw_goal_tolerance: float = 0.1
+    resolution: float = 0.05
+    controller_frequency: float = 20.0
+    time_allowance: float = math.inf
+    speed_limit: float = math.inf
+
+
+class _Goal(NamedTuple):
+    x: float
+    y: float
+    yaw: float | None
+    since: float | None = None
+
+
+class Navigator:
+    """Drives one robot.
+
+    Attributes:
+        vehicle: the robot's footprint and limits.
+        map: the map; the scans' own, or a given one with what scans have changed.
+        localizer: the robot's pose in it.
+        status: "idle", "driving", "blocked", "recovering", "arrived", "cancelled" or "failed".
+        reason: one sentence on the status; "" if there is nothing to say.
+        failure: why the last goal failed; None if it has not.
+        recoveries: number of recoveries for this goal.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        start: PlanarPose,
+        *,
+        parameters: NavigationParameters | None = None,
+        known: OccupancyGrid | None = None,
+    ) -> None:
+        """Begin without a goal.
+
+        Args:
+            vehicle: the robot.
+            start: its pose in the map.
+            parameters: how goals are reached.
+            known: a map that is given; None: it begins empty, and scans make it.
+        """
+        self.vehicle = vehicle
+        self.parameters = parameters or NavigationParameters()
+        self.localizer = Localizer(start)
+        self._given = known
+        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
+        self._circles = vehicle.circles()
+        self._radius = vehicle.half_width + 0.01
+        self.status, self.reason = "idle", ""
+        self.failure: Failure | None = None
+        self._goal: _Goal | None = None
+        self.time = 0.0
+        self._begin_map()
+
+    def _begin_map(self) -> None:
+        given, parameters = self._given, self.parameters
+        self.map = GridMap.of(given) if given else GridMap(parameters.resolution)
+        self._costmap = Costmap(self.map, self._radius)
+        if self._given:
+            self._costmap.update(Window(0, 0, *self.map.shape))
+        self._walls = Walls(self.map.walls())
+        self._scans = 0
+        self._scanned: float | None = None
+        self._field: CostToGo | None = None
+        self._changed: Window | None = None  # part of the prices that the field does not know yet
+        self._repaired = -math.inf
+        self._is_planned = False
+        self.recoveries = 0
+
+    # What can be read -------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> PlanarPose:
+        """The robot's pose in the map."""
+        return self.localizer.pose
+
+    @property
+    def navigating(self) -> bool:
+        """Whether there is a goal that has not ended."""
+        return self._goal is not None
+
+    @property
+    def path(self) -> Floats:
+        """Points of the way to the goal, (N, 2), m; N = 0 if there is none."""
+        if self._goal is None or self._field is None or not self._is_planned:
+            return np.zeros((0, 2))
+        cells = self._field.way(self._cell(self.pose))
+        return self.map.middle(cells[:, 0], cells[:, 1])
+
+    @property
+    def distance_remaining(self) -> float:
+        """Length of the way to the goal, m; 0 without a goal."""
+        points = self.path
+        return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) else 0.0
+
+    @property
+    def footprint(self) -> Floats:
+        """The corners of the robot in the map, (N, 2), m."""
+        return placed(self.vehicle.footprint, self.pose)
+
+    def costs(self) -> OccupancyGrid:
+        """Return the costs of the map, as Nav2's costmaps have them."""
+        return self._costmap.costs()
+
+    # Goals ------------------------------------------------------------------------------------
+
+    def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
+        """Drive to a point in the map, m, and a heading there, rad; None: any.
+
+        Raises:
+            ValueError: a number is not finite.
+        """
+        if not all(map(math.isfinite, (x, y, yaw or 0.0))):
+            raise ValueError(f"a goal has finite numbers, not {x}, {y}, {yaw}")
+        self._goal = _Goal(x, y, yaw)
+        self.status, self.reason, self.failure = "driving", "", None
+        self.recoveries = 0
+        self._field, self._is_planned = None, False
+        self._costmap.forget_visits()
+        self._follower.reset()
+        self._moved: tuple[float, PlanarPose] | None = None
+        self._blocked: float | None = None
+        self._hopeless: float | None = None
+        self._recovery: _Recovery | None = None
+        self._since: float | None = None
+        self._finishing = False
+
+    def cancel(self, reason: str = "the goal was cancelled") -> None:
+        """End the goal, if there is one; the robot stops."""
+        if self._goal is not None:
+            self._end("cancelled", reason)
+
+    def _end(self, status: str, reason: str, failure: Failure | None = None) -> None:
+        self._goal = None
+        self.status, self.reason, self.failure = status, reason, failure
+
+    def _fail(self, failure: Failure, text: str = "") -> Triple:
+        self._end("failed", text or failure.value, failure)
+        return _STOP
+
+    def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
+        """Take the robot to be at a pose in the map, m and rad, as after a pose estimate."""
+        self.localizer.place(pose, covariance)
+        self._field = None
+
+    def clear(self) -> None:
+        """Forget what scans have found; a given map stays."""
+        self._begin_map()
+
+    # Sensing ----------------------------------------------------------------------------------
+
+    def update(
+        self,
+        time: float,
+        odometry: PlanarPose,
+        speed: Triple,
+        *,
+        scan: Scan | None = None,
+        scan_time: float | None = None,
+        turn: float | None = None,
+    ) -> Triple:
+        """Take measurements, and return the next command.
+
+        Args:
+            time: of the odometry, s; it never goes back.
+            odometry: the robot's pose in the odometry's frame.
+            speed: its velocity forward, to the left, m/s, and turning to the left, rad/s.
+            scan: a scan that was not given before; None: there is none.
+            scan_time: when it was measured, s; None: now.
+            turn: how far an IMU has turned to the left since the last call, rad; None: there is
+                none.
+
+        Returns:
+            The velocity forward, to the left, m/s, and of turning to the left, rad/s; zeros without
+            a goal.
+        """
+        self.time = time
+        self.localizer.predict(time, odometry, turn)
+        if scan is not None:
+            self._sense(scan, time if scan_time is None else scan_time)
+        if self._goal is None:
+            return _STOP
+        if self._scanned is None or time - self._scanned > _OLDEST_SCAN:
+            self.status, self.reason = "blocked", "no scan comes: waiting"
+            return _STOP
+        self._since = time if self._since is None else self._since
+        if time - self._since > self.parameters.time_allowance:
+            return self._fail(Failure.TIMEOUT)
+        return self._drive(self._goal, speed)
+
+    def _sense(self, scan: Scan, time: float) -> None:
+        points = scan.points
+        away = np.hypot(*(points[:, None] - self._circles[0]).transpose(2, 0, 1))
+        points = points[(away > self._circles[1] + _OWN).all(axis=1)]
+        if len(self._walls.points):
+            self.localizer.correct(time, points, self._walls)
+        pose = self.localizer.at(time)
+        window = self.map.enter(scan, points, pose)
+        self._scanned, self._scans = time, self._scans + 1
+        if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
+            self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
+        resized = self._costmap.version != self.map.version
+        changed = self._costmap.update(window)
+        if resized:
+            self._field = None
+        elif changed is not None:
+            self._changed = changed.union(self._changed)
+
+    # Driving ----------------------------------------------------------------------------------
+
+    def _cell(self, pose: PlanarPose) -> tuple[int, int]:
+        row, column = self.map.cells(np.array([pose[:2]]))[0].tolist()
+        rows, columns = self.map.shape
+        return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+
+    def _drive(self, goal: _Goal, speed: Triple) -> Triple:
+        pose = self.pose
+        if not self._plan(goal, pose):
+            return _STOP if self._goal else _STOP
+        around = self._around(pose)
+        if self._recovery is not None:
+            command = self._recovery.step(self.time, pose)
+            if command is not None and self._follower.is_safe(around, command, pose, speed):
+                return command
+            self._recovery = None
+            self._follower.reset()
+        away = math.hypot(goal.x - pose.x, goal.y - pose.y)
+        if self._finishing or away < _NEAR_GOAL:
+            command = self._finish(goal, pose, speed)
+            if self._goal is None:
+                return _STOP
+            if command is not None and self._follower.is_safe(around, command, pose, speed):
+                self._progress(pose)
+                self.status, self.reason = "driving", ""
+                return command
+        command, free = self._follower.command(
+            around, pose, speed, (goal.x, goal.y), limit=self.parameters.speed_limit
+        )
+        if free:
+            self._blocked = None
+            self.status, self.reason = "driving", ""
+        else:
+            self._blocked = self.time if self._blocked is None else self._blocked
+            self.status, self.reason = "blocked", "something is in the way: waiting"
+            if self.time - self._blocked > _PATIENCE:
+                return self._recover(pose)
+        if not self._progress(pose):
+            return self._recover(pose)
+        return command
+
+    def _plan(self, goal: _Goal, pose: PlanarPose) -> bool:
+        """Let the field reach the robot; return whether it does."""
+        if self._field is None and not self._begin_field(goal):
+            return False
+        field, cell = self._field, self._cell(pose)
+        assert field is not None
+        if self._changed is not None and self.time - self._repaired >= _REPAIR_EVERY:
+            field.change(self._costmap.prices, self._changed)
+            self._changed, self._repaired = None, self.time
+        budget = _SLICE if not self._is_planned else 50 * _SLICE
+        target = self._value(cell) + _BEYOND * 2.0
+        if field.level < target:
+            for count in field.spread(target):
+                budget -= count
+                if budget < 0:
+                    break
+                if target == math.inf and field.level > self._value(cell):
+                    target = self._value(cell) + _BEYOND * 2.0
+                if field.level >= target:
+                    break
+        if budget < 0 and not self._is_planned:
+            self.reason = "planning"
+            return False
+        if math.isinf(self._value(cell)):
+            return self._without_way(goal)
+        self._is_planned, self._hopeless = True, None
+        return True
+
+    def _value(self, cell: tuple[int, int]) -> float:
+        """Return the cost to go at a cell, or near it if the robot is too near to an obstacle."""
+        assert self._field is not None
+        values = self._field.values
+        if math.isfinite(values[cell]):
+            return float(values[cell])
+        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(4, values.shape)
+        return float(values[window.cells].min())
+
+    def _begin_field(self, goal: _Goal) -> bool:
+        """Begin a field from the goal; return whether it is free."""
+        margin = 2.0 + self.vehicle.outer_radius
+        pose = self.pose
+        low = min(goal.x, pose.x) - margin, min(goal.y, pose.y) - margin
+        high = max(goal.x, pose.x) + margin, max(goal.y, pose.y) + margin
+        cell = self.map.cells(np.array([(goal.x, goal.y)]))
+        if self._given and not self.map.inside(cell)[0]:
+            self._fail(Failure.GOAL_OUTSIDE_MAP)
+            return False
+        try:
+            self.map.cover(low, high)
+        except ValueError:
+            self._fail(Failure.GOAL_OUTSIDE_MAP)
+            return False
+        if self._costmap.version != self.map.version:
+            self._costmap.update(Window(0, 0, *self.map.shape))
+        cells = self._free_cells(goal)
+        if not len(cells):
+            self._fail(Failure.GOAL_OCCUPIED)
+            return False
+        self._field = CostToGo(self._costmap.prices, self.map.resolution, cells)
+        self._changed, self._repaired = None, self.time
+        return True
+
+    def _free_cells(self, goal: _Goal | PlanarPose) -> NDArray[np.intp]:
+        """Return the goal's cell, or the nearest free one within the tolerance, (0 or 1, 2)."""
+        resolution = self.map.resolution
+        half = math.ceil(self.parameters.xy_goal_tolerance / resolution)
+        middle = self.map.cells(np.array([(goal.x, goal.y)]))[0]
+        away = np.arange(-half, half + 1)
+        offsets = np.stack(np.meshgrid(away, away, indexing="ij"), axis=-1).reshape(-1, 2)
+        offsets = offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
+        cells = middle + offsets
+        cells = cells[self.map.inside(cells)]
+        free = np.isfinite(self._costmap.prices[tuple(cells.T)])
+        return np.asarray(cells[free][:1])
+
+    def _without_way(self, goal: _Goal) -> bool:
+        """Wait for a way, then forget what blocks it, then give up."""
+        self._hopeless = self.time if self._hopeless is None else self._hopeless
+        waited = self.time - self._hopeless
+        self.status, self.reason = "blocked", "there is no way: waiting"
+        if waited > _HOPELESS:
+            occupied = not len(self._free_cells(goal))
+            self._fail(Failure.GOAL_OCCUPIED if occupied else Failure.NO_VALID_PATH)
+        elif not len(self._free_cells(goal)) or waited > _PATIENCE:
+            self._field = None if len(self._free_cells(goal)) else self._field
+        return False
+
+    def _around(self, pose: PlanarPose) -> Surroundings:
+        """Return the part of the map that the robot can reach soon."""
+        field, resolution = self._field, self.map.resolution
+        assert field is not None
+        vehicle = self.vehicle
+        reach = vehicle.forward * 2.0 + vehicle.outer_radius + 1.0
+        cell = self._cell(pose)
+        part = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(
+            math.ceil(reach / resolution), self.map.shape
+        )
+        most = self._value(cell) + _BEYOND * 2.0
+        values = np.minimum(field.values[part.cells], most).astype(np.float32)
+        x, y = self.map.origin
+        origin = x + part.left * resolution, y + part.top * resolution
+        distances = quartered(self._costmap.distances[part.cells])
+        return Surroundings(distances, values, origin, resolution)
+
+    def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
+        """Return the command for the last stretch, straight to the goal; end it there."""
+        vehicle, parameters = self.vehicle, self.parameters
+        x, y = goal.x - pose.x, goal.y - pose.y
+        away = math.hypot(x, y)
+        if vehicle.least_radius:
+            if away < max(parameters.xy_goal_tolerance, 2.0 * self.map.resolution):
+                self._end("arrived", "")
+            return None
+        near = 0.4 * parameters.xy_goal_tolerance
+        if away < near or (self._finishing and away < 1.6 * near):
+            self._finishing = True
+            error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
+            if abs(error) < 0.4 * parameters.yaw_goal_tolerance:
+                if max(abs(speed[0]), abs(speed[1]), abs(speed[2])) < 0.05:
+                    self._end("arrived", "")
+                return _STOP
+            return 0.0, 0.0, self._turning(error)
+        self._finishing = False
+        top = _EASY * math.sqrt(2.0 * vehicle.acceleration * away)
+        top = min(top, vehicle.forward, parameters.speed_limit, 2.0 * away + 0.02)
+        bearing = math.remainder(math.atan2(y, x) - pose.yaw, math.tau)
+        if vehicle.sideways:
+            error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
+            top = min(top, vehicle.sideways)
+            return top * math.cos(bearing), top * math.sin(bearing), self._turning(error)
+        sign = 1.0
+        if abs(bearing) > math.pi / 2.0 and vehicle.backward > 0.0:
+            sign, bearing = -1.0, math.remainder(bearing + math.pi, math.tau)
+            top = min(top, vehicle.backward)
+        if abs(bearing) > 0.3 and away * abs(math.sin(bearing)) > 0.01:
+            top = 0.0
+        return sign * top * math.cos(bearing), 0.0, self._turning(bearing)
+
+    def _turning(self, error: float) -> float:
+        """Return the velocity, rad/s, to turn by an angle, rad."""
+        vehicle = self.vehicle
+        speed = _EASY * math.sqrt(2.0 * vehicle.turning_acceleration * abs(error))
+        return math.copysign(min(speed, vehicle.turning, 3.0 * abs(error)), error)
+
+    # When it does not go on -------------------------------------------------------------------
+
+    def _progress(self, pose: PlanarPose) -> bool:
+        """Return whether the robot has moved in the last seconds; remember where it was."""
+        if self._moved is None:
+            self._moved = self.time, pose
+        since, place = self._moved
+        turned = abs(math.remainder(pose.yaw - place.yaw, math.tau))
+        if math.hypot(pose.x - place.x, pose.y - place.y) > _MOVED or turned > 3.0 * _MOVED:
+            self._moved = self.time, pose
+        elif self.time - since > _STUCK:
+            return False
+        return True
+
+    def _recover(self, pose: PlanarPose) -> Triple:
+        """Begin the next recovery: forget obstacles nearby, back up, turn."""
+        self.recoveries += 1
+        self._moved, self._blocked = None, None
+        if self.recoveries > _RECOVERIES:
+            return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
+        if self.recoveries % 3 == 1 and not self._given:
+            window = self.map.clear_around(pose, 1.5)
+            changed = self._costmap.update(window)
+            self._changed = changed.union(self._changed) if changed else self._changed
+        self._recovery = _Recovery(self.vehicle, self.recoveries, self.time)
+        self.status, self.reason = "recovering", "it backs up and turns"
+        return _STOP
+
+
+class _Recovery:
+    """Backs up, or turns."""
+
+    def __init__(self, vehicle: Vehicle, number: int, time: float) -> None:
+        backs = number % 2 == 1 and vehicle.backward > 0.0
+        way = 0.5 * vehicle.backward if backs else 0.0
+        turn = 0.0 if backs else 0.4 * vehicle.turning * (1.0 if number % 4 == 2 else -1.0)
+        self._command = -way, 0.0, turn
+        self._until = time + (1.5 if backs else 2.5)
+
+    def step(self, time: float, pose: PlanarPose) -> Triple | None:
+        """Return the command; None at the end."""
+        return self._command if time < self._until else None

@@ -1,0 +1,239 @@
+"""Drives a robot of a ``Simulation`` to goals, by its own scans, odometry and IMU."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from onebot_control.drive.drive import Drive
+from onebot_control.sensing.imu import ImuInstrument
+from onebot_control.sensing.instrument import Instrument
+from onebot_control.sensing.lidar import LidarInstrument
+from onebot_control.simulated_world import SimulatedWorld
+from onebot_description.arrays import Floats
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError
+from onebot_description.geometry import matrices
+from onebot_description.geometry.poses import PlanarPose
+from onebot_description.model.robot_model import RobotModel
+
+if TYPE_CHECKING:  # what imports scipy is imported by the first goal
+    from onebot_control.navigation.footprint import Vehicle
+    from onebot_control.navigation.grid import Scan
+    from onebot_control.navigation.navigator import Navigator
+
+_FEWEST_RAYS = 30  # of a lidar that can map
+_LEVEL = 0.1  # rad by which its plane may be inclined
+# Where the controller has no limit: m/s, m/s^2, rad/s, rad/s^2.
+_FREE = {"linear.x": (0.5, 1.0), "linear.y": (0.5, 1.0), "angular.z": (1.5, 3.0)}
+_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
+_BRAKING = 2.6  # s in which the robot has to be able to stop
+
+
+def vehicle_of(description: Description, drive: Drive) -> "Vehicle":
+    """Return a robot's footprint, and the limits of its controller.
+
+    Raises:
+        OneBotError: the robot has no shapes.
+    """
+    from onebot_control.navigation.footprint import Vehicle, footprint_of
+
+    limits = {}
+    for axis, free in _FREE.items():
+        limit = drive.config.limits.get(axis)
+        given = (limit.max_velocity, limit.max_acceleration) if limit else (0.0, free[1])
+        limits[axis] = [
+            value if math.isfinite(value) else other
+            for value, other in zip(given, free, strict=True)
+        ]
+    (forward, acceleration), (sideways, _), (turning, turning_acceleration) = limits.values()
+    forward = min(forward, _BRAKING * acceleration)
+    least = drive.config.limits["linear.x"].min_velocity
+    backward = min(forward if math.isnan(least) else -least, 0.5 * forward)
+    return Vehicle(
+        footprint_of(description),
+        forward,
+        backward,
+        min(sideways, forward),
+        min(turning, _FASTEST_TURN),
+        acceleration,
+        turning_acceleration,
+        float(getattr(drive.geometry, "least_radius", 0.0)),
+    )
+
+
+class SimulatedNavigation:
+    """Drives one robot of a simulation; ``robot.navigation`` is the robot's.
+
+    It sees the world by the robot's lidar, and knows where it is by matching its scans, from the
+    wheels' odometry and the turning that the IMU measures, if there is one. It does not know the
+    true pose, but that at the start, or where the robot was last teleported to.
+    """
+
+    def __init__(self, core: SimulatedWorld, row: int) -> None:
+        """Take a robot of a world; nothing is read until the first goal."""
+        self._core, self._row = core, row
+        self._begin()
+
+    def _begin(self) -> None:
+        values = self._core.parameters[self._row]
+        # Where the odometry's frame was in the world when the robot was last put somewhere.
+        self._origin = PlanarPose(*(float(values.get(name, 0.0)) for name in ("x", "y", "yaw")))
+        self._starts = self._core.starts
+        self._made: Navigator | None = None
+
+    @property
+    def _navigator(self) -> "Navigator | None":
+        """The navigator; None if there was no goal since the simulation's start."""
+        if self._starts != self._core.starts:
+            self._begin()
+        return self._made
+
+    @property
+    def status(self) -> str:
+        """One of idle, driving, blocked, recovering, arrived, cancelled, failed."""
+        return self._navigator.status if self._navigator else "idle"
+
+    @property
+    def reason(self) -> str:
+        """One sentence on the status; "" if there is nothing to say."""
+        return self._navigator.reason if self._navigator else ""
+
+    @property
+    def navigating(self) -> bool:
+        """Whether there is a goal that has not ended."""
+        return self._navigator is not None and self._navigator.navigating
+
+    @property
+    def navigator(self) -> "Navigator":
+        """The navigator, with its map, its pose in it and its costs.
+
+        Raises:
+            OneBotError: the robot has no wheels, no level lidar or no shape.
+        """
+        self._made = self._navigator or self._make()
+        return self._made
+
+    @property
+    def path(self) -> Floats:
+        """Points of the way to the goal, (N, 2), in the world, m; N = 0 without a goal."""
+        return self._navigator.path if self._navigator else np.zeros((0, 2))
+
+    def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
+        """Drive to a point in the world, m, and a heading there, rad; None: any.
+
+        Raises:
+            OneBotError: see ``navigator``.
+        """
+        self.navigator.go_to(x, y, yaw)
+        self._core.after_cycle[self] = self._step
+
+    def cancel(self, reason: str = "the goal was cancelled") -> None:
+        """End the goal, if there is one; the robot brakes."""
+        if self._navigator is not None and self._navigator.navigating:
+            self._navigator.cancel(reason)
+            self._finish()
+
+    def place(self, pose: PlanarPose) -> None:
+        """Take the robot to be at a pose in the world, where it was put."""
+        odometry, _ = self._odometry()
+        if self._navigator is not None:
+            self._navigator.place(pose)
+        self._origin = pose.compose(odometry.inverse())
+
+    def _make(self) -> "Navigator":
+        from onebot_control.navigation.navigator import NavigationParameters, Navigator
+
+        core, row = self._core, self._row
+        robot = core.fleet.robots[row]
+        if robot.drive is None:
+            raise OneBotError(f"{robot.description.source}: the robot has no wheels to drive on")
+        self._lidar, self._mount, self._mirrored = self._level_lidar(robot.description)
+        imus = [item for item in core.instruments[row] if isinstance(item, ImuInstrument)]
+        self._imu = imus[0] if imus else None
+        model = RobotModel.from_description(robot.description).link_matrices({})
+        self._imu_axes = (
+            model[self._imu.sensor.link] @ matrices.of_origin(self._imu.sensor.origin)
+            if self._imu
+            else np.eye(4)
+        )
+        vehicle = vehicle_of(robot.description, robot.drive)
+        odometry, _ = self._odometry()
+        start = self._origin.compose(odometry)
+        parameters = NavigationParameters()
+        rate = core.fleet.rate
+        self._every = max(1, round(rate / parameters.controller_frequency))
+        self._scan_every = self._every * max(1, round(rate / self._lidar.rate / self._every))
+        self._cycles, self._turn = 0, 0.0
+        return Navigator(vehicle, start, parameters=parameters)
+
+    def _level_lidar(self, description: Description) -> tuple[Instrument[Any], PlanarPose, bool]:
+        """Return the level lidar with the widest view, its mount, and whether it hangs.
+
+        Raises:
+            OneBotError: there is none.
+        """
+        links = RobotModel.from_description(description).link_matrices({})
+        found = []
+        for item in self._core.instruments[self._row]:
+            if isinstance(item, LidarInstrument) and (
+                item.model.horizontal.samples >= _FEWEST_RAYS
+            ):
+                pose = links[item.sensor.link] @ matrices.of_origin(item.sensor.origin)
+                if abs(pose[2, 2]) > math.cos(_LEVEL):
+                    fan = item.model.horizontal
+                    found.append((fan.greatest - fan.least, item, pose))
+        if not found:
+            text = "the robot has no level lidar, by which it could find its way"
+            if not self._core.instruments[self._row]:
+                text += "; Simulation(sensors=True) gives OneBot its sensors"
+            raise OneBotError(f"{description.source}: {text}")
+        _, lidar, pose = max(found, key=lambda row: row[0])
+        mount = PlanarPose(float(pose[0, 3]), float(pose[1, 3]), math.atan2(pose[1, 0], pose[0, 0]))
+        return lidar, mount, bool(pose[2, 2] < 0.0)
+
+    def _odometry(self) -> tuple[PlanarPose, tuple[float, float, float]]:
+        drive = self._core.fleet.robots[self._row].drive
+        if drive is None:
+            return PlanarPose(), (0.0, 0.0, 0.0)
+        state = drive.state(1.0)
+        linear, lateral, angular = state.twist
+        return PlanarPose(*state.odometry), (linear, lateral, angular)
+
+    def _scan(self) -> "Scan":
+        from onebot_control.navigation.grid import Scan
+
+        fan = self._lidar.model.horizontal
+        ranges: Any = self._lidar.measure(self._core.sensed(), {"scan"})["scan"]
+        least, step = fan.least, (fan.greatest - fan.least) / (fan.samples - 1)
+        if self._mirrored:  # it hangs upside down: its angles are positive to the right
+            ranges, least = ranges[::-1], -fan.greatest
+        return Scan(ranges, least, step, self._lidar.model.greatest, self._mount)
+
+    def _step(self) -> None:
+        """Take measurements after a control cycle, and command the next ones."""
+        core, navigator = self._core, self._navigator
+        if navigator is None:  # the simulation was reset
+            core.after_cycle.pop(self, None)
+            return
+        if self._imu is not None:
+            _, rates, _ = self._imu.measure(core.sensed(), {"imu"})["imu"]
+            self._turn += float(self._imu_axes[2, :3] @ rates) * core.fleet.period
+        self._cycles += 1
+        if self._cycles % self._every:
+            return
+        turn, self._turn = self._turn, 0.0
+        odometry, speed = self._odometry()
+        scan = None if (self._cycles - self._every) % self._scan_every else self._scan()
+        turn_measured = turn if self._imu else None
+        command = navigator.update(core.time, odometry, speed, scan=scan, turn=turn_measured)
+        if navigator.navigating:
+            core.commands[self._row] = command
+        else:
+            self._finish()
+
+    def _finish(self) -> None:
+        """Brake; from then on others may command the robot."""
+        self._core.after_cycle.pop(self, None)
+        self._core.commands[self._row] = None
+        self._core.fleet.robots[self._row].accept(0.0, 0.0)
