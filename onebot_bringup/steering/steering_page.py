@@ -60,7 +60,6 @@ from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_limits import (
     Braking,
-    Controller,
     Limits,
     braking_of,
     limits_of,
@@ -72,7 +71,6 @@ from onebot_bringup.steering.command_topic import (
     commanded_robots,
     namespace_of,
 )
-from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.followed_topics import RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
@@ -84,6 +82,8 @@ from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
+from onebot_control.drive.controller_limits import Controller
+from onebot_control.nodes.command_controllers import Controllers
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared

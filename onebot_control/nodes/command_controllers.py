@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
-from onebot_bringup.steering.command_limits import NAMES, PREFIXES, Controller
+from onebot_control.drive.controller_limits import NAMES, PREFIXES, Controller
 
 _PERIOD = 2.0  # s between requests to a node, answered or not
 
