@@ -150,7 +150,8 @@ class SimulatedNavigation:
             raise OneBotError(f"{robot.description.source}: the robot has no wheels to drive on")
         self._lidar, self._mount, self._mirrored = self._level_lidar(robot.description)
         imus = [item for item in core.instruments[row] if isinstance(item, ImuInstrument)]
-        self._imu = imus[0] if imus else None
+        # Wheels that do not skid know better than an IMU how far the robot has turned.
+        self._imu = imus[0] if imus and robot.drive.wheels.skids else None
         model = RobotModel.from_description(robot.description).link_matrices({})
         self._imu_axes = (
             model[self._imu.sensor.link] @ matrices.of_origin(self._imu.sensor.origin)

@@ -7,11 +7,13 @@ from scipy.ndimage import distance_transform_edt
 
 from onebot_control.navigation.grid import GridMap, Window
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_description.arrays import Singles
 
 _REACH = 1.0  # m; distances are not computed beyond
 _NEAR = 8.0  # price of a cell right beside an obstacle, over one that is far from all
 _DECAY = 0.08  # m in which it falls to 1/e
 _UNKNOWN = 0.5  # further price of an unknown cell
+_FREED = -0.9  # log-odds below which a cell is no obstacle any more
 _VISITED = 0.25  # further price for each second that the robot was near
 
 # The costs of nav2_costmap_2d.
@@ -24,6 +26,7 @@ class Costmap:
     Attributes:
         distances: (rows, columns), from the middle of a cell to the nearest obstacle, m; at most
             1 m.
+        fine: (2 rows, 2 columns), the same from the middles of the quarters of cells.
         prices: (rows, columns), of driving 1 m there; infinite where the robot cannot be.
     """
 
@@ -33,7 +36,7 @@ class Costmap:
         self._occupied = np.zeros((0, 0), np.bool_)
         self._visits = np.zeros((0, 0), np.float32)
         self._origin = grid.origin
-        self.distances = np.zeros((0, 0), np.float32)
+        self.distances = self.fine = np.zeros((0, 0), np.float32)
         self.prices = np.zeros((0, 0), np.float32)
         self.version = -1
         self._fresh = True  # nothing has been measured yet
@@ -51,8 +54,10 @@ class Costmap:
             self._fresh, window = False, Window(0, 0, *grid.shape)
             self._occupied = grid.log_odds > 0.0
             return self._measure(window)
-        occupied = grid.log_odds[window.cells] > 0.0
-        changed = occupied != self._occupied[window.cells]
+        log_odds, before = grid.log_odds[window.cells], self._occupied[window.cells]
+        # Cells at edges of walls, which are hit and missed by turns, stay occupied.
+        occupied = (log_odds > 0.0) | (before & (log_odds > _FREED))
+        changed = occupied != before
         if not changed.any():
             return None
         self._occupied[window.cells] = occupied
@@ -72,6 +77,7 @@ class Costmap:
             self._visits[row : row + old[0], column : column + old[1]] = visits
         self._origin = grid.origin
         self.distances = np.full(grid.shape, _REACH, np.float32)
+        self.fine = np.full((2 * grid.shape[0], 2 * grid.shape[1]), _REACH, np.float32)
         self.prices = np.ones(grid.shape, np.float32)
         self.version = grid.version
         self._fresh = True
@@ -100,6 +106,9 @@ class Costmap:
         top, left = inner.top - outer.top, inner.left - outer.left
         rows, columns = inner.bottom - inner.top, inner.right - inner.left
         self.distances[inner.cells] = distances[top : top + rows, left : left + columns]
+        self.fine[2 * inner.top : 2 * inner.bottom, 2 * inner.left : 2 * inner.right] = quartered(
+            self.distances[inner.cells]
+        )
         self.price(inner)
         return inner
 
@@ -113,11 +122,16 @@ class Costmap:
         prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
-    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> None:
-        """Remember that the robot was near a cell, so that it prefers other ways."""
+    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> Window:
+        """Remember that the robot was near a cell, so that it prefers other ways.
+
+        Returns:
+            The part whose prices are to be computed anew.
+        """
         half = math.ceil(radius / self._grid.resolution)
         window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(half, self._visits.shape)
         self._visits[window.cells] += np.float32(seconds)
+        return window
 
     def forget_visits(self) -> None:
         """Forget where the robot has been."""
@@ -135,3 +149,16 @@ class Costmap:
         costs[self._occupied] = _LETHAL
         costs[(self._grid.log_odds == 0.0) & (beyond > 0.0)] = _NO_INFORMATION
         return OccupancyGrid(costs.astype(np.uint8), self._grid.resolution, self._grid.origin)
+
+
+def quartered(values: Singles) -> Singles:
+    """Return what is interpolated at the middles of the quarters of cells, (2 rows, 2 columns)."""
+    rows, columns = values.shape
+    padded = np.pad(values, 1, "edge")
+    inner = padded[1:-1] * np.float32(3.0)
+    result = np.empty((2 * rows, 2 * columns), np.float32)
+    for row, half in enumerate((inner + padded[:-2], inner + padded[2:])):
+        middle = half[:, 1:-1] * np.float32(3.0)
+        result[row::2, ::2] = (middle + half[:, :-2]) * np.float32(1.0 / 16.0)
+        result[row::2, 1::2] = (middle + half[:, 2:]) * np.float32(1.0 / 16.0)
+    return result

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.navigation.footprint import Vehicle
-from onebot_description.arrays import Singles
+from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 
 _BLOCK = 6  # steps for which the noise of a sequence stays
@@ -23,6 +23,10 @@ _SPREAD = 0.3, 0.3, 0.35  # its standard deviation, of the limits of speed
 _BATCHES = 8  # sets of noise, which take turns
 _TURNS = 16  # directions to turn to, and then to drive
 _SOFT = 0.05  # m in which the price of being near falls to 1/e
+_LEAST = 0.01  # m, clearance that is kept from obstacles
+_PER_SPEED = 0.04  # m of further clearance for each m/s of speed
+_FAST = 10.0  # price of being faster than that
+_CREEP = np.float32(0.1)  # m/s, which is slow enough anywhere
 _HIT = 60.0  # price of touching something
 _HEADING = 0.8  # price of an end that does not point down the field
 _AHEAD = 0.35  # m ahead of the end where the field is looked up, too
@@ -32,54 +36,43 @@ _RANGE = 2.9  # m that the prices were chosen for
 
 
 class Surroundings(NamedTuple):
-    """What is around the robot, in parts of a map."""
+    """What is around the robot: the map's distances and costs to go."""
 
-    distances: Singles  # (2 rows, 2 columns), to the nearest obstacle, of quarters of cells, m
-    field: Singles  # (rows, columns), cost to go; finite
+    distances: Singles  # (2 rows, 2 columns), from the middles of quarters of cells, m
+    field: Floats  # (rows, columns), cost to go
+    most: float  # what counts as the cost to go where it is more, or unknown
     origin: tuple[float, float]  # of the lower left corner of the first cell, m
-    resolution: float  # m
+    resolution: float  # edge of a cell, m
 
     def nearest(self, x: Singles, y: Singles) -> Singles:
         """Return the distance to the nearest obstacle at points."""
-        rows, columns = self.distances.shape
         scale = np.float32(2.0 / self.resolution)
-        column = ((x - np.float32(self.origin[0])) * scale).astype(np.int32)
+        column = (x - np.float32(self.origin[0])) * scale
         row = ((y - np.float32(self.origin[1])) * scale).astype(np.int32)
-        np.clip(column, 0, columns - 1, out=column)
-        np.clip(row, 0, rows - 1, out=row)
-        row *= columns
-        row += column
-        return np.asarray(self.distances.reshape(-1)[row])
+        row *= self.distances.shape[1]
+        row += column.astype(np.int32)
+        # What lies outside of the map is not known, whatever is found for it.
+        return self.distances.take(row, mode="clip")
 
     def to_go(self, x: Singles, y: Singles) -> Singles:
         """Return the cost to go at points, interpolated between the middles of cells."""
         rows, columns = self.field.shape
-        column = np.clip((x - self.origin[0]) / self.resolution - 0.5, 0.0, columns - 1.001)
-        row = np.clip((y - self.origin[1]) / self.resolution - 0.5, 0.0, rows - 1.001)
+        column = ((x - self.origin[0]) / self.resolution - 0.5).clip(0.0, columns - 1.001)
+        row = ((y - self.origin[1]) / self.resolution - 0.5).clip(0.0, rows - 1.001)
         left, low = column.astype(np.int32), row.astype(np.int32)
         right, up = column - left, row - low
-        field = self.field
-        below = field[low, left] * (1 - right) + field[low, left + 1] * right
-        above = field[low + 1, left] * (1 - right) + field[low + 1, left + 1] * right
-        result: Singles = (below * (1 - up) + above * up).astype(np.float32)
-        return result
-
-
-def quartered(values: Singles) -> Singles:
-    """Return what is interpolated at the middles of the quarters of cells, (2 rows, 2 columns)."""
-    for axis in (0, 1):
-        padded = np.pad(values, [(1, 1) if axis == side else (0, 0) for side in (0, 1)], "edge")
-        moved = np.moveaxis(padded, axis, 0)
-        low, high = moved[1:-1] * 0.75 + moved[:-2] * 0.25, moved[1:-1] * 0.75 + moved[2:] * 0.25
-        both = np.stack((low, high), axis=1)
-        values = np.moveaxis(both.reshape(-1, *both.shape[2:]), 0, axis)
-    return np.ascontiguousarray(values)
+        corners = np.minimum(
+            [self.field[low + a, left + b] for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))], self.most
+        )
+        below = corners[0] * (1 - right) + corners[1] * right
+        above = corners[2] * (1 - right) + corners[3] * right
+        return np.asarray(below * (1 - up) + above * up, np.float32)
 
 
 class _Paths(NamedTuple):
-    """Roll-outs, (sequences, steps)."""
+    """Roll-outs, (steps, sequences)."""
 
-    speeds: Singles  # (sequences, steps, 3), forward, to the left, turning
+    speeds: Singles  # (steps, 3, sequences), forward, to the left, turning
     x: Singles
     y: Singles
     yaw: Singles
@@ -112,16 +105,16 @@ class Follower:
         )
         generator = np.random.default_rng(0)
         blocks = math.ceil(steps / _BLOCK)
-        noise = generator.standard_normal((_BATCHES, samples, blocks, 3), np.float32)
-        noise *= self._high * np.array(_SPREAD, np.float32)
-        self._noise = np.repeat(noise, _BLOCK, axis=2)[:, :, :steps]
-        self._noise[:, 0] = 0.0
-        self._primitives = self._fixed()
+        noise = generator.standard_normal((_BATCHES, blocks, 3, samples), np.float32)
+        noise *= (self._high * np.array(_SPREAD, np.float32))[:, None]
+        self._noise = np.repeat(noise, _BLOCK, axis=1)[:, :steps]
+        self._noise[..., 0] = 0.0
+        self._primitives = np.ascontiguousarray(self._fixed().transpose(1, 2, 0))
         self.reset()
 
     def reset(self) -> None:
         """Begin anew, from standing."""
-        self._plan = np.zeros((self._steps, 3), np.float32)
+        self._plan = np.zeros((self._steps, 3, 1), np.float32)
         self._turn = 0
 
     def _fixed(self) -> Singles:
@@ -154,25 +147,35 @@ class Follower:
         return np.concatenate(rows).astype(np.float32)
 
     def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
-        """Return where sequences of commands, (N, steps, 3), lead to."""
+        """Return where sequences of commands, (steps, 3, N), lead to."""
         dt = np.float32(self._dt)
-        most = self._rates * dt
+        most = (self._rates * dt)[:, None]
         speeds = np.empty_like(commands)
-        now = np.broadcast_to(np.array(speed, np.float32), commands[:, 0].shape)
-        for step in range(commands.shape[1]):
-            now = now + np.clip(commands[:, step] - now, -most, most)
+        now = np.empty_like(commands[0])
+        now[:] = np.array(speed, np.float32)[:, None]
+        for step, command in enumerate(commands):
+            change = command - now
+            np.minimum(change, most, out=change)
+            np.maximum(change, -most, out=change)
+            now += change
             if self.vehicle.least_radius:
-                curve = np.abs(now[:, 0]) / np.float32(self.vehicle.least_radius)
-                now[:, 2] = np.clip(now[:, 2], -curve, curve)
-            speeds[:, step] = now
-        turns = speeds[..., 2] * dt
-        yaw = np.cumsum(turns, axis=1)
-        middle = yaw - turns / 2 + np.float32(pose.yaw)
+                curve = np.abs(now[0]) / np.float32(self.vehicle.least_radius)
+                np.maximum(np.minimum(now[2], curve), -curve, out=now[2])
+            speeds[step] = now
+        moves = speeds * dt
+        turns = moves[:, 2]
+        yaw = np.cumsum(turns, axis=0)
+        yaw += np.float32(pose.yaw)
+        middle = yaw - turns * np.float32(0.5)
         cos, sin = np.cos(middle), np.sin(middle)
-        along, across = speeds[..., 0] * dt, speeds[..., 1] * dt
-        x = np.cumsum(along * cos - across * sin, axis=1) + np.float32(pose.x)
-        y = np.cumsum(along * sin + across * cos, axis=1) + np.float32(pose.y)
-        return _Paths(speeds, x, y, yaw + np.float32(pose.yaw))
+        x, y = moves[:, 0] * cos, moves[:, 0] * sin
+        if self.vehicle.sideways:
+            x -= moves[:, 1] * sin
+            y += moves[:, 1] * cos
+        x, y = np.cumsum(x, axis=0), np.cumsum(y, axis=0)
+        x += np.float32(pose.x)
+        y += np.float32(pose.y)
+        return _Paths(speeds, x, y, yaw)
 
     def _clearance(self, around: Surroundings, x: Singles, y: Singles, yaw: Singles) -> Singles:
         """Return how far the footprint is from obstacles at poses, m; negative: it touches one."""
@@ -180,7 +183,8 @@ class Follower:
         least = np.full(x.shape, np.inf, np.float32)
         for ahead, left, radius in self._circles:
             away = around.nearest(x + ahead * cos - left * sin, y + ahead * sin + left * cos)
-            np.minimum(least, away - radius, out=least)
+            away -= radius
+            np.minimum(least, away, out=least)
         return least
 
     def clearance(self, around: Surroundings, pose: PlanarPose) -> float:
@@ -210,79 +214,87 @@ class Follower:
         self._turn += 1
         high, low = self._high.copy(), self._low.copy()
         high[:2], low[:2] = np.minimum(high[:2], limit), np.maximum(low[:2], -limit)
-        commands = np.concatenate((self._plan + noise, self._primitives))
-        np.clip(commands, low, high, out=commands)
+        commands = np.concatenate((self._plan + noise, self._primitives), axis=2)
+        np.minimum(commands, high[:, None], out=commands)
+        np.maximum(commands, low[:, None], out=commands)
+        now = self.clearance(around, pose)
         paths = self._roll_out(commands, pose, speed)
-        prices, touching = self._prices(around, paths, pose, goal)
+        prices, touching = self._prices(around, paths, now, goal)
         weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * self._scale))
         weights /= weights.sum()
-        mean = np.tensordot(weights, commands, axes=1)
+        mean = commands @ weights
         best = np.argsort(prices, kind="stable")[:_TRIED]
-        tried = np.concatenate((mean[None], commands[best]))
-        safe = self._safe(around, tried, pose, speed)
-        free = not touching[best[0]]
-        if not free or not safe.any():
+        tried = np.concatenate((mean[..., None], commands[..., best]), axis=2)
+        safe = self._safe(around, tried, pose, speed, now)
+        if touching[best[0]] or not safe.any():
             self._plan[:] = 0.0
             return (0.0, 0.0, 0.0), False
-        chosen = tried[int(safe.argmax())]
+        chosen = tried[..., [int(safe.argmax())]]
         share = np.float32(min(1.0, self._period / self._dt))
         shifted = np.concatenate((chosen[1:], chosen[-1:]))
         self._plan = chosen + share * (shifted - chosen)
-        # What the robot is to reach after the first step, not after an infinite acceleration.
-        forward, left, turning = chosen[0].tolist()
+        forward, left, turning = chosen[0, :, 0].tolist()
         return (forward, left, turning), True
 
     def _prices(
-        self,
-        around: Surroundings,
-        paths: _Paths,
-        pose: PlanarPose,
-        goal: tuple[float, float],
+        self, around: Surroundings, paths: _Paths, now: float, goal: tuple[float, float]
     ) -> tuple[Singles, NDArray[np.bool_]]:
-        """Return the price of each path, and whether it touches something."""
+        """Return the price of each path, and whether it touches something.
+
+        Args:
+            around: what is around the robot.
+            paths: the paths.
+            now: how far the robot is from obstacles, m.
+            goal: where the field ends, m.
+        """
         dt, scale = np.float32(self._dt), np.float32(self._scale)
         clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
-        now = self.clearance(around, pose)
-        touching = clearance < min(0.0, now - 0.01)
-        near = np.float32(self.vehicle.half_width)
-        away = np.hypot(paths.x - np.float32(goal[0]), paths.y - np.float32(goal[1]))
-        arrived = np.maximum.accumulate(away < near * np.float32(0.5), axis=1)
-        hit = np.maximum.accumulate(touching & ~arrived, axis=1)
-        speeds = np.abs(paths.speeds[..., :2]).sum(axis=2) / scale
+        touching = clearance < min(_LEAST, now - 0.01)
+        near = np.float32(self.vehicle.half_width * 0.5)
+        away = np.square(paths.x - np.float32(goal[0])) + np.square(paths.y - np.float32(goal[1]))
+        arrived = np.logical_or.accumulate(away < near * near, axis=0)
+        hit = np.logical_or.accumulate(touching & ~arrived, axis=0)
+        speeds = np.abs(paths.speeds[:, 0]) + np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
-        prices *= np.float32(3.0) * (np.float32(0.3) + speeds)
+        prices *= np.float32(0.9) + speeds * np.float32(3.0 / scale)
+        fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
+        prices += fast * np.maximum(speeds - _CREEP, 0.0) * np.float32(_FAST / scale)
         prices += np.float32(0.15)
         prices[arrived] = 0.0
-        total = prices.sum(axis=1) * dt * scale
+        total = prices.sum(axis=0) * (dt * scale)
         later = np.arange(self._steps, 0, -1, dtype=np.float32) / np.float32(self._steps)
-        total += (hit * later).sum(axis=1) * np.float32(20.0) * dt + hit[:, -1] * np.float32(_HIT)
-        x, y, yaw = paths.x[:, -1], paths.y[:, -1], paths.yaw[:, -1]
+        total += (later @ hit) * (np.float32(20.0) * dt) + hit[-1] * np.float32(_HIT)
+        x, y, yaw = paths.x[-1], paths.y[-1], paths.yaw[-1]
         ends = around.to_go(x, y)
         ahead = np.float32(_AHEAD * min(1.0, self._scale))
         there = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
-        open_ = ~arrived[:, -1]
-        total += open_ * ends
         if not self.vehicle.sideways:
-            total += open_ * np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
-        total += np.abs(paths.speeds[..., 2]).mean(axis=1) * np.float32(0.02) * scale
-        total += (paths.speeds[:, -1, 0] < 0.0) * np.float32(0.3) * scale
-        return total, hit[:, -1]
+            ends = ends + np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
+        total += ~arrived[-1] * ends
+        total += np.abs(paths.speeds[:, 2]).mean(axis=0) * (np.float32(0.02) * scale)
+        total += (paths.speeds[-1, 0] < 0.0) * (np.float32(0.3) * scale)
+        return total, hit[-1]
 
     def _safe(
-        self, around: Surroundings, commands: Singles, pose: PlanarPose, speed: Triple
+        self,
+        around: Surroundings,
+        commands: Singles,
+        pose: PlanarPose,
+        speed: Triple,
+        now: float,
     ) -> NDArray[np.bool_]:
         """Return which sequences can be begun, and the robot could still brake then."""
         first = math.ceil(2.0 * self._period / self._dt)
-        braking = np.zeros((len(commands), self._steps, 3), np.float32)
-        braking[:, :first] = commands[:, :first]
+        braking = np.zeros_like(commands)
+        braking[:first] = commands[:first]
         paths = self._roll_out(braking, pose, speed)
         clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
-        allowed = min(0.0, self.clearance(around, pose) - 0.002)
-        return np.asarray((clearance >= allowed).all(axis=1))
+        return np.asarray((clearance >= min(_LEAST, now - 0.002)).all(axis=0))
 
     def is_safe(
         self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple
     ) -> bool:
         """Return whether the robot could still brake after it has obeyed a command for a while."""
-        sequence = np.tile(np.array(command, np.float32), (1, self._steps, 1))
-        return bool(self._safe(around, sequence, pose, speed)[0])
+        sequence = np.empty((self._steps, 3, 1), np.float32)
+        sequence[:] = np.array(command, np.float32)[:, None]
+        return bool(self._safe(around, sequence, pose, speed, self.clearance(around, pose))[0])

@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 
 _HIT, _MISS = 0.9, -0.4  # log-odds by which a ray's end fills a cell, and a ray clears it
 _LEAST, _MOST = -2.0, 3.5  # so that a cell can change within a second
-_FULL = 64.0  # ends in a cell, above which the older ones count half
+_FULL = 30.0  # ends in a cell, after which its mean stays
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells before its end in which a ray clears nothing
 _MOST_CELLS = 16_000_000
@@ -242,12 +242,12 @@ class GridMap:
         index = tuple(cells.T)
         part = np.maximum(self.log_odds[index], np.float32(0.0))
         self.log_odds[index] = np.minimum(part + np.float32(_HIT), np.float32(_MOST))
+        # Walls that are well known stay where they are, so that the map does not drift.
+        cells, ends = (part[self.ends[index][:, 0] < _FULL] for part in (cells, ends))
+        index = tuple(cells.T)
         offsets = ends - self.middle(*index)
         counted = np.concatenate((np.ones((len(ends), 1)), offsets), axis=1).astype(np.float32)
         np.add.at(self.ends, index, counted)
-        full = self.ends[index][:, 0] > _FULL
-        rows = tuple(cells[full].T)
-        self.ends[rows] *= np.float32(0.5)
 
     def clear_around(self, pose: PlanarPose, radius: float) -> Window:
         """Forget what is within ``radius``, m, of a pose, and return that part."""

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
-from onebot_control.navigation.follower import Follower, Surroundings, quartered
+from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, Scan, Window, placed
 from onebot_control.navigation.localization import Localizer
@@ -45,6 +45,8 @@ _WALLS_REACH = 8.0  # m
 _BEYOND = 3.0  # price by which the field is known beyond the robot
 _SLICE = 30_000  # cells of a first field in one update
 _REPAIR_EVERY = 0.2  # s between repairs of the field
+_REPRICE_EVERY = 1.0  # s
+_BARRED = 20.0  # s of visits that a place counts where the robot got stuck
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
@@ -158,7 +160,8 @@ class Navigator:
         self._scanned: float | None = None
         self._field: CostToGo | None = None
         self._changed: Window | None = None  # part of the prices that the field does not know yet
-        self._repaired = -math.inf
+        self._repaired = self._repriced = -math.inf
+        self._visited: Window | None = None  # part where the robot was since prices were computed
         self._is_planned = False
         self.recoveries = 0
 
@@ -290,7 +293,8 @@ class Navigator:
         if len(self._walls.points):
             self.localizer.correct(time, points, self._walls)
         pose = self.localizer.at(time)
-        window = self.map.enter(scan, points, pose)
+        self._entered = scan, points, pose
+        window = self.map.enter(*self._entered)
         self._scanned, self._scans = time, self._scans + 1
         if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
             self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
@@ -431,21 +435,14 @@ class Navigator:
         return False
 
     def _around(self, pose: PlanarPose) -> Surroundings:
-        """Return the part of the map that the robot can reach soon."""
-        field, resolution = self._field, self.map.resolution
-        assert field is not None
-        vehicle = self.vehicle
-        reach = vehicle.forward * 2.0 + vehicle.outer_radius + 1.0
-        cell = self._cell(pose)
-        part = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(
-            math.ceil(reach / resolution), self.map.shape
+        assert self._field is not None
+        return Surroundings(
+            self._costmap.fine,
+            self._field.values,
+            self._value(self._cell(pose)) + 2.0 * _BEYOND,
+            self.map.origin,
+            self.map.resolution,
         )
-        most = self._value(cell) + _BEYOND * 2.0
-        values = np.minimum(field.values[part.cells], most).astype(np.float32)
-        x, y = self.map.origin
-        origin = x + part.left * resolution, y + part.top * resolution
-        distances = quartered(self._costmap.distances[part.cells])
-        return Surroundings(distances, values, origin, resolution)
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
         """Return the command for the last stretch, straight to the goal; end it there."""
@@ -491,6 +488,8 @@ class Navigator:
 
     def _progress(self, pose: PlanarPose) -> bool:
         """Return whether the robot has moved in the last seconds; remember where it was."""
+        period = 1.0 / self.parameters.controller_frequency
+        self._visit(self._costmap.visit(self._cell(pose), self._radius, period))
         if self._moved is None:
             self._moved = self.time, pose
         since, place = self._moved
@@ -501,14 +500,27 @@ class Navigator:
             return False
         return True
 
+    def _visit(self, part: Window) -> None:
+        """Take over that ways through a part are dearer; the field hears of it later."""
+        self._visited = part.union(self._visited)
+        if self.time - self._repriced > _REPRICE_EVERY:
+            self._costmap.price(self._visited)
+            self._changed = self._visited.union(self._changed)
+            self._visited, self._repriced = None, self.time
+
     def _recover(self, pose: PlanarPose) -> Triple:
         """Begin the next recovery: forget obstacles nearby, back up, turn."""
         self.recoveries += 1
         self._moved, self._blocked = None, None
+        # The gap ahead may be one that it cannot drive through.
+        for x, y in self.path[:: math.ceil(self._radius / self.map.resolution)][:3]:
+            cell = self._cell(PlanarPose(float(x), float(y)))
+            self._visit(self._costmap.visit(cell, self._radius, _BARRED))
         if self.recoveries > _RECOVERIES:
             return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
         if self.recoveries % 3 == 1 and not self._given:
             window = self.map.clear_around(pose, 1.5)
+            self.map.enter(*self._entered)
             changed = self._costmap.update(window)
             self._changed = changed.union(self._changed) if changed else self._changed
         self._recovery = _Recovery(self.vehicle, self.recoveries, self.time)
