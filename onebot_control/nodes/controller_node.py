@@ -33,7 +33,7 @@ _OLD = "it may be from before this process woke from a stop; send it again"
 # Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
 # whole number of cycles: rcl's timer fires after exactly this time, but a result expires only
 # later. While simulated time stands at that moment, an executor would find the timer ready forever.
-_RESULT_KEPT = 10.0000005
+RESULT_KEPT = 10.0000005
 
 Values = Mapping[str, Any]
 
@@ -187,7 +187,7 @@ class GoalFunctions(Generic[G]):
     accepted: Callable[[G], object] = id
 
 
-class _Action(ActionServer):
+class DeferredAction(ActionServer):
     """An action whose goals the control loop executes."""
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
@@ -219,7 +219,7 @@ class GoalAction(Generic[G]):
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
         own.follower.active = None  # an earlier node's goal has no client any more
-        self._action = _Action(
+        self._action = DeferredAction(
             own.node,
             self._type,
             name,
@@ -227,7 +227,7 @@ class GoalAction(Generic[G]):
             goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=self._on_cancel,
-            result_timeout=_RESULT_KEPT,
+            result_timeout=RESULT_KEPT,
         )
         rate = own.controller.config.action_monitor_rate
         own.place.listeners.append(self.finish)
