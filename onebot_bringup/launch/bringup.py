@@ -45,6 +45,7 @@ from onebot_description.ros.signals import KeyboardInterrupts
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_bringup.launch.settings import BringupSettings
+    from onebot_description.description import Description
 
 
 UP = "Ctrl-C stops everything"  # the last line that a bringup prints when it is up
@@ -175,7 +176,7 @@ def read_robots(
         from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
 
         robots = placed_robots(settings.robots, description)
-    _check_sections(settings, robots)
+    _check_sections(settings, description, robots)
     return Launch(settings, description, source, robots=robots)
 
 
@@ -253,7 +254,9 @@ def _check_files(settings: "BringupSettings") -> None:
         listen(settings.host, settings.port).close()
 
 
-def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]) -> None:
+def _check_sections(
+    settings: "BringupSettings", description: "Description", robots: Sequence["PlacedRobot"]
+) -> None:
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
@@ -261,7 +264,9 @@ def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]
     from onebot_description.parameters.reader import unknown_parameters
 
     space = absolute(settings.namespace)
-    spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
+    described = {f"{space}/{robot.name}": robot.description for robot in robots}
+    described = described or {space: description}
+    spaces = [*described]
     # Each file, and the namespaces of the nodes that get it.
     files: list[tuple[Path, list[str]]] = []
     if settings.params_file and "params_file" in settings.given:
@@ -269,7 +274,7 @@ def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
             files.append((robot.params_file, [name]))
-    nodes = unknown_by_node(settings.controller, [file for file, _ in files], spaces)
+    nodes = unknown_by_node(settings.controller, [file for file, _ in files], described)
     if settings.joints and "joints" in settings.given:  # then it is not simulated
         files = [(Path(settings.joints), [space])]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}

@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
 from onebot_bringup.cli.running_robots import chosen_commands, commanded_robots
@@ -348,6 +349,17 @@ def test_a_robot_that_wants_the_other_type_is_said(peer: Peer) -> None:
         terminal.says(
             "no subscriber of Twist, but of geometry_msgs/msg/TwistStamped: see --stamped"
         )
+
+
+def test_a_car_turns_in_curves_of_a_least_radius(peer: Peer) -> None:
+    """Beside the speeds, as its controller's parameters have it; they may change."""
+    peer.node.declare_parameter("steering_joints_names", ["right", "left"])
+    peer.node.declare_parameter("minimum_turning_radius", 0.468)
+    peer.hear(Twist, TOPIC)
+    with teleop() as terminal:
+        terminal.says("turn 1 \tleast radius 0.468 m")
+        peer.node.set_parameters([Parameter("minimum_turning_radius", value=2.0)])
+        terminal.says("least radius 2 m")
 
 
 def test_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
