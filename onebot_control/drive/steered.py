@@ -16,7 +16,7 @@ from onebot_description.geometry.poses import Triple, clamp, total
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
 if TYPE_CHECKING:
-    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.steering import SteeredGeometry, SteeredWheels
     from onebot_description.description import Description
 
@@ -270,8 +270,8 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
             yield Problem("front_steering", text)
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.steered) and not wheels.front_driven
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return bool(gear.steered) and not gear.front_driven
 
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
@@ -334,8 +334,8 @@ class TricycleParameters(SteeredParameters):
         return self.cmd_vel_timeout / 1000.0
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.steered) and wheels.front_driven
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return bool(gear.steered) and gear.front_driven
 
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
