@@ -45,7 +45,11 @@ class DiffDriveKinematics(Kinematics):
         self.shares = Share(0.5, 0.0, -separation), Share(0.5, 0.0, separation)
 
     def command(
-        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
+        self,
+        twist: Triple,
+        steering: Sequence[float] = (),
+        dt: float = math.inf,
+        before: Sequence[float] = (),
     ) -> DriveCommand:
         linear, _, angular = twist
         left, right = self.paths(twist)

@@ -187,7 +187,8 @@ class Drive:
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         twist = self._limited(dt)
-        self.command = self.odometry.kinematics.command(twist, self._steering, dt)
+        before = self.command.wheels
+        self.command = self.odometry.kinematics.command(twist, self._steering, dt, before)
         if self.config.open_loop:
             self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
         return self.command

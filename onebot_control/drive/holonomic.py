@@ -118,7 +118,11 @@ class HolonomicKinematics(Kinematics):
         return cls(radius, rows)
 
     def command(
-        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
+        self,
+        twist: Triple,
+        steering: Sequence[float] = (),
+        dt: float = math.inf,
+        before: Sequence[float] = (),
     ) -> DriveCommand:
         return DriveCommand(*twist, [path / self.radius for path in self.paths(twist)])
 

@@ -54,7 +54,11 @@ class Kinematics(ABC):
 
     @abstractmethod
     def command(
-        self, twist: Triple, steering: Sequence[float], dt: float = math.inf
+        self,
+        twist: Triple,
+        steering: Sequence[float],
+        dt: float = math.inf,
+        before: Sequence[float] = (),
     ) -> DriveCommand:
         """Return what the joints do for a limited twist.
 
@@ -62,6 +66,7 @@ class Kinematics(ABC):
             twist: the wanted motion per second; the result leaves out what the drive cannot do.
             steering: measured positions of the steering joints, rad.
             dt: time until the next command, s, which steering needs.
+            before: velocities of the wheels for the command before, rad/s; empty if there is none.
         """
 
     def fault(self, twist: Triple) -> str:
