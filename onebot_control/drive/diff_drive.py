@@ -45,11 +45,7 @@ class DiffDriveKinematics(Kinematics):
         self.shares = Share(0.5, 0.0, -separation), Share(0.5, 0.0, separation)
 
     def command(
-        self,
-        twist: Triple,
-        steering: Sequence[float] = (),
-        dt: float = math.inf,
-        before: Sequence[float] = (),
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
     ) -> DriveCommand:
         linear, _, angular = twist
         left, right = self.paths(twist)

@@ -187,8 +187,9 @@ class Drive:
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         twist = self._limited(dt)
-        before = self.command.wheels
-        self.command = self.odometry.kinematics.command(twist, self._steering, dt, before)
+        kinematics = self.odometry.kinematics
+        command = kinematics.command(twist, self._steering, dt)
+        self.command = kinematics.limited(command, self.command, dt)
         if self.config.open_loop:
             self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
         return self.command

@@ -118,11 +118,7 @@ class HolonomicKinematics(Kinematics):
         return cls(radius, rows)
 
     def command(
-        self,
-        twist: Triple,
-        steering: Sequence[float] = (),
-        dt: float = math.inf,
-        before: Sequence[float] = (),
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
     ) -> DriveCommand:
         return DriveCommand(*twist, [path / self.radius for path in self.paths(twist)])
 

@@ -54,11 +54,7 @@ class Kinematics(ABC):
 
     @abstractmethod
     def command(
-        self,
-        twist: Triple,
-        steering: Sequence[float],
-        dt: float = math.inf,
-        before: Sequence[float] = (),
+        self, twist: Triple, steering: Sequence[float], dt: float = math.inf
     ) -> DriveCommand:
         """Return what the joints do for a limited twist.
 
@@ -66,8 +62,11 @@ class Kinematics(ABC):
             twist: the wanted motion per second; the result leaves out what the drive cannot do.
             steering: measured positions of the steering joints, rad.
             dt: time until the next command, s, which steering needs.
-            before: velocities of the wheels for the command before, rad/s; empty if there is none.
         """
+
+    def limited(self, command: DriveCommand, before: DriveCommand, dt: float) -> DriveCommand:
+        """Return a command within the limits of the wheels, ``dt`` seconds after another one."""
+        return command
 
     def fault(self, twist: Triple) -> str:
         """Return what of a wanted twist the drive cannot do, in the same words for all such."""

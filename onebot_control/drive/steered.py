@@ -76,11 +76,7 @@ class SteeredKinematics(Kinematics):
         self.shares = Share(0.5, 0.0, -self.wheelbase), Share(0.5, 0.0, self.wheelbase)
 
     def command(
-        self,
-        twist: Triple,
-        steering: Sequence[float] = (),
-        dt: float = math.inf,
-        before: Sequence[float] = (),
+        self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
     ) -> DriveCommand:
         """Return what the joints do for a twist.
 
@@ -98,8 +94,6 @@ class SteeredKinematics(Kinematics):
             if missing >= _FAR:
                 speed *= math.cos(min(missing, _FARTHEST)) / math.cos(_FAR)
         if self.front_driven:
-            if before:
-                speed = self._traction.limit(speed, before[0], before[0], dt)
             linear, _, turn = self.body_motion([speed], [angle])
         else:
             turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
@@ -107,6 +101,14 @@ class SteeredKinematics(Kinematics):
         wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
         steered = self._steering_positions(reached)
         return DriveCommand(linear, -self.axle * turn, turn, wheels, steered)
+
+    def limited(self, command: DriveCommand, before: DriveCommand, dt: float) -> DriveCommand:
+        if not self.front_driven:
+            return command
+        [speed], [last] = command.wheels, before.wheels
+        speed = self._traction.limit(speed, last, last, dt)
+        motion = self.body_motion([speed], command.steering)
+        return DriveCommand(*motion, [speed], command.steering)
 
     def _reached(self, actual: float, wanted: float, dt: float) -> float:
         """Return the steering angle after ``dt``, s, so that no wheel is turned too fast."""
