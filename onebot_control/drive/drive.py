@@ -25,7 +25,7 @@ Example:
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
@@ -206,6 +206,10 @@ class Drive:
         pairs = zip(self._steering_rows, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
 
+    def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
+        """Compare the odometry with the true pose; see ``DriftCheck.update``."""
+        self.drift.update(self.odometry.pose, truth, obstructed)
+
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
         self._age += seconds
@@ -261,6 +265,19 @@ class Drive:
             speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
         self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
         return self._last
+
+
+class NoDrive:
+    """Takes the place of a ``Drive`` in a robot that stands: nothing moves it."""
+
+    velocities: Sequence[float] = ()
+    steering: Sequence[float] = ()
+
+    def _do_nothing(self, *_: object, **__: object) -> Any:
+        return None
+
+    accept = observe = decide = compare = wait = state = _do_nothing
+    place = moved = continue_from = _do_nothing
 
 
 def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:
