@@ -82,8 +82,8 @@ def drive_node(files: Iterable[Path]) -> DriveNode:
         for section, parameters in read_sections(read_text(file), str(file)).items():
             for name, value in parameters.values.items():
                 if isinstance(value, str) and value in DRIVES:
-                    own = section.rpartition("/")[2]
-                    node = own if name == "type" else name.removesuffix(_TYPE)
+                    section_name = section.rpartition("/")[2]
+                    node = section_name if name == "type" else name.removesuffix(_TYPE)
                     return DriveNode(node, *topics_of(DRIVES[value]))
     return DriveNode()
 
@@ -303,8 +303,8 @@ class _ControlFiles:
     def manager(self) -> Parameters:
         """Return controller_manager's parameters, of which those that only it has are checked."""
         manager = self.section(MANAGER, _unknown_of_manager)
-        own = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
-        read(ManagerConfig, own, manager.places)
+        own_values = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
+        read(ManagerConfig, own_values, manager.places)
         return manager
 
     def drive(self, controller: str) -> Parameters:
@@ -366,13 +366,13 @@ def _reason(kind: str) -> str:
     if kind == BROADCASTER_TYPE:
         return "is a further joint_state_broadcaster"
     halves = {*kind.split("/")}
-    alike = [known for known in JOINT_CONTROLLERS if not halves.isdisjoint(known.split("/"))]
+    alike = [name for name in JOINT_CONTROLLERS if not halves.isdisjoint(name.split("/"))]
     return f"{kind} does not run here" + (f" (did you mean {alike[0]}?)" if alike else "")
 
 
 def _unknown_of_manager(names: Iterable[str]) -> list[Problem]:
-    own = [name for name in names if not name.endswith(_OF_CONTROLLERS) and name != _OF_ANY_TYPE]
-    return unknown_parameters(ManagerConfig, own)
+    names = [n for n in names if not n.endswith(_OF_CONTROLLERS) and n != _OF_ANY_TYPE]
+    return unknown_parameters(ManagerConfig, names)
 
 
 def _unknown_of_drive(
@@ -383,5 +383,5 @@ def _unknown_of_drive(
     names: Iterable[str],
 ) -> list[Problem]:
     """Return a problem for each name that the drive of a robot, as described, does not declare."""
-    found = DRIVES[found_drive(description)] if description and names else ControlConfig
-    return unknown_parameters(declared_parameters(files, namespace, controller, found), names)
+    kind = DRIVES[found_drive(description)] if description and names else ControlConfig
+    return unknown_parameters(declared_parameters(files, namespace, controller, kind), names)

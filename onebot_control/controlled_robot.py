@@ -102,8 +102,8 @@ class JointStateBroadcaster:
         ]
         if problems:
             raise ConfigError(problems)
-        known = {*chosen}
-        extra = [name for name in config.extra_joints if name not in known]
+        published = {*chosen}
+        extra = [name for name in config.extra_joints if name not in published]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
         self._rows = [joints.index(name) for name in chosen]
@@ -278,25 +278,25 @@ def _inactive(
     moving = [joint.name for joint in description.moving_joints]
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
-        own = joints[controller.name]
+        names = joints[controller.name]
         missing = [
             Problem(
                 f"{controller.name}.{controller.config.joints_parameter}",
                 f'joint "{joint}" does not move{hint}',
             )
-            for joint, hint in unknown_names(own, moving)
+            for joint, hint in unknown_names(names, moving)
         ]
-        taken = [joint for joint in own if joint in owners]
-        if missing and (len(missing) < len(own) or len(controllers) == 1):
+        shared = [joint for joint in names if joint in owners]
+        if missing and (len(missing) < len(names) or len(controllers) == 1):
             problems += missing
         elif missing:
-            text = f"is inactive: no joint of the robot is {listing(own)}"
+            text = f"is inactive: no joint of the robot is {listing(names)}"
             inactive.append(Problem(controller.name, text))
-        elif taken:
-            text = f"is inactive: {owners[taken[0]]}, which comes first, moves {listing(taken)}"
+        elif shared:
+            text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
             inactive.append(Problem(controller.name, text))
         else:
-            owners.update(dict.fromkeys(own, controller.name))
+            owners.update(dict.fromkeys(names, controller.name))
     if problems:
         raise ConfigError(problems)
     return inactive
@@ -561,7 +561,9 @@ class ControlledRobot:
             elif not math.isfinite(position):
                 problems.append(f'joint "{name}": {position} is not finite')
         if problems:
-            raise OneBotError("\n".join(f"{self.description.source}: {each}" for each in problems))
+            raise OneBotError(
+                "\n".join(f"{self.description.source}: {problem}" for problem in problems)
+            )
         gears = self.body.spawn.gears.items()
         mimics = {
             name: mimic.at(positions[mimic.joint])

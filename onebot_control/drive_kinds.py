@@ -80,8 +80,8 @@ def found_drive(description: "Description") -> str:
 
     gear = RunningGear.of(description)
     kinds = DRIVES.items()
-    found = [k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(gear)]
-    return next(iter(found), DEFAULT_DRIVE)
+    types = [k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(gear)]
+    return next(iter(types), DEFAULT_DRIVE)
 
 
 def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
@@ -93,8 +93,8 @@ def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
 def joint_names(declared: type[SimulationConfig]) -> set[str]:
     """Return the names of a drive's parameters that name its joints: only these are read-only."""
     simulated = {leaf.name for leaf in leaves(SimulationConfig)}
-    own = (leaf for leaf in leaves(declared) if leaf.name not in simulated)
-    return {leaf.name for leaf in own if leaf.type.rule.read_only}
+    own_leaves = (leaf for leaf in leaves(declared) if leaf.name not in simulated)
+    return {leaf.name for leaf in own_leaves if leaf.type.rule.read_only}
 
 
 def standing(config: SimulationConfig) -> SimulationConfig:
@@ -113,5 +113,5 @@ def suited(values: Mapping[str, T], declared: type[SimulationConfig]) -> dict[st
         for name, value in values.items()
         if name.startswith("linear.x.")
     }
-    known = {**sideways, **values}
-    return {name: value for name, value in known.items() if is_parameter(declared, name)}
+    all_values = {**sideways, **values}
+    return {name: value for name, value in all_values.items() if is_parameter(declared, name)}

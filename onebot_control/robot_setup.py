@@ -100,13 +100,13 @@ def fleet_members(
     members, values = [], []
     for name, setup in setups.items():
         description = default if setup.model is None else _described(setup.model, {}, optional)
-        given = given_parameters({**parameters, **setup.parameters})
+        own_values = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            kind = _named_drive(given)
+            kind = _named_drive(own_values)
             names_drive = kind is not None
             kind = kind or DRIVES[found_drive(description)]
             place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
-            values.append({**suited(defaults, kind), **given, **place})
+            values.append({**suited(defaults, kind), **own_values, **place})
             config = read(kind, values[-1])
         has_drive = names_drive or RunningGear.of(description).drives
         members.append(Member(description, config if has_drive else standing(config), name))

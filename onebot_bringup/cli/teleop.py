@@ -332,5 +332,5 @@ class _Teleop:
             radius = max((c.least_radius for c in self._controllers.known), default=0.0)
             return f"\tleast radius {radius:.3g} m" if radius else ""
         types = self._session.subscribed_types(self._topic)
-        other = f", but of {', '.join(types)}: see --stamped" if types else " yet"
-        return f"\t(no subscriber of {self._kind.__name__}{other})"
+        hint = f", but of {', '.join(types)}: see --stamped" if types else " yet"
+        return f"\t(no subscriber of {self._kind.__name__}{hint})"

@@ -112,14 +112,14 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
     """
     arguments = split(argv)
-    given = _with_model(command, arguments)
+    given_values = _with_model(command, arguments)
     if arguments.help or arguments.show:
-        of_model, _ = command.model_arguments(given)
+        of_model, _ = command.model_arguments(given_values)
         print(help_text(command, command.arguments(), of_model, complete=arguments.help))
         return 0
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in forks
-    settings = read_settings(command, given)
-    launch = read_robots(command, settings, model_values(given, settings.given))
+    settings = read_settings(command, given_values)
+    launch = read_robots(command, settings, model_values(given_values, settings.given))
     return run(command, replace(launch, ros_args=arguments.ros_args))
 
 
@@ -141,13 +141,13 @@ def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSetting
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     names = {argument.name for argument in command.arguments()}
-    own = {name: value for name, value in given.items() if name in names}
+    own_values = {name: value for name, value in given.items() if name in names}
     take_package_path(given)  # the model's includes may need it
-    if len(own) < len(given):
+    if len(own_values) < len(given):
         _check_names(command, given, names)
     if not model.endswith(".urdf"):
-        _warn_of_shadowed(command, given, own)
-    settings = checked_settings(command.settings_class, own, **command.defaults)
+        _warn_of_shadowed(command, given, own_values)
+    settings = checked_settings(command.settings_class, own_values, **command.defaults)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     _check_files(settings)
     return with_params_file(settings)
@@ -223,9 +223,9 @@ def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[s
     """Print which of the command's ``own`` arguments the model declares, too."""
     of_model = {argument.name for argument in command.model_arguments(given)[0]} if own else ()
     for name in own:
-        other = f"{OF_MODEL}{name}"
-        if name != "model" and other in of_model and other not in given:
-            text = f"{name}:= is an argument of {command.program}; the model's is {other}:="
+        prefixed_name = f"{OF_MODEL}{name}"
+        if name != "model" and prefixed_name in of_model and prefixed_name not in given:
+            text = f"{name}:= is an argument of {command.program}; the model's is {prefixed_name}:="
             print(f"warning: {text}", file=sys.stderr)
 
 

@@ -97,9 +97,9 @@ class Launch:
         drive, targets = self.settings.drive, dict[str, str]()
         topics = {"cmd_vel": drive.command, "odom": drive.odometry, "ground_truth": "ground_truth"}
         for topic, name in topics.items():
-            own = f"{drive.name}/{name}"
+            full = f"{drive.name}/{name}"
             is_nav2 = self.settings.nav2_topics and topic in _NAV2_TOPICS
-            targets[f"{DRIVE_CONTROLLER}/{topic}"] = targets[own] = topic if is_nav2 else own
+            targets[f"{DRIVE_CONTROLLER}/{topic}"] = targets[full] = topic if is_nav2 else full
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
         return [
             word

@@ -38,7 +38,7 @@ from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import Wheels
 
-_AXES = ("linear.x", "linear.y", "angular.z")  # as in PlanarTwist
+_AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarTwist
 _REST = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
@@ -166,11 +166,12 @@ class Drive:
 
     def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
         """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
-        before, steering = self._steering, self._steering
+        steering_before, steering = self._steering, self._steering
         if self._steering_rows:
             self._steering = [sign * positions[row] for row, sign in self._steering_rows]
             steering = [
-                (last + now) / 2.0 for last, now in zip(before, self._steering, strict=True)
+                (last + now) / 2.0
+                for last, now in zip(steering_before, self._steering, strict=True)
             ]
         if self.config.open_loop:
             return
@@ -259,10 +260,10 @@ class Drive:
 
     def _limited(self, dt: float) -> Triple:
         # A timed-out command becomes a zero reference, ramped down by the limiters.
-        wanted = _REST if self.timed_out else self._reference
+        target = _REST if self.timed_out else self._reference
         last, before_last, speeds = self._last, self._before_last, [0.0, 0.0, 0.0]
         for axis, limiter in self._limiters:
-            speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
+            speeds[axis] = limiter.limit(target[axis], last[axis], before_last[axis], dt)
         self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
         return self._last
 

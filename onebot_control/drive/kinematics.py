@@ -12,7 +12,7 @@ class PlanarTwist(NamedTuple):
     """A velocity of the body in its own frame, x forward and y to the left (REP-103)."""
 
     linear: float = 0.0  # forward, m/s
-    lateral: float = 0.0  # to the left, m/s
+    lateral: float = 0.0  # leftward, m/s
     angular: float = 0.0  # turning to the left, rad/s
 
 
@@ -20,7 +20,7 @@ class DriveCommand(NamedTuple):
     """The command in force, within limits, and what the joints do for it."""
 
     linear: float  # forward, m/s
-    lateral: float  # to the left, m/s
+    lateral: float  # leftward, m/s
     angular: float  # turning to the left, rad/s
     wheels: Sequence[float]  # velocity of each wheel, rad/s
     steering: Sequence[float] = ()  # position of each steering joint, rad

@@ -79,8 +79,10 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeomet
     @property
     def _names(self) -> list[str]:
         kinds = "wheel_command_joint_name", "wheel_name"
-        given = [[getattr(self, f"{corner}_{kind}") for corner in CORNERS] for kind in kinds]
-        return next(filter(any, given), given[0])
+        names_by_kind = [
+            [getattr(self, f"{corner}_{kind}") for corner in CORNERS] for kind in kinds
+        ]
+        return next(filter(any, names_by_kind), names_by_kind[0])
 
     def check(self) -> Iterator[Problem]:
         """Report wheels of which only some are named."""

@@ -152,5 +152,5 @@ class ReferenceParameters(DriveParameters[G]):
 
     @property
     def timeout(self) -> float:
-        given = self.reference_timeout
-        return self.cmd_vel_timeout if math.isnan(given) else given
+        reference = self.reference_timeout
+        return self.cmd_vel_timeout if math.isnan(reference) else reference

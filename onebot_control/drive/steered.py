@@ -85,12 +85,12 @@ class SteeredKinematics(Kinematics):
         the steering moves, too.
         """
         linear, _, angular = twist
-        wanted = self.steering_angle(linear, angular)
-        actual = self.middle_angle(steering) if steering else wanted
-        reached = self._reached(actual, wanted, dt)
-        speed, angle = self._speed(linear, angular, wanted) / self.radius, (actual + reached) / 2.0
+        target = self.steering_angle(linear, angular)
+        actual = self.middle_angle(steering) if steering else target
+        reached = self._reached(actual, target, dt)
+        speed, angle = self._speed(linear, angular, target) / self.radius, (actual + reached) / 2.0
         if self._waits:
-            missing = abs(wanted - actual)
+            missing = abs(target - actual)
             if missing >= _FAR:
                 speed *= math.cos(min(missing, _FARTHEST)) / math.cos(_FAR)
         if self.front_driven:

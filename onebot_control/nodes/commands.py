@@ -43,7 +43,7 @@ class Command(NamedTuple):
     """A velocity command, as received."""
 
     linear: float  # forward, m/s
-    lateral: float  # to the left, m/s
+    lateral: float  # leftward, m/s
     angular: float  # left turn, rad/s
     stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
@@ -92,12 +92,12 @@ class CommandLock:
         return f"{text}, or until somebody {self._unlocks}"
 
     def _on_lock(self, topic: str, message: Bool) -> None:
-        before = self.locked
+        was_locked = self.locked
         if message.data:
             self._lockers.add(topic)
         else:
             self._lockers -= self._lockers if topic == self._topic else {topic}
-        if self.locked == before:
+        if self.locked == was_locked:
             return
         self._state.publish(message)
         if self.locked:

@@ -39,8 +39,8 @@ from onebot_description.model.rigid_bodies import Body, rigid_frames
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
 # The width for a robot that steers. Here, PyBullet's margin of 1 mm rounds the whole rim, which
-# therefore touches the ground in its middle. A wider one whose axle is not exactly level touches it
-# with one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels would fight.
+# therefore touches the ground in its middle. On an axle that is not exactly level, a wider one has
+# contact by one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels fight.
 _DISC = 0.002
 _GLIDING = 0.01  # coefficient of friction of parts that glide
 # Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:

@@ -22,8 +22,8 @@ from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms or rollers, the solver stops once an iteration changes no velocity by more than the
 # square root of this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a
-# fifth, and joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s
-# without arms.
+# fifth, and joints are off by 1e-8 rad. At rest, OneBot drifts by 60 nm/s with an arm, by 0.4 nm/s
+# otherwise.
 _RESIDUAL = 1e-12
 
 

@@ -97,8 +97,8 @@ class ImuInstrument(Instrument[Imu]):
         frame, row = world.frame, self.row
         snapshot = frame.snapshots[row]
         last_snapshot = frame.before[row] if frame.before else snapshot
-        before, now = self._motions(world, [last_snapshot, snapshot])
-        angular, linear = measure(before, now, world.period, world.gravity)
+        last_motion, now = self._motions(world, [last_snapshot, snapshot])
+        angular, linear = measure(last_motion, now, world.period, world.gravity)
         # As all velocities, it is per second of the clock; the acceleration is the one simulated.
         values = np.concatenate([angular * snapshot.pace, linear])
         if generator := self.generator(frame):

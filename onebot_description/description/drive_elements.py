@@ -23,7 +23,7 @@ _KINDS: dict[DriveKind, tuple[str, str]] = {
 _CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
 _LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "steering_limit")
 _SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit", "command_topic": "topic"}
-_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")  # in leftHingeJoint, as some plugins write
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")  # some plugins write leftHingeJoint
 _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
 # The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.

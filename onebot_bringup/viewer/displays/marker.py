@@ -519,8 +519,8 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
     """Report the problems that RViz warns of."""
     add = incoming.actions == ADD
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
-    known = np.isin(kinds, [*KINDS, _NOT_DRAWN])
-    incoming.report(problems, add & ~known, "its type is unknown: not drawn")
+    has_known_kind = np.isin(kinds, [*KINDS, _NOT_DRAWN])
+    incoming.report(problems, add & ~has_known_kind, "its type is unknown: not drawn")
     for kind in KINDS.keys() & set(kinds[add].tolist()):
         how, rows = KINDS[kind], add & (kinds == kind)
         flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)

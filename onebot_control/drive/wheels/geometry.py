@@ -48,7 +48,7 @@ class Wheels:
     free: Sequence[str] = ()
     rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
-    several_radii = "driven wheels need the same"  # what to do about them
+    several_radii = "driven wheels need the same"  # the remedy
 
     def __init__(self, description: Description) -> None:
         """Read the joints that turn; which of them are wheels, a drive's own class decides."""

@@ -125,8 +125,8 @@ class OmniWheels(Wheels):
                     f'robot "{description.robot_name}", joint "{name}": the axis of a wheel must '
                     "be level"
                 )
-        found = [wheel.name for wheel in self.gear.omni]
-        self._middles = {name: self.middle(name) for name in names or found}
+        found_names = [wheel.name for wheel in self.gear.omni]
+        self._middles = {name: self.middle(name) for name in names or found_names}
         names = names or sorted(self._middles, key=self._direction)
         self.groups = [[name] for name in names]
         self.rollers = dict.fromkeys(names, 0.0)
