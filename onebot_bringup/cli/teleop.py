@@ -1,6 +1,6 @@
 """``onebot teleop``: drives a robot from the keyboard, with the keys of teleop_twist_keyboard.
 
-``Driver`` turns keys into velocities, without ROS and without a terminal.
+``KeyDriver`` turns keys into velocities, without ROS and without a terminal.
 """
 
 import contextlib
@@ -97,7 +97,7 @@ Velocity = tuple[float, float, float, float]
 STILL: Velocity = (0.0, 0.0, 0.0, 0.0)
 
 
-class Driver:
+class KeyDriver:
     """Converts key presses to velocities over time."""
 
     def __init__(self, speed: float, turn: float, hold: float) -> None:
@@ -244,7 +244,7 @@ class _Teleop:
         self._kind = TwistStamped if args.stamped else Twist
         self._topic = chosen_commands(session, args.robot)
         self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
-        self._driver = Driver(args.speed, args.turn, args.hold)
+        self._driver = KeyDriver(args.speed, args.turn, args.hold)
         self._lock = RobotLock(session.node, self._topic, self._on_lock)
         self._controllers = Controllers(session.node, lambda: None)
         self._shown = ""

@@ -23,7 +23,7 @@ from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
-from onebot_control.runtime.frames import Frames, check_frames
+from onebot_control.runtime.frames import RobotFrames, check_frames
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import SimulationConfig
@@ -182,7 +182,7 @@ class WorldInterface:
                 self.check_frames(robot.slot.row, robot.frames())
         return Fleet.from_members(members, scene=self.scene)
 
-    def check_frames(self, row: int, frames: Frames) -> None:
+    def check_frames(self, row: int, frames: RobotFrames) -> None:
         """Check the frames that the robot in ``row`` would have; all robots must be described.
 
         Raises:

@@ -18,7 +18,7 @@ from std_msgs.msg import Bool
 
 from onebot_bringup.cli.running_robots import chosen_commands, commanded_robots
 from onebot_bringup.cli.session import Session
-from onebot_bringup.cli.teleop import STILL, Driver, split_keys
+from onebot_bringup.cli.teleop import STILL, KeyDriver, split_keys
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import LATCHED, Peer
@@ -37,7 +37,7 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
         "t": (0, 0, 1, 0), "b": (0, 0, -1, 0), "up": (1, 0, 0, 0), "left": (0, 0, 0, 1),
     }  # fmt: skip
     for key, (x, y, z, turn) in expected.items():
-        driver = Driver(0.5, 2.0, 0.7)
+        driver = KeyDriver(0.5, 2.0, 0.7)
         driver.press(key, 0.0)
         assert driver.velocity(0.0) == (0.5 * x, 0.5 * y, 0.5 * z, 2.0 * turn), key
 
@@ -48,7 +48,7 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
 )
 def test_speed_keys(key: str, speed: float, turn: float) -> None:
     """They change the speeds by 10 %, and the motion goes on at the new ones."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("u", 0.0)
     driver.press(key, 0.1)
     assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
@@ -57,7 +57,7 @@ def test_speed_keys(key: str, speed: float, turn: float) -> None:
 
 @pytest.mark.parametrize("key", ["k", " ", "K", "5", ""])
 def test_any_other_key_stops(key: str) -> None:
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     driver.press(key, 0.1)
     assert driver.velocity(0.1) == STILL
@@ -67,7 +67,7 @@ def test_any_other_key_stops(key: str) -> None:
 @pytest.mark.parametrize("interval", [0.02, 0.033, 0.1])
 def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: float) -> None:
     """No gap while the key repeats; after it is let go, stopped within a few of its repeats."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     moment = delay
     for _ in range(30):
@@ -80,7 +80,7 @@ def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: floa
 
 def test_another_key_takes_over() -> None:
     """The latest key counts, as long as a first press may wait for its first repeat."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     for moment in (0.0, 0.5, 0.53):
         driver.press("i", moment)
     driver.press("j", 0.6)
@@ -89,7 +89,7 @@ def test_another_key_takes_over() -> None:
 
 def test_no_key_moves_a_locked_robot() -> None:
     """However long ago the last one was: a repeat after a hitch looks like a press."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     driver.lock()
     for key, moment in (("i", 0.1), ("i", 9.0), ("o", 9.1)):

@@ -32,8 +32,8 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MESH,
     TRIANGLE_LIST,
     Batch,
-    Kind,
     MarkerContent,
+    MarkerKind,
     MeshVariant,
     Piece,
     Rows,
@@ -160,7 +160,7 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
+    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: MarkerKind) -> None:
         self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
