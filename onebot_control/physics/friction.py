@@ -2,7 +2,7 @@
 
 URDF does not specify all that a simulation needs, and PyBullet's defaults are unsuitable:
 
-- Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
+- Wheels, driven ones and those of casters, have the friction of ``PhysicsSettings``, unless the URDF has a
   <lateral_friction>.
 - A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
   cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
@@ -19,7 +19,7 @@ import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
 from onebot_control.physics.engine import Bullet, logger
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_description.elements.urdf import (
     Box,
     Capsule,
@@ -222,7 +222,7 @@ def set_contact(
     robot: int,
     index: int,
     body: Body,
-    settings: Settings,
+    settings: PhysicsSettings,
     *,
     grasps: bool = False,
 ) -> None:
@@ -250,7 +250,7 @@ def set_contact(
 
 
 def soften(
-    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: Settings
+    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: PhysicsSettings
 ) -> None:
     """Let wheels share the weight of ``mass``, kg, as tyres do: by critically damped springs."""
     for index in wheels:
