@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.joint_controllers import JointController
-from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
+from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
 from onebot_control.physics.engine import logger
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
@@ -219,9 +219,9 @@ class Divider:
         return picked
 
 
-def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> Settings:
+def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> PhysicsSettings:
     """Return the physics for cycles at ``rate``, Hz, with the iterations that the robots need."""
-    settings = Settings().fitted(rate)
+    settings = PhysicsSettings().fitted(rate)
     if any(spawn.converges_slowly for spawn in spawns):
         return replace(settings, iterations=_ARM_ITERATIONS)
     return settings

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """navigator: drives a robot to goals, around what its lidar sees, and makes a map of it.
 
-Run it alone with ``python -m onebot_control.navigator --ros-args ...``, beside a simulation, a real
-robot or a recording. Its parameters and interfaces have Nav2's names, so that Nav2's clients work.
+Run it alone with ``python -m onebot_control.navigator [FILE] --ros-args ...``, beside a simulation, a
+real robot or a recording; FILE is the robot's URDF or xacro file. Parameters and interfaces have
+Nav2's names, so that Nav2's clients work. For several robots, as velocity_controller has it, one
+process runs a node for each: ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2``.
 
 Subscribes:
     scan (sensor_msgs/msg/LaserScan, best effort): of a level lidar; its frame is in TF.
@@ -38,21 +40,29 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from onebot_control.nodes.navigation.parameters import NavigatorParameters
-from onebot_description.ros.command_line import RosArguments
+from onebot_control.navigation.parameters import NavigatorParameters
+from onebot_description.ros.command_line import RosArguments, split_robots
 from onebot_description.ros.run_node import run_described_node
 
+if TYPE_CHECKING:
+    from onebot_control.nodes.navigation.navigator_node import NavigatorNode
 
-def main(args: list[str] | None = None) -> int:
+
+def main(args: Sequence[str] | None = None) -> int:
     """Run the node; ``args`` are as in sys.argv. Return the exit code."""
+    common, robots = split_robots(sys.argv if args is None else args)
 
-    def make(file: str | None, _: RosArguments) -> "object":
+    def make(file: str | None, _: RosArguments) -> "list[NavigatorNode]":
         from onebot_control.nodes.navigation.navigator_node import NavigatorNode
 
-        return NavigatorNode(file)
+        return [NavigatorNode(file, words) for words in robots or [None]]
 
-    return run_described_node("navigator", __doc__, NavigatorParameters, make, None, args)
+    return run_described_node(
+        "navigator", __doc__, NavigatorParameters, make, None, common, events=True
+    )
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.conventions import DRIVE_CONTROLLER
-from onebot_control.drive.wheels.finding import has_wheels
-from onebot_control.drive_kinds import DRIVES, ControlConfig, found_drive, standing, suited
+from onebot_control.drive.wheels.finding import RunningGear
+from onebot_control.drive_kinds import DRIVES, found_drive, joint_names, standing, suited
 from onebot_control.fleet import Member
 from onebot_control.joint_controllers import named
 from onebot_control.simulation_parameters import SimulationConfig
@@ -23,8 +23,6 @@ from onebot_description.parameters.reader import ConfigError, Problem, leaves, r
 from onebot_description.parameters.values import Rule, plain
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
-# Parameters that name what moves a robot, whatever its joints look like.
-_WHEELS = {"type", "left_wheel_names", "wheel_names", "front_left_wheel_command_joint_name"}
 # Parameters of velocity_controller that do not apply to a Simulation.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
@@ -102,20 +100,23 @@ def fleet_members(
     members, values = [], []
     for name, setup in setups.items():
         description = default if setup.model is None else _described(setup.model, {}, optional)
-        given = given_parameters({**parameters, **setup.parameters})
+        own_values = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            names_drive = not _WHEELS.isdisjoint(given)
-            kind = _drive(given, description)
+            kind = _named_drive(own_values)
+            names_drive = kind is not None
+            kind = kind or DRIVES[found_drive(description)]
             place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
-            values.append({**suited(defaults, kind), **given, **place})
+            values.append({**suited(defaults, kind), **own_values, **place})
             config = read(kind, values[-1])
-        has_drive = names_drive or has_wheels(description)
+        has_drive = names_drive or RunningGear.of(description).drives
         members.append(Member(description, config if has_drive else standing(config), name))
     return members, values
 
 
-def _drive(given: dict[str, Any], description: Description) -> type[SimulationConfig]:
-    """Return the parameters of a robot's drive: of the ``type`` among those given, or found.
+def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
+    """Return the parameters of the drive that a robot's parameters name; None if they name none.
+
+    They do so by ``type``, which is taken out, or by joints, whatever these look like.
 
     Raises:
         ConfigError: there is no such type.
@@ -126,7 +127,8 @@ def _drive(given: dict[str, Any], description: Description) -> type[SimulationCo
             text = f'no drive is of the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
             raise ConfigError([Problem("type", text)])
         return DRIVES[kind]
-    return ControlConfig if "left_wheel_names" in given else DRIVES[found_drive(description)]
+    named = [drive for drive in DRIVES.values() if not joint_names(drive).isdisjoint(given)]
+    return next(iter(named), None)
 
 
 def given_parameters(

@@ -102,11 +102,11 @@ def pybullet() -> Verdict:
     installed = [name for name in _BULLETS if any(metadata.distributions(name=name))]
     if len(installed) == 1:
         return Verdict(OK, f"of {installed[0]} {metadata.version(installed[0])}")
-    again = f"pip install --force-reinstall --no-deps {_BULLET}"
+    repair = f"pip install --force-reinstall --no-deps {_BULLET}"
     if not installed:
-        return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", again)
+        return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", repair)
     text = f"{' and '.join(_BULLETS)} are both installed, and overwrite each other's files"
-    return Verdict(PROBLEM, text, f"pip uninstall -y {' '.join(_BULLETS)} && {again}")
+    return Verdict(PROBLEM, text, f"pip uninstall -y {' '.join(_BULLETS)} && {repair}")
 
 
 def _library() -> Verdict:

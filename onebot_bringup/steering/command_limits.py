@@ -134,7 +134,7 @@ def braking_of(limits: Iterable[SpeedLimits | None]) -> Braking | None:
     Returns:
         The braking; None if no controller has the axis.
     """
-    limiters = [SpeedLimiter(each) for each in limits if each is not None]
+    limiters = [SpeedLimiter(speed_limits) for speed_limits in limits if speed_limits is not None]
     if not limiters:
         return None
     return Braking(

@@ -94,11 +94,11 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
 def _camera(simulation: Simulation, robots: Sequence[RobotMessages], end: Moment) -> CameraSettings:
     """Return a camera that shows all robots where they are at the end, from a side that is free."""
     boxes = []
-    for robot, shown, pose, joints in zip(
+    for robot, shown_robot, pose, joints in zip(
         simulation.robots.values(), robots, end.poses, end.joints, strict=True
     ):
         root = matrices.of_transform(pose)
-        links = shown.model.link_matrices(shown.model.positions(joints))
+        links = shown_robot.model.link_matrices(shown_robot.model.positions(joints))
         poses = {link: root @ matrix for link, matrix in links.items()}
         boxes.append(robot_bounds(robot.description, poses))
     bounds = [box for box in boxes if box is not None]

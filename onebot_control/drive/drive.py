@@ -25,7 +25,7 @@ Example:
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
@@ -38,7 +38,7 @@ from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import Wheels
 
-_AXES = ("linear.x", "linear.y", "angular.z")  # as in PlanarTwist
+_AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarTwist
 _REST = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
@@ -166,11 +166,12 @@ class Drive:
 
     def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
         """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
-        before, steering = self._steering, self._steering
+        steering_before, steering = self._steering, self._steering
         if self._steering_rows:
             self._steering = [sign * positions[row] for row, sign in self._steering_rows]
             steering = [
-                (last + now) / 2.0 for last, now in zip(before, self._steering, strict=True)
+                (last + now) / 2.0
+                for last, now in zip(steering_before, self._steering, strict=True)
             ]
         if self.config.open_loop:
             return
@@ -187,7 +188,9 @@ class Drive:
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         twist = self._limited(dt)
-        self.command = self.odometry.kinematics.command(twist, self._steering, dt)
+        kinematics = self.odometry.kinematics
+        command = kinematics.command(twist, self._steering, dt)
+        self.command = kinematics.limited(command, self.command, dt)
         if self.config.open_loop:
             self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
         return self.command
@@ -203,6 +206,10 @@ class Drive:
         """The position of each joint of ``wheels.steering`` for the command in force, rad."""
         pairs = zip(self._steering_rows, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
+
+    def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
+        """Compare the odometry with the true pose; see ``DriftCheck.update``."""
+        self.drift.update(self.odometry.pose, truth, obstructed)
 
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
@@ -253,12 +260,25 @@ class Drive:
 
     def _limited(self, dt: float) -> Triple:
         # A timed-out command becomes a zero reference, ramped down by the limiters.
-        wanted = _REST if self.timed_out else self._reference
+        target = _REST if self.timed_out else self._reference
         last, before_last, speeds = self._last, self._before_last, [0.0, 0.0, 0.0]
         for axis, limiter in self._limiters:
-            speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
+            speeds[axis] = limiter.limit(target[axis], last[axis], before_last[axis], dt)
         self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
         return self._last
+
+
+class NoDrive:
+    """Takes the place of a ``Drive`` in a robot that stands: nothing moves it."""
+
+    velocities: Sequence[float] = ()
+    steering: Sequence[float] = ()
+
+    def _do_nothing(self, *_: object, **__: object) -> Any:
+        return None
+
+    accept = observe = decide = compare = wait = state = _do_nothing
+    place = moved = continue_from = _do_nothing
 
 
 def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:

@@ -321,8 +321,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 _publishers(publishing), _subscriptions(subscribed)
             ):
                 if (topic := publisher.topic_name) == subscription.topic_name:
-                    offered, wanted = publisher.qos_profile, subscription.qos_profile
-                    compatibility, reason = qos_check_compatible(offered, wanted)
+                    offered, requested = publisher.qos_profile, subscription.qos_profile
+                    compatibility, reason = qos_check_compatible(offered, requested)
                     if compatibility == QoSCompatibility.ERROR:
                         yield f"{topic}, as QoS differ: {reason.strip('; ')}"
 
@@ -336,15 +336,15 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Log topics without a publisher or a subscription, with the robots' most similar topic."""
         robots = self._robot_nodes
         for node in nodes:
-            for ends, others, count, text in (
+            for ends, robot_ends, count, text in (
                 (node.subscriptions, _publishers(robots), node.count_publishers, "publishes"),
                 (node.publishers, _subscriptions(robots), node.count_subscribers, "subscribes to"),
             ):
-                known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
+                topics = {end.topic_name for end in robot_ends} - {"/clock", *_OWN_TOPICS}
                 for topic in sorted({end.topic_name for end in ends} - _OWN_TOPICS):
                     if not count(topic):
-                        guesses = [f'did you mean "{name}"? ' for name in alike(topic, known)[:1]]
-                        hint = f"({''.join(guesses)}the robot's: {listing(known)})"
+                        guesses = [f'did you mean "{name}"? ' for name in alike(topic, topics)[:1]]
+                        hint = f"({''.join(guesses)}the robot's: {listing(topics)})"
                         node.get_logger().warning(f"nobody {text} {topic} {hint}")
 
     def _warn_of_wall_timers(self) -> None:
@@ -420,8 +420,9 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             if (commands := robot.commands.subscription) is not None:
                 commands.adopt(topic, kind)
         ends = (*_publishers(self._robot_nodes), *_subscriptions(self._robot_nodes))
-        for other in {type_name(end.msg_type) for end in ends if end.topic_name == topic} - {kind}:
-            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {other}"
+        robot_types = {type_name(end.msg_type) for end in ends if end.topic_name == topic}
+        for robot_type in robot_types - {kind}:
+            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {robot_type}"
             raise OneBotError(f"{text}; in one process, a topic has one type")
 
 

@@ -130,9 +130,9 @@ class SteppedExecutor(Executor):
                     if not handle.is_timer_ready():
                         return  # a callback has just cancelled or reset it
                     handle.call_timer()
-                elif taken := handle.take_message(entity.msg_type, entity.raw):
+                elif received := handle.take_message(entity.msg_type, entity.raw):
                     is_short = entity._callback_type is Subscription.CallbackType.MessageOnly
-                    arguments = taken[:1] if is_short else taken
+                    arguments = received[:1] if is_short else received
                 else:
                     return
         except InvalidHandle:
@@ -171,8 +171,8 @@ class SteppedExecutor(Executor):
         self.nodes = [node for node in self.nodes if is_alive(node.handle)]
         entities = [row for node in self.nodes for row in _entities(node)]
         counts = Counter(kind for kind, _, _ in entities)
-        numbers_of = (each.get_num_entities() for kind, each, _ in entities if kind == _WAITABLE)
-        waitables = sum(numbers_of, NumberOfEntities())
+        numbers = (item.get_num_entities() for kind, item, _ in entities if kind == _WAITABLE)
+        waitables = sum(numbers, NumberOfEntities())
         numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
         self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
         self._rows = [_row(wait_set, *entity) for entity in entities]

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
     RobotSpawn,
@@ -74,7 +74,7 @@ class _World(Protocol):
     """What a robot needs of its world; see ``World``."""
 
     bullet: Bullet
-    settings: Settings
+    settings: PhysicsSettings
 
     @property
     def robots(self) -> Sequence["RobotBody"]: ...

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from onebot_control.physics.contacts import ContactRecorder
 from onebot_control.physics.engine import Bullet
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import has_rollers
@@ -22,8 +22,8 @@ from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms or rollers, the solver stops once an iteration changes no velocity by more than the
 # square root of this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a
-# fifth, and joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s
-# without arms.
+# fifth, and joints are off by 1e-8 rad. At rest, OneBot drifts by 60 nm/s with an arm, by 0.4 nm/s
+# otherwise.
 _RESIDUAL = 1e-12
 
 
@@ -58,7 +58,7 @@ class World(AbstractContextManager["World"]):
     def __init__(
         self,
         spawns: Sequence[RobotSpawn],
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        settings: PhysicsSettings = PhysicsSettings(),  # noqa: B008 - it is frozen
         scene: Description | None = None,
         *,
         at_start: bool = True,
@@ -274,7 +274,7 @@ class World(AbstractContextManager["World"]):
         finally:
             self.bullet.removeState(present)
 
-    def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
+    def replaced(self, row: int, spawn: RobotSpawn, settings: PhysicsSettings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
         The other robots continue from their current state, the new one from the joint positions of

@@ -503,7 +503,7 @@ def test_the_nodes_that_a_file_is_for(file: Path) -> None:
         "head": ["interface_name"],
         "neck": ["interface_name"],
         "hand": ["stall_timeout"],
-        "velocity_controller": ["wheel_radius"],
+        "/velocity_controller": ["wheel_radius"],
         "controller_manager": [],
         "joint_state_broadcaster": [],
     }

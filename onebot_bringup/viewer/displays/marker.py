@@ -32,8 +32,8 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MESH,
     TRIANGLE_LIST,
     Batch,
-    Kind,
     MarkerContent,
+    MarkerKind,
     MeshVariant,
     Piece,
     Rows,
@@ -160,7 +160,7 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
+    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: MarkerKind) -> None:
         self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
@@ -519,8 +519,8 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
     """Report the problems that RViz warns of."""
     add = incoming.actions == ADD
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
-    known = np.isin(kinds, [*KINDS, _NOT_DRAWN])
-    incoming.report(problems, add & ~known, "its type is unknown: not drawn")
+    has_known_kind = np.isin(kinds, [*KINDS, _NOT_DRAWN])
+    incoming.report(problems, add & ~has_known_kind, "its type is unknown: not drawn")
     for kind in KINDS.keys() & set(kinds[add].tolist()):
         how, rows = KINDS[kind], add & (kinds == kind)
         flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)

@@ -21,12 +21,13 @@ from onebot_control.nodes.navigation.goals import Goals
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import MapTopics
 from onebot_control.nodes.navigation.measurements import Commands, Measurements, Motion
-from onebot_control.nodes.navigation.parameters import NavigatorParameters
+from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.robot_services import planar_pose
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, about_z
 from onebot_description.parameters.reader import read
+from onebot_description.ros.command_line import ros_args
 from onebot_description.ros.description_topic import DescriptionTopic
 from onebot_description.ros.names import node_name
 from onebot_description.ros.node_parameters import declare
@@ -48,16 +49,17 @@ _TELLING = 0.5  # s between two lines of ~/status
 class NavigatorNode(Node):
     """The node; ``onebot_control.navigator`` lists its topics, actions and services."""
 
-    def __init__(self, file: str | None = None) -> None:
+    def __init__(self, file: str | None = None, arguments: Sequence[str] | None = None) -> None:
         """Wait for the robot.
 
         Args:
             file: URDF or xacro file of the robot; None for the topic robot_description.
+            arguments: the node's own ROS arguments; None: those of the process.
 
         Raises:
             OneBotError: the file, the map or a parameter is wrong.
         """
-        super().__init__("navigator")
+        super().__init__("navigator", cli_args=ros_args(arguments))
         values = declare(self, NavigatorParameters)
         self._settings = read(NavigatorParameters, values)
         given = self._settings.yaml_filename
