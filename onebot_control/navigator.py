@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """navigator: drives a robot to goals, around what its lidar sees, and makes a map of it.
 
-Run it alone with ``python -m onebot_control.navigator [FILE] --ros-args ...``, beside a simulation, a
-real robot or a recording; FILE is the robot's URDF or xacro file. Parameters and interfaces have
+Run it alone with ``python -m onebot_control.navigator [FILE] --ros-args ...``, beside a simulation,
+a real robot or a recording; FILE is the robot's URDF or xacro file. Parameters and interfaces have
 Nav2's names, so that Nav2's clients work. For several robots, as velocity_controller has it, one
 process runs a node for each: ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2``.
 
@@ -58,7 +58,7 @@ def main(args: Sequence[str] | None = None) -> int:
     def make(file: str | None, _: RosArguments) -> "list[NavigatorNode]":
         from onebot_control.nodes.navigation.navigator_node import NavigatorNode
 
-        return [NavigatorNode(file, words) for words in robots or [None]]
+        return [NavigatorNode(file, words) for words in robots] or [NavigatorNode(file)]
 
     return run_described_node(
         "navigator", __doc__, NavigatorParameters, make, None, common, events=True

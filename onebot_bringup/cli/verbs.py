@@ -35,6 +35,8 @@ VERBS = {
     "completion": Verb("print the tab completion of a shell"),
     "steer": Verb("drive from a page in the browser", 0),
     "teleop": Verb("drive from the keyboard", 0),
+    "navigate": Verb("drive a robot to a place in its map"),
+    "map": Verb("save the map of a robot"),
     "trajectory": Verb("move joints to positions, and list those that can be moved"),
 }
 

@@ -74,6 +74,7 @@ from onebot_bringup.steering.command_topic import (
 from onebot_bringup.steering.followed_topics import RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
+from onebot_bringup.steering.navigator_status import NavigatorStatus
 from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -140,6 +141,7 @@ class SteeringPage(Node):
         self._timeouts = 0  # number of timeouts logged so far
         self._ground = Ground(self, self._odometry)
         self._cameras = CameraFeed(self)
+        self._navigation = NavigatorStatus(self)
         self._obstacles = Obstacles(
             self, self._odometry, lambda: self._arbiter.state.command.velocity
         )
@@ -203,7 +205,8 @@ class SteeringPage(Node):
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
-            "others": commands.others,  # the other nodes that publish commands
+            "others": self._navigation.others(commands.others),  # who else publishes commands
+            "navigation": self._navigation.line,  # what the robot's navigator does
             # Locked wheels or joints ignore all commands until a page moves them again.
             "locked": commands.locked or self._joints.locked,
             "wheels_locked": commands.locked,
@@ -251,6 +254,7 @@ class SteeringPage(Node):
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         self._ground.update(namespace)
+        self._navigation.update(namespace)
         self._cameras.update(namespace, watched)
         self._viewer.publish_cameras(self._cameras.topics)
         self._obstacles.update(namespace, watched)

@@ -16,12 +16,12 @@ from onebot_control.navigation.footprint import Vehicle, footprint_of
 from onebot_control.navigation.map_files import load_map
 from onebot_control.navigation.navigator import NavigationParameters, Navigator
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_control.nodes.navigation.goals import Goals
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import MapTopics
 from onebot_control.nodes.navigation.measurements import Commands, Measurements, Motion
-from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.robot_services import planar_pose
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
@@ -43,6 +43,7 @@ _PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is 
 _LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
 _FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
 _BRAKING = 2.6  # s in which the robot has to be able to stop
+_WORDS = {"failed": "gave up"}  # for the status of the core
 _TELLING = 0.5  # s between two lines of ~/status
 
 
@@ -183,12 +184,13 @@ class NavigatorNode(Node):
 
     def _tell(self, navigator: Navigator) -> None:
         """Publish the line on what it does, when it changes, and now and then its distance."""
-        line = f"{navigator.status}: {navigator.reason}" if navigator.reason else navigator.status
-        if navigator.navigating and navigator.status == "driving":
-            if navigator.time - self._told < _TELLING and self._line.startswith("driving"):
+        status = _WORDS.get(navigator.status, navigator.status)
+        line = f"{status}: {navigator.reason}" if navigator.reason else status
+        if navigator.status == "driving":
+            if 0.0 <= navigator.time - self._told < _TELLING and self._line.startswith(line):
                 return
             remaining = navigator.distance_remaining
-            line = f"driving: {remaining:.1f} m, {remaining / navigator.vehicle.forward:.0f} s"
+            line = f"{line}, {remaining:.1f} m, {remaining / navigator.vehicle.forward:.0f} s"
         if line != self._line:
             self._line, self._told = line, navigator.time
             self._status.publish(String(data=line))
