@@ -29,6 +29,7 @@ COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
 _TF_DEPTH = 100
 _LEVEL = math.cos(0.1)  # of the angle by which a lidar's plane may be inclined
+_SCANS = 10  # scans that wait for the odometry
 _KEPT = 50  # own commands that are remembered
 _JUMP = 0.5  # m or rad between two odometries, above what the robot can drive in between
 
@@ -107,7 +108,7 @@ class Measurements:
         self.transforms = Transforms(node)
         self.motion: Motion | None = None
         self.locked = False
-        self._scan: TimedScan | None = None
+        self._scans = deque[TimedScan](maxlen=_SCANS)
         self._turned: float | None = None
         self._last_turn: tuple[int, float] | None = None  # stamp and rate of the newest IMU
         self._warn = Throttled(lambda text: node.get_logger().warning(text))
@@ -120,9 +121,11 @@ class Measurements:
         node.create_subscription(Bool, f"{command}_locked", self._on_lock, LATCHED)
 
     def take_scan(self) -> TimedScan | None:
-        """Return the newest scan, if it was not taken yet."""
-        scan, self._scan = self._scan, None
-        return scan
+        """Return the newest scan that the odometry has reached, if it was not taken yet."""
+        taken = None
+        while self._scans and self.motion and self._scans[0].stamp_ns <= self.motion.stamp_ns:
+            taken = self._scans.popleft()
+        return taken
 
     def take_turn(self) -> float | None:
         """Return how far the IMU has turned since the last call, rad; None without one."""
@@ -147,7 +150,7 @@ class Measurements:
         if np.isnan(scan.ranges).all():
             self._warn("nan", "a scan is ignored: it has no number")
             return
-        self._scan = TimedScan(nanoseconds(message.header.stamp), scan)
+        self._scans.append(TimedScan(nanoseconds(message.header.stamp), scan))
 
     def _on_odometry(self, message: Odometry) -> None:
         at, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist
@@ -161,6 +164,7 @@ class Measurements:
         frames = message.header.frame_id, message.child_frame_id
         self.motion = Motion(stamp, *frames, pose, speed)
         if before is not None and (text := _jump(before, self.motion)):
+            self._scans.clear()
             self._jumped(text)
 
     def _on_imu(self, message: Imu) -> None:
