@@ -95,7 +95,7 @@ class SimulationConfig:
     )
     world: str = parameter(
         "",
-        "walls, ramps and boxes around it: maze, ramp, or a URDF or xacro file",
+        "walls, ramps and boxes around it: maze, ramp, clutter:seed=7, or a URDF or xacro file",
         read_only=True,
     )
     sensors: str = parameter(

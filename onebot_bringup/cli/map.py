@@ -26,7 +26,7 @@ def save(args: Namespace) -> None:
     info = received[-1].info
     data = np.asarray(received[-1].data, np.int8).reshape(info.height, info.width)
     origin = info.origin.position.x, info.origin.position.y
-    path = save_map(Path(args.name), OccupancyGrid(data, info.resolution, origin))
+    path = save_map(OccupancyGrid(data, info.resolution, origin), args.name)
     print(f"saved {path}: {info.width} x {info.height} cells of {info.resolution:g} m")
 
 

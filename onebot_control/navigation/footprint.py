@@ -11,8 +11,8 @@ from onebot_description.errors import OneBotError
 if TYPE_CHECKING:
     from onebot_description.description import Description
 
-_OVERHANG = 0.015  # m by which circles may reach beyond the footprint
-_MOST_CIRCLES = 16
+_OVERHANG = 0.01  # m by which circles may reach beyond the footprint
+_MOST_CIRCLES = 20
 _SPACING = 0.01  # m between points of its edge and in it
 
 
@@ -54,7 +54,7 @@ class Vehicle:
     def circles(self) -> tuple[Floats, Floats]:
         """Return centres (N, 2) and radii (N,), m, of circles that together cover the footprint.
 
-        They reach at most 15 mm beyond it. Of the circles in the footprint, that which covers most
+        They reach at most 10 mm beyond it. Of the circles in the footprint, that which covers most
         of what is left of its edge is taken next.
         """
         start, edge = self.footprint, np.roll(self.footprint, -1, axis=0) - self.footprint

@@ -20,6 +20,7 @@ _SLIP, _SKID = 0.3, 0.4  # error of a way, m per m, and of a turn by the wheels,
 _GYRO_SKID = 0.01  # rad per rad, of an IMU
 _STILL = 0.004  # m and rad, error of each step
 _TRUSTED = 0.4  # share of a scan on walls from which a match counts
+_LEAST_RATIO, _MOST_RATIO = 0.7, 1.6  # what a turn may be of what the wheels say
 _LEARNT = 0.15  # rad; from such turns between matches it is learnt how wheels lie
 
 
@@ -56,6 +57,10 @@ class Localizer:
         self.share = 1.0
         self._history = deque[tuple[float, PlanarPose]](maxlen=_KEPT)
         self._turn = 0.0
+
+    def rebase(self) -> None:
+        """Take the next odometry as that of the present pose, as after a jump of it."""
+        self._last = None
 
     @property
     def pose(self) -> PlanarPose:
@@ -131,5 +136,6 @@ class Localizer:
         self._turned = self._turned + (abs(by_wheels), math.copysign(1.0, by_wheels) * actual)
         if self._turned[0] > _LEARNT:
             ratio = self._turned[1] / self._turned[0]
-            self.turn_ratio = clamp(self.turn_ratio + 0.2 * (ratio - self.turn_ratio), 0.5, 2.0)
+            learnt = self.turn_ratio + 0.2 * (ratio - self.turn_ratio)
+            self.turn_ratio = clamp(learnt, _LEAST_RATIO, _MOST_RATIO)
             self._turned = np.zeros(2)

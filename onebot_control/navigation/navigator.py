@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
@@ -35,7 +36,7 @@ from onebot_control.navigation.grid import GridMap, Scan, Window, placed
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.scan_matching import Walls
-from onebot_description.arrays import Floats
+from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 
 _STOP: Triple = (0.0, 0.0, 0.0)
@@ -47,6 +48,10 @@ _SLICE = 30_000  # cells of a first field in one update
 _REPAIR_EVERY = 0.2  # s between repairs of the field
 _REPRICE_EVERY = 1.0  # s
 _BARRED = 20.0  # s of visits that a place counts where the robot got stuck
+_JUMP = 0.2  # m by which odometry may differ from what the robot can drive
+_EXACT = 0.01  # m or rad at which a motion has ended
+_OFF_PATH = 10.0  # further price 1 m off a followed path
+_ASIDE = 4  # cells within which the robot leaves what is too near
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
@@ -101,10 +106,19 @@ class NavigationParameters:
 
 
 class _Goal(NamedTuple):
+    """A pose to drive to, in the map."""
+
     x: float
     y: float
     yaw: float | None
-    since: float | None = None
+
+
+class _Motion(NamedTuple):
+    """A motion along, or a turn on the spot, from where the robot is when it begins."""
+
+    length: float  # m, or rad to the left; negative: backward, or to the right
+    speed: float  # m/s or rad/s, at least 0
+    turns: bool
 
 
 class Navigator:
@@ -118,6 +132,7 @@ class Navigator:
         reason: one sentence on the status; "" if there is nothing to say.
         failure: why the last goal failed; None if it has not.
         recoveries: number of recoveries for this goal.
+        traveled: by a motion of ``drive_straight`` or ``spin``, m or rad, at least 0.
     """
 
     def __init__(
@@ -145,8 +160,9 @@ class Navigator:
         self._radius = vehicle.half_width + 0.01
         self.status, self.reason = "idle", ""
         self.failure: Failure | None = None
-        self._goal: _Goal | None = None
-        self.time = 0.0
+        self._goal: _Goal | _Motion | None = None
+        self.time, self.traveled = 0.0, 0.0
+        self._odometry: tuple[float, PlanarPose] | None = None
         self._begin_map()
 
     def _begin_map(self) -> None:
@@ -156,6 +172,8 @@ class Navigator:
         if self._given:
             self._costmap.update(Window(0, 0, *self.map.shape))
         self._walls = Walls(self.map.walls())
+        self._followed: Floats | None = None
+        self._corridor: Singles | None = None  # by how much prices are higher off a followed path
         self._scans = 0
         self._scanned: float | None = None
         self._field: CostToGo | None = None
@@ -193,7 +211,7 @@ class Navigator:
         """Points of the way to the goal, (N, 2), m; N = 0 if there is none."""
         if self._goal is None or self._field is None or not self._is_planned:
             return np.zeros((0, 2))
-        cells = self._field.way(self._cell(self.pose))
+        cells = self._field.way(_nearest(self._field, self._cell(self.pose)))
         return self.map.middle(cells[:, 0], cells[:, 1])
 
     @property
@@ -213,17 +231,86 @@ class Navigator:
 
     # Goals ------------------------------------------------------------------------------------
 
-    def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
+    def go_to(
+        self, x: float, y: float, yaw: float | None = None, *, time_allowance: float | None = None
+    ) -> None:
         """Drive to a point in the map, m, and a heading there, rad; None: any.
+
+        Args:
+            x: x coordinate, m.
+            y: y coordinate, m.
+            yaw: heading, rad.
+            time_allowance: time for it, s; None: the parameter's.
 
         Raises:
             ValueError: a number is not finite.
         """
         if not all(map(math.isfinite, (x, y, yaw or 0.0))):
             raise ValueError(f"a goal has finite numbers, not {x}, {y}, {yaw}")
-        self._goal = _Goal(x, y, yaw)
+        self._begin(_Goal(x, y, yaw), time_allowance)
+
+    def follow(
+        self, path: Floats, yaw: float | None = None, *, time_allowance: float | None = None
+    ) -> None:
+        """Drive along a path, around what stands on it.
+
+        Where a path crosses itself, the shorter way is taken.
+
+        Args:
+            path: points in the map, (N, 2), m.
+            yaw: heading at its end, rad; None: any.
+            time_allowance: time for it, s; None: the parameter's.
+
+        Raises:
+            NavigationError: the path is empty or not finite.
+        """
+        points = np.asarray(path, float).reshape(-1, 2)
+        if not len(points) or not np.isfinite(points).all():
+            raise NavigationError(Failure.INVALID_PATH)
+        x, y = points[-1].tolist()
+        self._begin(_Goal(x, y, yaw), time_allowance)
+        self._followed = points
+
+    def drive_straight(
+        self, distance: float, speed: float, *, time_allowance: float | None = None
+    ) -> None:
+        """Drive straight ahead, or backward, and fail if something is in the way.
+
+        Args:
+            distance: m; negative: backward.
+            speed: m/s, above 0.
+            time_allowance: time for it, s; None: the parameter's.
+
+        Raises:
+            ValueError: a number is not finite, or the speed not above 0.
+        """
+        self._begin_motion(_Motion(distance, speed, False), time_allowance)
+
+    def spin(self, angle: float, *, time_allowance: float | None = None) -> None:
+        """Turn on the spot, and fail if something is in the way.
+
+        Args:
+            angle: rad, to the left; negative: to the right. It may be several turns.
+            time_allowance: time for it, s; None: the parameter's.
+
+        Raises:
+            ValueError: the angle is not finite.
+        """
+        self._begin_motion(_Motion(angle, self.vehicle.turning, True), time_allowance)
+
+    def _begin_motion(self, motion: _Motion, time_allowance: float | None) -> None:
+        if not math.isfinite(motion.length) or not 0.0 < motion.speed < math.inf:
+            text = "a motion has a finite length and a speed above 0"
+            raise ValueError(f"{text}, not {motion.length} and {motion.speed}")
+        self._begin(motion, time_allowance)
+
+    def _begin(self, goal: _Goal | _Motion, time_allowance: float | None) -> None:
+        self._goal, self._followed = goal, None
+        self._allowance = (
+            self.parameters.time_allowance if time_allowance is None else time_allowance
+        )
         self.status, self.reason, self.failure = "driving", "", None
-        self.recoveries = 0
+        self.recoveries, self.traveled = 0, 0.0
         self._field, self._is_planned = None, False
         self._costmap.forget_visits()
         self._follower.reset()
@@ -232,6 +319,7 @@ class Navigator:
         self._hopeless: float | None = None
         self._recovery: _Recovery | None = None
         self._since: float | None = None
+        self._last: PlanarPose | None = None
         self._finishing = False
 
     def cancel(self, reason: str = "the goal was cancelled") -> None:
@@ -283,7 +371,9 @@ class Navigator:
             The velocity forward, to the left, m/s, and of turning to the left, rad/s; zeros without
             a goal.
         """
-        self.time = time
+        if self._jumped(time, odometry):
+            self.localizer.rebase()
+        self.time, self._odometry = time, (time, odometry)
         self.localizer.predict(time, odometry, turn)
         if scan is not None:
             self._sense(scan, time if scan_time is None else scan_time)
@@ -293,9 +383,19 @@ class Navigator:
             self.status, self.reason = "blocked", "no scan comes: waiting"
             return _STOP
         self._since = time if self._since is None else self._since
-        if time - self._since > self.parameters.time_allowance:
+        if time - self._since > self._allowance:
             return self._fail(Failure.TIMEOUT)
+        if isinstance(self._goal, _Motion):
+            return self._move(self._goal, speed)
         return self._drive(self._goal, speed)
+
+    def _jumped(self, time: float, odometry: PlanarPose) -> bool:
+        """Return whether the odometry is farther from the last one than the robot could drive."""
+        if self._odometry is None:
+            return False
+        since, last = self._odometry
+        most = _JUMP + 3.0 * self.vehicle.forward * max(0.0, time - since)
+        return not math.hypot(odometry.x - last.x, odometry.y - last.y) < most
 
     def _sense(self, scan: Scan, time: float) -> None:
         points = scan.points
@@ -312,7 +412,7 @@ class Navigator:
         resized = self._costmap.version != self.map.version
         changed = self._costmap.update(window)
         if resized:
-            self._field = None
+            self._forget_field()
         elif changed is not None:
             self._changed = changed.union(self._changed)
 
@@ -323,10 +423,38 @@ class Navigator:
         rows, columns = self.map.shape
         return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
 
+    def _forget_field(self) -> None:
+        self._field = self._corridor = self._changed = self._visited = None
+
+    def _move(self, motion: _Motion, speed: Triple) -> Triple:
+        """Return the command for a motion; end it where it ends."""
+        pose = self.pose
+        last, self._last = self._last or pose, pose
+        sign, vehicle = math.copysign(1.0, motion.length), self.vehicle
+        if motion.turns:
+            self.traveled += sign * math.remainder(pose.yaw - last.yaw, math.tau)
+            left = abs(motion.length) - self.traveled
+            rate = math.copysign(min(abs(self._turning(left)), motion.speed), left)
+            command = 0.0, 0.0, sign * rate
+        else:
+            along = last.inverse().compose(pose).x
+            self.traveled += sign * along
+            left = abs(motion.length) - self.traveled
+            top = min(motion.speed, vehicle.forward if sign > 0.0 else vehicle.backward)
+            braking = _EASY * math.sqrt(2.0 * vehicle.acceleration * max(0.0, left))
+            command = sign * min(top, braking, 2.0 * left + 0.01), 0.0, 0.0
+        if left < _EXACT:
+            if abs(speed[2] if motion.turns else speed[0]) < 0.05:
+                self._end("arrived", "")
+            return _STOP
+        if not self._follower.is_safe(self._around(pose), command, pose, speed):
+            return self._fail(Failure.COLLISION_AHEAD)
+        return command
+
     def _drive(self, goal: _Goal, speed: Triple) -> Triple:
         pose = self.pose
-        if not self._plan(goal, pose):
-            return _STOP if self._goal else _STOP
+        if not self._reach(goal, pose):
+            return _STOP
         around = self._around(pose)
         if self._recovery is not None:
             command = self._recovery.step(self.time, pose)
@@ -358,69 +486,130 @@ class Navigator:
             return self._recover(pose)
         return command
 
-    def _plan(self, goal: _Goal, pose: PlanarPose) -> bool:
+    def _reach(self, goal: _Goal, pose: PlanarPose) -> bool:
         """Let the field reach the robot; return whether it does."""
-        if self._field is None and not self._begin_field(goal):
-            return False
+        if self._field is None:
+            try:
+                self._field = self._new_field(pose, goal)
+            except NavigationError as error:
+                self._fail(error.failure)
+                return False
         field, cell = self._field, self._cell(pose)
-        assert field is not None
         if self._changed is not None and self.time - self._repaired >= _REPAIR_EVERY:
-            field.change(self._costmap.prices, self._changed)
+            field.change(self._prices(), self._changed)
             self._changed, self._repaired = None, self.time
-        budget = _SLICE if not self._is_planned else 50 * _SLICE
-        target = self._value(cell) + _BEYOND * 2.0
-        if field.level < target:
-            for count in field.spread(target):
-                budget -= count
-                if budget < 0:
-                    break
-                if target == math.inf and field.level > self._value(cell):
-                    target = self._value(cell) + _BEYOND * 2.0
-                if field.level >= target:
-                    break
-        if budget < 0 and not self._is_planned:
+        if not self._spread(field, cell, math.inf if self._is_planned else _SLICE):
             self.reason = "planning"
             return False
         if math.isinf(self._value(cell)):
-            return self._without_way(goal)
+            self._hopeless = self.time if self._hopeless is None else self._hopeless
+            self.status, self.reason = "blocked", "there is no way: waiting"
+            if self.time - self._hopeless > _HOPELESS:
+                self._fail(Failure.NO_VALID_PATH)
+            return False
         self._is_planned, self._hopeless = True, None
         return True
 
-    def _value(self, cell: tuple[int, int]) -> float:
-        """Return the cost to go at a cell, or near it if the robot is too near to an obstacle."""
-        assert self._field is not None
-        values = self._field.values
-        if math.isfinite(values[cell]):
-            return float(values[cell])
-        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(4, values.shape)
-        return float(values[window.cells].min())
+    def _spread(self, field: CostToGo, cell: tuple[int, int], budget: float) -> bool:
+        """Let a field go on until it is known around a cell; return whether it is.
 
-    def _begin_field(self, goal: _Goal) -> bool:
-        """Begin a field from the goal; return whether it is free."""
+        Args:
+            field: the field.
+            cell: row and column.
+            budget: how many cells there may be until then.
+        """
+
+        def target() -> float:
+            return _value(field, cell) + 2.0 * _BEYOND
+
+        if field.level < target():
+            for count in field.spread():
+                budget -= count
+                if field.level >= target():
+                    break
+                if budget < 0:
+                    return False
+        return True
+
+    def plan(self, goal: PlanarPose, start: PlanarPose | None = None) -> Floats:
+        """Return the way that the robot would drive, by what is known now.
+
+        Args:
+            goal: where to, in the map.
+            start: from where; None: from where the robot is.
+
+        Returns:
+            (N, 2), points in the map, m, from the start to the goal.
+
+        Raises:
+            NavigationError: there is no way; ``failure`` says why.
+        """
+        begin = start or self.pose
+        if not all(map(math.isfinite, (*goal, *begin))):
+            raise NavigationError(Failure.NO_VALID_PATH)
+        version = self.map.version
+        field = self._new_field(begin, _Goal(*goal), followed=False)
+        if self.map.version != version:
+            self._forget_field()
+        cell = self._cell(begin)
+        prices = self._costmap.prices
+        if not np.isfinite(prices[_around_cell(cell, prices.shape)]).any():
+            raise NavigationError(Failure.START_OCCUPIED)
+        self._spread(field, cell, math.inf)
+        cells = field.way(_nearest(field, cell))
+        if not len(cells):
+            raise NavigationError(Failure.NO_VALID_PATH)
+        return self.map.middle(cells[:, 0], cells[:, 1])
+
+    def _value(self, cell: tuple[int, int]) -> float:
+        return math.inf if self._field is None else _value(self._field, cell)
+
+    def _new_field(self, start: PlanarPose, goal: _Goal, *, followed: bool = True) -> CostToGo:
+        """Return a field from a goal that begins to spread.
+
+        Raises:
+            NavigationError: the goal is outside of the map, or not free.
+        """
         margin = 2.0 + self.vehicle.outer_radius
-        pose = self.pose
-        low = min(goal.x, pose.x) - margin, min(goal.y, pose.y) - margin
-        high = max(goal.x, pose.x) + margin, max(goal.y, pose.y) + margin
+        low = min(goal.x, start.x) - margin, min(goal.y, start.y) - margin
+        high = max(goal.x, start.x) + margin, max(goal.y, start.y) + margin
         cell = self.map.cells(np.array([(goal.x, goal.y)]))
         if self._given and not self.map.inside(cell)[0]:
-            self._fail(Failure.GOAL_OUTSIDE_MAP)
-            return False
+            raise NavigationError(Failure.GOAL_OUTSIDE_MAP)
         try:
             self.map.cover(low, high)
         except ValueError:
-            self._fail(Failure.GOAL_OUTSIDE_MAP)
-            return False
+            raise NavigationError(Failure.GOAL_OUTSIDE_MAP) from None
         if self._costmap.version != self.map.version:
             self._costmap.update(Window(0, 0, *self.map.shape))
         cells = self._free_cells(goal)
         if not len(cells):
-            self._fail(Failure.GOAL_OCCUPIED)
-            return False
-        self._field = CostToGo(self._costmap.prices, self.map.resolution, cells)
-        self._changed, self._repaired = None, self.time
-        return True
+            raise NavigationError(Failure.GOAL_OCCUPIED)
+        prices = self._costmap.prices
+        if followed:
+            self._corridor = self._beside_path()
+            prices = self._prices()
+            self._changed, self._repaired = None, self.time
+        return CostToGo(prices, self.map.resolution, cells)
 
-    def _free_cells(self, goal: _Goal | PlanarPose) -> NDArray[np.intp]:
+    def _beside_path(self) -> Singles | None:
+        """Return by how much prices are higher off the followed path; None if there is none."""
+        if self._followed is None:
+            return None
+        points, away = self._followed, np.ones(self.map.shape, np.bool_)
+        for start, end in zip(points[:-1], points[1:], strict=True):
+            count = math.ceil(float(np.hypot(*(end - start))) / (0.5 * self.map.resolution)) + 1
+            between = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+            cells = self.map.cells(between)
+            away[tuple(cells[self.map.inside(cells)].T)] = False
+        distances = distance_transform_edt(away) * self.map.resolution
+        return np.asarray(1.0 + _OFF_PATH * np.minimum(distances, 1.0), np.float32)
+
+    def _prices(self) -> Singles:
+        prices = self._costmap.prices
+        return prices if self._corridor is None else prices * self._corridor
+
+    def _free_cells(self, goal: _Goal) -> NDArray[np.intp]:
         """Return the goal's cell, or the nearest free one within the tolerance, (0 or 1, 2)."""
         resolution = self.map.resolution
         half = math.ceil(self.parameters.xy_goal_tolerance / resolution)
@@ -433,23 +622,11 @@ class Navigator:
         free = np.isfinite(self._costmap.prices[tuple(cells.T)])
         return np.asarray(cells[free][:1])
 
-    def _without_way(self, goal: _Goal) -> bool:
-        """Wait for a way, then forget what blocks it, then give up."""
-        self._hopeless = self.time if self._hopeless is None else self._hopeless
-        waited = self.time - self._hopeless
-        self.status, self.reason = "blocked", "there is no way: waiting"
-        if waited > _HOPELESS:
-            occupied = not len(self._free_cells(goal))
-            self._fail(Failure.GOAL_OCCUPIED if occupied else Failure.NO_VALID_PATH)
-        elif not len(self._free_cells(goal)) or waited > _PATIENCE:
-            self._field = None if len(self._free_cells(goal)) else self._field
-        return False
-
     def _around(self, pose: PlanarPose) -> Surroundings:
-        assert self._field is not None
+        field = np.zeros((2, 2)) if self._field is None else self._field.values
         return Surroundings(
             self._costmap.fine,
-            self._field.values,
+            field,
             self._value(self._cell(pose)) + 2.0 * _BEYOND,
             self.map.origin,
             self.map.resolution,
@@ -552,3 +729,23 @@ class _Recovery:
     def step(self, time: float, pose: PlanarPose) -> Triple | None:
         """Return the command; None at the end."""
         return self._command if time < self._until else None
+
+
+def _around_cell(cell: tuple[int, int], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    row, column = cell
+    return Window(row, column, row + 1, column + 1).grown(_ASIDE, shape).cells
+
+
+def _nearest(field: CostToGo, cell: tuple[int, int]) -> tuple[int, int]:
+    """Return the cell; the best one near it if the robot is too near to an obstacle there."""
+    values = field.values
+    if math.isfinite(values[cell]):
+        return cell
+    part = _around_cell(cell, values.shape)
+    row, column = np.unravel_index(values[part].argmin(), values[part].shape)
+    return part[0].start + int(row), part[1].start + int(column)
+
+
+def _value(field: CostToGo, cell: tuple[int, int]) -> float:
+    """Return the cost to go at a cell, or near it if the robot is too near to an obstacle."""
+    return float(field.values[_nearest(field, cell)])

@@ -48,6 +48,7 @@ from onebot_description.parameters.values import Rule
 # the files, while its nodes get only the text, but should name these places in messages.
 PLACES = "ONEBOT_PLACES"
 _WORLD = ".urdf.xacro"  # ending of the files of included worlds
+_GENERATED = "clutter"  # the kind of world that is generated
 
 XacroValues = Annotated[
     Mapping[str, str | float | bool], Rule(write="a dict of values by the names of <xacro:arg>s")
@@ -132,8 +133,8 @@ def load_world(world: str) -> Description:
     """Read and check the description of a world.
 
     Args:
-        world: the name of an included world, such as "maze", or a file as for
-            ``load_description``.
+        world: the name of an included world, such as "maze", a generated one, such as "clutter" or
+            "clutter:seed=7,density=0.25" (see ``clutter``), or a file as for ``load_description``.
 
     Raises:
         OneBotError: there is no such world, or it cannot be read.
@@ -141,10 +142,15 @@ def load_world(world: str) -> Description:
     worlds = shipped_worlds()
     if world in worlds:
         return load_description(worlds[world])
+    if world.partition(":")[0] == _GENERATED:
+        from onebot_description.description.clutter import clutter, parameters_of
+
+        return parse_description(clutter(parameters_of(world)).urdf, world)
     if "/" not in world and "." not in world and not Path(world).is_file():
         raise OneBotError(
-            f'no world "{world}"{did_you_mean(world, worlds, "those that ship")}; write one of '
-            "these, or the path of a URDF or xacro file"
+            f'no world "{world}"'
+            f"{did_you_mean(world, [_GENERATED, *worlds], 'those that ship')}; write one of these, "
+            "or the path of a URDF or xacro file"
         )
     description = load_description(world)
     description.require_tree()

@@ -175,7 +175,7 @@ class MapTopics:
     def _on_save(self, request: Any, answer: Any) -> Any:
         try:
             grid = self._navigator().map.occupancy()
-            save_map(Path(request.map_url.removeprefix("file://") or "map"), grid)
+            save_map(grid, request.map_url.removeprefix("file://") or "map")
             answer.result = True
         except OneBotError as error:
             self._node.get_logger().error(f"map not saved: {error}")

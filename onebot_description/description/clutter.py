@@ -1,0 +1,180 @@
+"""Generates cluttered worlds to find a way through, each from a seed.
+
+A grid is filled by chance, and smoothed by a cellular automaton: a cell is filled if most of its
+neighbours are, and cleared if hardly any is. A grid that a robot could not cross is drawn anew
+(Perille, Truong, Xiao and Stone, "Benchmarking Metric Ground Navigation", SSRR 2020).
+
+``python -m onebot_description.description.clutter seed=7`` prints how difficult a world is.
+
+Example:
+    >>> world = clutter(ClutterParameters(seed=7))
+    >>> world.goal
+    (8.5, 0.0)
+"""
+
+import heapq
+import math
+import sys
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from onebot_description.arrays import Floats
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import ConfigError, Problem, parameter, read
+
+NAME = "clutter"
+_CELL = 0.15  # m; a filled cell is a cylinder of that diameter
+_HEIGHT = 0.6  # m
+_ROOM = 2.0  # m before and behind the field
+_STEP = 0.05  # m between the points among which a way is sought
+_SMOOTHED = 3  # times
+_FILLED, _CLEARED = 5, 1  # neighbours from which a cell is filled, and to which it is cleared
+_TRIES = 200
+_WALL = 0.1  # m
+
+
+@dataclass(frozen=True)
+class ClutterParameters:
+    """What a cluttered world is like."""
+
+    seed: int = parameter(0, "which of them", at_least=0, at_most=2**63 - 1)
+    density: float = parameter(0.25, "share of filled cells at first", at_least=0.0, at_most=0.4)
+    size: float = parameter(4.5, "edge of the field, m", at_least=1.5, at_most=30.0)
+    radius: float = parameter(0.25, "of a robot that can cross it, m", at_least=0.05, at_most=1.0)
+
+
+class Clutter(NamedTuple):
+    """A cluttered world; a robot begins at its origin, heading along x."""
+
+    urdf: str
+    goal: tuple[float, float]  # beyond the field, m
+    length: float  # of the shortest way there, m
+    clearance: float  # mean distance of that way's points to the nearest obstacle, m
+    cylinders: Floats  # (N, 2), their centres, m
+
+    @property
+    def difficulty(self) -> str:
+        """How difficult it is, in words."""
+        x, y = self.goal
+        return (
+            f"{len(self.cylinders)} cylinders; the goal is at {x:g}, {y:g}; the shortest way is "
+            f"{self.length:.2f} m long, on average {self.clearance:.2f} m from obstacles"
+        )
+
+
+def parameters_of(name: str) -> ClutterParameters:
+    """Return the parameters in a name such as ``clutter:seed=7,density=0.25``, or ``clutter:7``.
+
+    Raises:
+        ConfigError: one is wrong; the text says what would be right.
+    """
+    given = {}
+    for part in filter(None, name.partition(":")[2].split(",")):
+        key, equals, value = part.partition("=")
+        try:
+            given[key if equals else "seed"] = yaml.safe_load(value if equals else key)
+        except yaml.YAMLError:
+            raise ConfigError([Problem(key, f'"{value}" is no number')]) from None
+    return read(ClutterParameters, given)
+
+
+def clutter(parameters: ClutterParameters) -> Clutter:
+    """Return the world.
+
+    Raises:
+        OneBotError: it is so dense that no robot of the radius can cross it.
+    """
+    cells = round(parameters.size / _CELL)
+    for attempt in range(_TRIES):
+        generator = np.random.default_rng([parameters.seed, attempt])
+        filled = generator.random((cells, cells)) < parameters.density
+        for _ in range(_SMOOTHED):
+            padded = np.pad(filled, 1).astype(int)
+            around = sum(
+                padded[1 + a : 1 + a + cells, 1 + b : 1 + b + cells]
+                for a in (-1, 0, 1)
+                for b in (-1, 0, 1)
+                if a or b
+            )
+            filled = (around >= _FILLED) | (filled & (around > _CLEARED))
+        rows, columns = np.nonzero(filled)
+        half = cells * _CELL / 2.0
+        x, y = _ROOM + (columns + 0.5) * _CELL, (rows + 0.5) * _CELL - half
+        cylinders = np.stack((x, y), axis=1)
+        end = cells * _CELL + 2.0 * _ROOM
+        way = _way(cylinders, end, half, parameters.radius)
+        if way is not None:
+            urdf = _urdf(parameters.seed, cylinders, end, half)
+            return Clutter(urdf, (end, 0.0), *way, cylinders)
+    raise OneBotError(
+        f"{NAME}: no robot of radius {parameters.radius:g} m can cross such worlds; "
+        "write a smaller density or radius"
+    )
+
+
+def _way(cylinders: Floats, end: float, half: float, radius: float) -> tuple[float, float] | None:
+    """Return length and mean clearance, m, of the shortest way from 0, 0 to the goal, if any."""
+    x, y = np.arange(0.0, end + _STEP / 2.0, _STEP), np.arange(-half, half + _STEP / 2.0, _STEP)
+    free = half - np.abs(y)[:, None] + 0.0 * x
+    for a, b in cylinders:
+        away = np.hypot(x - a, y[:, None] - b) - _CELL / 2.0
+        np.minimum(free, away, out=free)
+    rows, columns = free.shape
+    start, goal = (rows // 2, 0), (rows // 2, columns - 1)
+    lengths, before = {start: 0.0}, dict[tuple[int, int], tuple[int, int]]()
+    front = [(0.0, start)]
+    while front:
+        length, cell = heapq.heappop(front)
+        if cell == goal:
+            break
+        if length > lengths[cell]:
+            continue
+        for a in (-1, 0, 1):
+            for b in (-1, 0, 1):
+                row, column = near = cell[0] + a, cell[1] + b
+                if not (0 <= row < rows and 0 <= column < columns) or free[near] < radius:
+                    continue
+                longer = length + _STEP * math.hypot(a, b)
+                if longer < lengths.get(near, math.inf):
+                    lengths[near], before[near] = longer, cell
+                    heapq.heappush(front, (longer, near))
+    if goal not in lengths:
+        return None
+    clearances, cell = [float(free[goal])], goal
+    while cell != start:
+        cell = before[cell]
+        clearances.append(float(free[cell]))
+    return lengths[goal], float(np.mean(clearances))
+
+
+def _urdf(seed: int, cylinders: Floats, end: float, half: float) -> str:
+    shapes = [
+        (f"{x:.4g} {y:.4g}", f'<cylinder radius="{_CELL / 2.0}" length="{_HEIGHT}"/>')
+        for x, y in cylinders.tolist()
+    ]
+    length, middle, side = end + _ROOM + 2.0 * _WALL, end / 2.0, half + _WALL / 2.0
+    for sign in (-1.0, 1.0):
+        along = f'<box size="{length:.4g} {_WALL} {_HEIGHT}"/>'
+        across = f'<box size="{_WALL} {2.0 * half:.4g} {_HEIGHT}"/>'
+        at = middle + sign * (length - _WALL) / 2.0
+        shapes += [(f"{middle:.4g} {sign * side:.4g}", along), (f"{at:.4g} 0", across)]
+    parts = [
+        f'<{kind}><origin xyz="{at} {_HEIGHT / 2.0}"/><geometry>{shape}</geometry></{kind}>'
+        for kind in ("visual", "collision")
+        for at, shape in shapes
+    ]
+    return (
+        f'<robot name="{NAME}_{seed}"><link name="world"/><link name="obstacles">{"".join(parts)}'
+        '</link><joint name="world_to_obstacles" type="fixed"><parent link="world"/>'
+        '<child link="obstacles"/></joint></robot>'
+    )
+
+
+if __name__ == "__main__":
+    try:
+        print(clutter(parameters_of(f"{NAME}:{','.join(sys.argv[1:])}")).difficulty)
+    except OneBotError as error:
+        sys.exit(str(error))
