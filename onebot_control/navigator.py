@@ -27,7 +27,9 @@ Publishes:
     local_costmap/published_footprint (geometry_msgs/msg/PolygonStamped).
     ~/status (std_msgs/msg/String, transient local): a line on what it does.
 
-Actions (nav2_msgs): navigate_to_pose, navigate_through_poses, follow_waypoints.
+Actions (nav2_msgs): navigate_to_pose, navigate_through_poses, follow_waypoints, follow_path,
+    compute_path_to_pose, compute_path_through_poses, smooth_path, spin, backup, drive_on_heading,
+    wait. A goal of any of them replaces the one before.
 
 Services: map_server/map, map_server/load_map, map_saver/save_map,
     global_costmap/clear_entirely_global_costmap, local_costmap/clear_entirely_local_costmap;

@@ -1,7 +1,6 @@
 """``onebot map save``: saves the map on the topic map, as Nav2's map_saver does."""
 
 from argparse import Namespace
-from pathlib import Path
 
 from onebot_bringup.cli.options import Subcommand, positional
 from onebot_bringup.cli.session import Session

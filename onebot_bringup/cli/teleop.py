@@ -238,7 +238,7 @@ class _Teleop:
         from geometry_msgs.msg import Twist, TwistStamped
 
         from onebot_bringup.steering.command_topic import RobotLock
-        from onebot_bringup.steering.controllers import Controllers
+        from onebot_control.nodes.command_controllers import Controllers
 
         self._session, self._args = session, args
         self._kind = TwistStamped if args.stamped else Twist

@@ -135,6 +135,12 @@ class MapTopics:
             message.poses.append(pose)
         return message
 
+    def pose_stamped(self, pose: PlanarPose) -> PoseStamped:
+        """Return a pose of the map as a message, stamped now."""
+        message = PoseStamped(pose=pose_message(pose))
+        message.header.frame_id, message.header.stamp = self._frame, self._stamp()
+        return message
+
     def _stamp(self) -> Any:
         return self._node.get_clock().now().to_msg()
 

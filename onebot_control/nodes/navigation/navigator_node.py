@@ -18,6 +18,7 @@ from onebot_control.navigation.navigator import NavigationParameters, Navigator
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
+from onebot_control.nodes.navigation.actions import ACTIONS, Context, NavigationAction
 from onebot_control.nodes.navigation.goals import Goals
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import MapTopics
@@ -77,8 +78,10 @@ class NavigatorNode(Node):
         self._tf = self.create_publisher(TFMessage, "/tf", DEPTH)
         self._status = self.create_publisher(String, "~/status", LATCHED)
         frame = self._settings.global_frame
-        self._goals = Goals(self, self._ready, self._in_map, self._begin, frame)
+        self._goals = Goals(self, self._ready, self._in_map, self._prepare)
         self._maps = MapTopics(self, frame, self._ready, self._use_map)
+        context = Context(self._goals, self._maps)
+        self._actions = [NavigationAction(self, context, row) for row in ACTIONS]
         self.create_subscription(
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, DEPTH
         )
@@ -197,7 +200,7 @@ class NavigatorNode(Node):
 
     # What others want ---------------------------------------------------------------------------
 
-    def _begin(self) -> None:
+    def _prepare(self) -> None:
         """Prepare to drive; raise OneBotError if the robot cannot."""
         self._ready()
         if self._measured.locked:
