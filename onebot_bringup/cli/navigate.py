@@ -20,7 +20,7 @@ robot is there; 1 it gave up, or somebody else drives; 2 the command line is wro
 
 _ACTION = "nav2_msgs/action/NavigateToPose"
 _ANSWER = 10.0  # s to wait for an answer of the navigator
-_POSE = 3.0  # s to wait for the robot's pose
+_POSE = 20.0  # s to wait for the robot's pose, which takes some after its start
 _PROGRESS = 1.0  # s between two lines of the progress
 
 
@@ -67,6 +67,10 @@ class _Drive:
 
         from onebot_description.ros.wire.interfaces import load_interface
 
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+
+        from onebot_description.ros.topic_qos import LATCHED
+
         self._session, self._type = session, load_interface(_ACTION)
         self._feedback: Any = None
         self._client = ActionClient(session.node, self._type, "navigate_to_pose")
@@ -76,6 +80,14 @@ class _Drive:
                 f"there is no action {name}: start the robot with navigate:=true, or choose a "
                 "robot with --ros-args -r __ns:=/NAME"
             )
+        poses = list[PoseWithCovarianceStamped]()
+        session.node.create_subscription(
+            PoseWithCovarianceStamped, "amcl_pose", poses.append, LATCHED
+        )
+        notice = "waiting for the navigator to know where the robot is ..."
+        if not session.await_or_report(lambda: poses, lambda: notice, _POSE):
+            raise OneBotError("the navigator does not know where the robot is: its log has why")
+        self._start = poses[-1].pose.pose.position
 
     def to(self, x: float, y: float, yaw: float | None = None) -> None:
         """Drive to a place, and print the progress.
@@ -87,7 +99,7 @@ class _Drive:
         from onebot_description.ros.wire.interfaces import load_interface
 
         if yaw is None:
-            yaw = self._bearing(x, y)
+            yaw = math.atan2(y - self._start.y, x - self._start.x)
         goal = self._type.Goal()
         goal.pose.header.frame_id = "map"
         goal.pose.pose.position.x, goal.pose.pose.position.y = x, y
@@ -111,21 +123,6 @@ class _Drive:
         else:
             code, text = answer.result.error_code, answer.result.error_msg
             raise OneBotError(f"not arrived ({code}): {text or 'the goal was ended'}")
-
-    def _bearing(self, x: float, y: float) -> float:
-        """Return the direction from the robot to a place, rad; 0 if its pose is not published."""
-        from geometry_msgs.msg import PoseWithCovarianceStamped
-
-        from onebot_description.ros.topic_qos import LATCHED
-
-        poses = list[PoseWithCovarianceStamped]()
-        node = self._session.node
-        node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", poses.append, LATCHED)
-        self._session.spin(lambda: poses, _POSE)
-        if not poses:
-            return 0.0
-        at = poses[-1].pose.pose.position
-        return math.atan2(y - at.y, x - at.x)
 
     def _on_feedback(self, message: Any) -> None:
         self._feedback = message.feedback

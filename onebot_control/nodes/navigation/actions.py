@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
+from rclpy.clock import ROSClock
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.time_source import TimeSource
 
 from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
 from onebot_control.nodes.controller_node import RESULT_KEPT, DeferredAction
@@ -23,6 +25,7 @@ from onebot_description.timing import NS_PER_S
 
 _CODES = "ComputePathToPose", "FollowPath"  # results whose codes others pass on, too
 _CODES_OF_SEVERAL = "ComputePathThroughPoses", "FollowPath"
+_TIMERS = 4  # actions that share a clock
 _EASY = 0.3  # share of the greatest speed by which the time that is left is estimated at first
 _PLUGINS = "behavior_tree", "planner_id", "controller_id", "goal_checker_id", "smoother_id"
 _DEFAULT_PLUGINS = {"", "GridBased", "FollowPath", "simple_smoother", "general_goal_checker"}
@@ -173,18 +176,46 @@ ACTIONS = (
 )
 
 
+class _WithClock:
+    """A node with a clock of its own, for some of the actions.
+
+    rclpy's events executor warns of more than a few timers on one clock, and each action has one.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._clock = node, ROSClock()
+        self._time = TimeSource(node=node)
+        self._time.attach_clock(self._clock)
+
+    def get_clock(self) -> ROSClock:
+        """Return that clock."""
+        return self._clock
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
+
+
+def offer_actions(node: Node, context: Context) -> "list[NavigationAction]":
+    """Offer all actions."""
+    nodes = [_WithClock(node) for _ in ACTIONS[::_TIMERS]]
+    return [
+        NavigationAction(node, nodes[number // _TIMERS], context, row)
+        for number, row in enumerate(ACTIONS)
+    ]
+
+
 class NavigationAction:
     """One of the actions."""
 
-    def __init__(self, node: Node, context: Context, row: Row) -> None:
-        """Offer it."""
+    def __init__(self, node: Node, clocked: _WithClock, context: Context, row: Row) -> None:
+        """Offer it, with the clock of ``clocked``."""
         self._node, self._context, self._row = node, context, row
         self._type = load_interface(f"nav2_msgs/action/{row.kind}")
         self._fields = self._type.Feedback.get_fields_and_field_types()
         self._handles: dict[int, Any] = {}  # of goals, by id
         self._prepared: Goal | RequestError | None = None
         self._action = DeferredAction(
-            node,
+            clocked,
             self._type,
             row.name,
             lambda goal: self._type.Result(),

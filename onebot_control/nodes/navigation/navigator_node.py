@@ -18,11 +18,16 @@ from onebot_control.navigation.navigator import NavigationParameters, Navigator
 from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
-from onebot_control.nodes.navigation.actions import ACTIONS, Context, NavigationAction
+from onebot_control.nodes.navigation.actions import Context, offer_actions
 from onebot_control.nodes.navigation.goals import Goals
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import MapTopics
-from onebot_control.nodes.navigation.measurements import Commands, Measurements, Motion
+from onebot_control.nodes.navigation.measurements import (
+    COMMAND_TOPIC,
+    Commands,
+    Measurements,
+    Motion,
+)
 from onebot_control.nodes.robot_services import planar_pose
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
@@ -71,7 +76,7 @@ class NavigatorNode(Node):
         self._moved: PlanarPose | None = None  # odometry where the map began
         self._vehicle: Vehicle | None = None
         self._told, self._line = -math.inf, ""
-        self._began = time.monotonic()
+        self._robot_since = math.inf  # since when somebody takes commands
         self._measured = Measurements(self, jumped=self._on_jump, overruled=self._stop)
         self._commands = Commands(self, self._stop)
         self._controllers = Controllers(self, self._on_limits)
@@ -80,8 +85,7 @@ class NavigatorNode(Node):
         frame = self._settings.global_frame
         self._goals = Goals(self, self._ready, self._in_map, self._prepare)
         self._maps = MapTopics(self, frame, self._ready, self._use_map)
-        context = Context(self._goals, self._maps)
-        self._actions = [NavigationAction(self, context, row) for row in ACTIONS]
+        self._actions = offer_actions(self, Context(self._goals, self._maps))
         self.create_subscription(
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, DEPTH
         )
@@ -102,7 +106,7 @@ class NavigatorNode(Node):
             return "the topic robot_description"
         if self._measured.motion is None:
             return "odometry"
-        return "the limits of the robot's controller"
+        return f"a robot that takes commands on {self.resolve_topic_name(COMMAND_TOPIC)}"
 
     def _on_description(self, description: Description) -> None:
         footprint_of(description)  # raises OneBotError
@@ -111,7 +115,12 @@ class NavigatorNode(Node):
 
     def _look_for_controllers(self) -> None:
         names = {node_name(end) for end in self._commands.subscribers()}
-        self._controllers.update(names - {"", self.get_fully_qualified_name()})
+        names -= {"", self.get_fully_qualified_name()}
+        self._controllers.update(names)
+        if not names:
+            self._robot_since = math.inf
+        elif math.isinf(self._robot_since):
+            self._robot_since = time.monotonic()
         self._find_vehicle()
 
     def _on_limits(self) -> None:
@@ -121,7 +130,7 @@ class NavigatorNode(Node):
     def _find_vehicle(self) -> None:
         """Combine footprint and limits, once both are known; they may change later."""
         known = self._controllers.known
-        waited = time.monotonic() - self._began > _PATIENCE
+        waited = time.monotonic() - self._robot_since > _PATIENCE
         if self._vehicle is not None or self._description is None or not (known or waited):
             return
         if not known:
