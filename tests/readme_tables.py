@@ -21,6 +21,7 @@ from onebot_control.drive_kinds import (
     SteeringConfig,
     TricycleConfig,
 )
+from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
 from onebot_control.trajectories.gripping import GripperConfig
@@ -39,6 +40,7 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "tricycle_controller": (TricycleConfig,),
     "joint_trajectory_controller": (TrajectoryConfig,),
     "forward_command_controller": (ForwardConfig,),
+    "navigator": (NavigatorParameters,),
     "parallel_gripper_action_controller": (GripperConfig,),
     "rerun_viewer": (ViewerParameters, ViewConfig),
     "steering_page": (SteeringParameters,),

@@ -63,13 +63,11 @@ class _Drive:
     """Sends a goal and follows it."""
 
     def __init__(self, session: Session) -> None:
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.action import ActionClient
 
-        from onebot_description.ros.wire.interfaces import load_interface
-
-        from geometry_msgs.msg import PoseWithCovarianceStamped
-
         from onebot_description.ros.topic_qos import LATCHED
+        from onebot_description.ros.wire.interfaces import load_interface
 
         self._session, self._type = session, load_interface(_ACTION)
         self._feedback: Any = None
