@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -181,13 +182,12 @@ def test_messages_services_and_actions(
 ) -> None:
     """With another process, whose node runs from its file with remappings."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(workspace))
-    from my_interfaces.msg import Term
-    from my_interfaces.srv import Sum
-
+    kind = import_module("my_interfaces.srv").Sum
+    term = import_module("my_interfaces.msg").Term
     words = "run", "server/server/server.py", "--ros-args", "-r", "sum:=add", "-r", "__ns:=/far"
     with running(workspace, *words) as process, Peer(ros_domain) as peer:
-        terms = [Term(value=value) for value in (1, 2, 39)]
-        assert peer.call(Sum, "/far/add", terms=terms).total == 42
+        terms = [term(value=value) for value in (1, 2, 39)]
+        assert peer.call(kind, "/far/add", terms=terms).total == 42
         heard = peer.hear(Costmap, "/far/shifted")
         costmaps = peer.publisher(Costmap, "/far/costmap")
         wait_for(lambda: heard or costmaps.publish(Costmap(data=[1, 2, 3])), "the costmap")

@@ -151,7 +151,7 @@ def origin(name: str) -> str:
     if spec is None:
         return ""
     places = [*(spec.submodule_search_locations or ()), spec.origin or ""]
-    return os.path.dirname(os.path.realpath(places[0]))
+    return str(os.path.dirname(os.path.realpath(places[0])))
 
 
 def _is_replaced() -> bool:
