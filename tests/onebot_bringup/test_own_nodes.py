@@ -2,6 +2,7 @@
 
 import os
 import sys
+import sysconfig
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -109,6 +110,8 @@ def test_added_interfaces(added: str) -> None:
     names = "my_interfaces/msg/Term, my_interfaces/srv/Sum, my_interfaces/action/Count"
     assert added.rstrip().endswith(names)
     assert python(USE) == "my_interfaces.srv.Sum_Request(terms=[])"
+    stub = Path(sysconfig.get_path("purelib"), "my_interfaces-stubs/srv/__init__.pyi")
+    assert "Sum_Request = Sum.Request" in stub.read_text()
     assert "my_interfaces/action/Count" in python(
         "from onebot_bringup.introspection.interfaces import installed; print(installed('action'))"
     )
