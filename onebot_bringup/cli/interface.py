@@ -1,6 +1,8 @@
 """``onebot interface ...``: lists the installed types, shows their fields, adds one's own."""
 
 import re
+import shutil
+import sysconfig
 from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +12,7 @@ from onebot_bringup.introspection.interfaces import full_name, installed
 from onebot_description.elements.packages import package_name
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.packages import origin
+from onebot_description.ros.packages.stubs import write_stubs
 from onebot_description.ros.wire.interface_text import (
     ADDED,
     KINDS,
@@ -19,6 +22,7 @@ from onebot_description.ros.wire.interface_text import (
 )
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
+_SITE = Path(sysconfig.get_path("purelib"))  # where editors look for stubs
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 
@@ -110,6 +114,7 @@ def add(args: Namespace) -> None:
     except OneBotError:
         link.unlink()
         raise
+    write_stubs(name, folder, _SITE)
     print(f"added {name} of {folder}: {', '.join(types)}")
 
 
@@ -121,6 +126,7 @@ def remove(args: Namespace) -> None:
         hint = did_you_mean(args.package, added, "added")
         raise OneBotError(f'no package "{args.package}" was added{hint}')
     link.unlink()
+    shutil.rmtree(_SITE / f"{args.package}-stubs", ignore_errors=True)
     print(f"removed {args.package}")
 
 

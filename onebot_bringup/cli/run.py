@@ -46,7 +46,7 @@ def run(argv: Sequence[str]) -> int:
     if argv and argv[0].endswith(".py"):
         return run_file(Path(argv[0]), argv[1:])
     if len(argv) < 2:
-        raise UsageError("onebot run takes a package and an executable, or a file, and arguments")
+        raise UsageError("onebot run takes a package, an executable and its arguments, or a file")
     package, executable, *arguments = argv
     modules = EXECUTABLES.get(package, {})
     if executable not in modules:
@@ -79,11 +79,10 @@ def run_file(file: Path, arguments: Sequence[str]) -> int:
         top = top.parent
     sys.path.insert(0, str(top))
     try:
-        run_name = {"run_name": "__main__"}
         if names[1:]:
-            members = runpy.run_module(".".join(names), alter_sys=True, **run_name)
+            members = runpy.run_module(".".join(names), run_name="__main__", alter_sys=True)
         else:
-            members = runpy.run_path(str(file), **run_name)
+            members = runpy.run_path(str(file), run_name="__main__")
         if "main" in members and not _calls_main(file):  # setup.py names it as an entry point
             return int(members["main"]() or 0)
     except OneBotError:

@@ -2,7 +2,9 @@
 
 import os
 import sys
+import sysconfig
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +110,8 @@ def test_added_interfaces(added: str) -> None:
     names = "my_interfaces/msg/Term, my_interfaces/srv/Sum, my_interfaces/action/Count"
     assert added.rstrip().endswith(names)
     assert python(USE) == "my_interfaces.srv.Sum_Request(terms=[])"
+    stub = Path(sysconfig.get_path("purelib"), "my_interfaces-stubs/srv/__init__.pyi")
+    assert "Sum_Request = Sum.Request" in stub.read_text()
     assert "my_interfaces/action/Count" in python(
         "from onebot_bringup.introspection.interfaces import installed; print(installed('action'))"
     )
@@ -181,13 +185,12 @@ def test_messages_services_and_actions(
 ) -> None:
     """With another process, whose node runs from its file with remappings."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(workspace))
-    from my_interfaces.msg import Term
-    from my_interfaces.srv import Sum
-
+    kind = import_module("my_interfaces.srv").Sum
+    term = import_module("my_interfaces.msg").Term
     words = "run", "server/server/server.py", "--ros-args", "-r", "sum:=add", "-r", "__ns:=/far"
     with running(workspace, *words) as process, Peer(ros_domain) as peer:
-        terms = [Term(value=value) for value in (1, 2, 39)]
-        assert peer.call(Sum, "/far/add", terms=terms).total == 42
+        terms = [term(value=value) for value in (1, 2, 39)]
+        assert peer.call(kind, "/far/add", terms=terms).total == 42
         heard = peer.hear(Costmap, "/far/shifted")
         costmaps = peer.publisher(Costmap, "/far/costmap")
         wait_for(lambda: heard or costmaps.publish(Costmap(data=[1, 2, 3])), "the costmap")

@@ -30,9 +30,8 @@ from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
 from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
 
-from onebot_description.ros.wire import interface_text
+from onebot_description.ros.wire.interface_text import own_package
 
-_DEFINITIONS = Path(interface_text.__file__).with_name("definitions")
 _PREFIX = Path(sys.prefix)
 # A library of each one's code, in this order: each is linked to those before it.
 _GENERATORS = {
@@ -63,7 +62,7 @@ def build(folder: Path, package: str) -> None:
 
 def _generate(folder: Path, package: str) -> None:
     """Write the code, and beside that of C each type's description and hash as a .json file."""
-    definitions = _DEFINITIONS / package
+    definitions = own_package(package)
     files = [path.relative_to(definitions) for path in sorted(definitions.glob("*/*"))]
     translated = translate(
         package_name=package,

@@ -24,12 +24,14 @@ from nav2_msgs.msg import Costmap
 from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.service_introspection import ServiceIntrospectionState
+from rosidl_adapter import convert_to_idl
+from rosidl_generator_type_description import generate_type_hash
 from std_srvs.srv import SetBool
 
 from onebot_bringup.introspection.interfaces import installed
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire import message_class, type_support
-from onebot_description.ros.wire.interface_text import own_interfaces
+from onebot_description.ros.wire.interface_text import definitions, own_interfaces, own_packages
 from onebot_description.ros.wire.interfaces import load_interface, make_interface
 from tests.any_message import broken, messages
 from tests.ros_support import Peer, node_here, spin_until
@@ -135,6 +137,29 @@ def check_class(part: str, twin: Any, generated: Any) -> None:
         value = getattr(generated(), field)
         if "Event" not in (part, field):
             assert type(getattr(twin(), field)) is type(value), field
+
+
+@pytest.mark.slow
+def test_hashes_of_ros(tmp_path: Path) -> None:
+    """Every type has the description and hash that ROS's own generator gives its definition."""
+    include_paths = [f"{share.name}:{share}" for share in Path(sys.prefix, "share").iterdir()]
+    packages = own_packages()
+    for package in sorted(packages, key=lambda name: name == "nav2_msgs"):  # needs geographic_msgs
+        files = [file.relative_to(packages[package]) for file in definitions(packages[package])]
+        for file in files:
+            convert_to_idl(packages[package], package, file, tmp_path / package)
+        idl_files = [f"{tmp_path / package}:{file.with_suffix('.idl')}" for file in files]
+        arguments = {
+            "package_name": package,
+            "output_dir": str(tmp_path / package),
+            "idl_tuples": idl_files,
+            "include_paths": include_paths,
+        }
+        (tmp_path / "arguments.json").write_text(json.dumps(arguments))
+        generate_type_hash(str(tmp_path / "arguments.json"))
+        include_paths.append(f"{package}:{tmp_path / package}")
+    for name in OWN:
+        assert described(load_interface(name)) == generated_description(name, tmp_path), name
 
 
 VALUES = (

@@ -39,7 +39,7 @@ ROS_PACKAGES = (
     "trajectory_msgs",
 )
 _COMPILED = "rclpy._rclpy_pybind11"
-_ROS_MARKER = "share/ament_index/resource_index/packages/rclpy"  # below the prefix of a ROS
+_ROS = "share/ament_index/resource_index/packages/rclpy"  # below the prefix of a ROS
 
 
 class MissingRosError(OneBotError, ModuleNotFoundError):
@@ -151,18 +151,18 @@ def origin(name: str) -> str:
     if spec is None:
         return ""
     places = [*(spec.submodule_search_locations or ()), spec.origin or ""]
-    return os.path.dirname(os.path.realpath(places[0]))
+    return str(os.path.dirname(os.path.realpath(places[0])))
 
 
 def _is_replaced() -> bool:
-    """Whether a sourced ROS takes the place of the wheels, and of what they lack."""
-    here = os.path.realpath(sys.prefix)
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return any(
-        os.path.exists(os.path.join(prefix, _ROS_MARKER)) and os.path.realpath(prefix) != here
-        for prefix in prefixes
-        if prefix
-    )
+    """Whether a ROS that is sourced takes the place of the wheels, and of what they lack."""
+    from importlib.machinery import PathFinder
+
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    found = {os.path.realpath(prefix) for prefix in prefixes if os.path.exists(f"{prefix}/{_ROS}")}
+    if PathFinder.find_spec("ros_wheels_bootstrapper"):  # else the environment's own is no wheels'
+        found.discard(os.path.realpath(sys.prefix))
+    return bool(found)
 
 
 def _check_ros(name: str) -> None:

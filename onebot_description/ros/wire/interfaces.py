@@ -14,6 +14,7 @@ import contextlib
 import functools
 import importlib
 import io
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,7 @@ _IDL_NAMES = {  # names in IDL of the types in .msg files
 
 _OWN: dict[str, Any] = {}  # interfaces made of their definitions, by full name
 _BEING_MADE: set[str] = set()
+_LOCK = threading.RLock()  # a class is made once, whichever threads use it first
 
 
 class InterfaceError(OneBotError, ImportError):
@@ -92,15 +94,16 @@ def own_interface(name: str) -> Any:
     Raises:
         InterfaceError: its definition cannot be used.
     """
-    if name not in _OWN:
-        if name in _BEING_MADE:
-            raise InterfaceError(f"{name} contains itself")
-        _BEING_MADE.add(name)
-        try:
-            _OWN[name] = make_interface(name)
-        finally:
-            _BEING_MADE.remove(name)
-    return _OWN[name]
+    with _LOCK:
+        if name not in _OWN:
+            if name in _BEING_MADE:
+                raise InterfaceError(f"{name} contains itself")
+            _BEING_MADE.add(name)
+            try:
+                _OWN[name] = make_interface(name)
+            finally:
+                _BEING_MADE.remove(name)
+        return _OWN[name]
 
 
 def make_interface(name: str) -> Any:
