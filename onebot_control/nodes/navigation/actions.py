@@ -319,11 +319,10 @@ class NavigationAction:
             result.error_code = self._code(failure.name)
         if hasattr(result, "error_msg"):
             result.error_msg = reason
-        state = "canceled" if handle.is_cancel_requested else "abort" if reason else "succeed"
-        self._action.finish(handle, partial(_finished, state, result))
+        self._action.finish(handle, partial(_finished, "abort" if reason else "succeed", result))
 
 
 def _finished(state: str, result: Any, handle: Any) -> Any:
-    """Set the state of a goal, and return its result."""
-    getattr(handle, state)()
+    """Set the state of a goal, and return its result; a goal that ends now may be cancelled."""
+    getattr(handle, "canceled" if handle.is_cancel_requested else state)()
     return result
