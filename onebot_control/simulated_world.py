@@ -99,7 +99,6 @@ class SimulatedWorld:
     def _begin(self) -> None:
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
-        self._contacts_wanted = False  # whether contacts have been asked for
         self.commands: list[Triple | None] = [None] * len(self.names)
         self.sensors.restart()
         self.fleet.observe()
@@ -165,7 +164,7 @@ class SimulatedWorld:
             if self.publish is not None:
                 self.publish(self._before, fleet.stamp)
         finally:  # after an exception in a callback, the simulation can go on
-            fleet.finish(recorded=last or self._contacts_wanted or None)
+            fleet.finish(recorded=last or None)
             fleet.observe()
             self._frame = None
             if self._log is not None and fleet.ticks % self._log.every == 0:
@@ -180,7 +179,6 @@ class SimulatedWorld:
 
     def contacts(self, row: int) -> list[Contact]:
         """Return the contacts of a robot in the last cycle; record them in each one from now on."""
-        self._contacts_wanted = True
         return self.fleet.world.contacts.contacts(row)
 
     def boxes(self) -> dict[str, Transform]:

@@ -251,7 +251,7 @@ class WorldInterface:
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp, poses)
-        sensing.take(stamp, snapshots, poses)
+        sensing.take(stamp, snapshots, poses, lambda row: world.contacts.contacts(row))
 
     def poll(self) -> None:
         """Look for publishers of commands and localizers; call it several times a second.
