@@ -88,7 +88,16 @@ class Sensors:
         tick = snapshots[0].tick
         last_snapshots = last if last and last[0].tick == tick - 1 else None
         robots, starts = self._robots, self._starts
-        return Frame(tick, stamp, snapshots, last_snapshots, boxes, robots, starts, contacts)
+        return Frame(
+            tick=tick,
+            stamp=stamp,
+            snapshots=snapshots,
+            before=last_snapshots,
+            boxes=boxes,
+            robots=robots,
+            starts=starts,
+            contacts=contacts,
+        )
 
     def prepare(self) -> None:
         """Build the surroundings now, because reading meshes takes long."""
