@@ -160,7 +160,7 @@ class WorldInterface:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # results are sent while paused, too
         self.start(loop, sensing, steady)
         if self.controller_nodes:
-            self._controllers_thread = NodeThread(self.controller_nodes, "arms", self._fail)
+            self._controllers_thread = NodeThread(self.controller_nodes, "controllers", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [warning for robot in self.robots for warning in robot.warnings]
