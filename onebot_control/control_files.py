@@ -22,6 +22,7 @@ from onebot_control.drive_kinds import (
     DRIVES,
     ControlConfig,
     found_drive,
+    named_drive,
     suited,
     topics_of,
 )
@@ -323,7 +324,9 @@ class _ControlFiles:
     def declared(self, controller: str) -> type[SimulationConfig]:
         """Return the dataclass of the parameters of the node ``controller``."""
         kind, _ = self.types.get(controller, ("", ""))
-        return SimulationConfig if controller == MANAGER else DRIVES.get(kind, self._found)
+        if controller == MANAGER or kind in DRIVES:
+            return DRIVES.get(kind, SimulationConfig)
+        return named_drive(self._parameters(controller).values) or self._found
 
     def skipped(self, controller: str) -> list[str]:
         """Return a warning for each controller whose type does not run here."""

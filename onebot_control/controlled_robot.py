@@ -106,7 +106,7 @@ class JointStateBroadcaster:
         extra = [name for name in config.extra_joints if name not in published]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
-        self._rows = [joints.index(name) for name in chosen]
+        self._indices = [joints.index(name) for name in chosen]
         self._held = [list(held.values()), [0.0] * len(held), [0.0] * len(held)]
         self._extra = [0.0] * len(extra)
         self._hidden = [math.nan] * len(chosen) + self._extra
@@ -122,7 +122,7 @@ class JointStateBroadcaster:
         ]
 
     def _chosen(self, field: list[float]) -> list[float]:
-        return [field[row] for row in self._rows] + self._extra
+        return [field[index] for index in self._indices] + self._extra
 
 
 class CyclePace:
@@ -368,7 +368,7 @@ class ControlledRobot:
         self.followers = {
             name: self._follower(controller) for name, controller in self.joint_controllers.items()
         }
-        self._follower_rows = {
+        self._follower_indices = {
             name: [self.body.joints.index(joint) for joint in follower.names]
             for name, follower in self.followers.items()
         }
@@ -499,8 +499,8 @@ class ControlledRobot:
 
     def states(self, controller: str) -> JointStates:
         """Return the measured states of the joints of one controller."""
-        rows = self._follower_rows[controller]
-        return JointStates(*(tuple([field[row] for row in rows]) for field in self._joints))
+        indices = self._follower_indices[controller]
+        return JointStates(*(tuple([field[index] for index in indices]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
         """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""

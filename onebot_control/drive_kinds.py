@@ -90,11 +90,17 @@ def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
     return declared.topics
 
 
-def joint_names(declared: type[SimulationConfig]) -> set[str]:
-    """Return the names of a drive's parameters that name its joints: only these are read-only."""
+def named_drive(values: Mapping[str, Any]) -> type[SimulationConfig] | None:
+    """Return the parameters of the first drive of whose joints ``values`` name some; None if none.
+
+    Of a drive's own parameters, only those that name joints are read-only.
+    """
     simulated = {leaf.name for leaf in leaves(SimulationConfig)}
-    own_leaves = (leaf for leaf in leaves(declared) if leaf.name not in simulated)
-    return {leaf.name for leaf in own_leaves if leaf.type.rule.read_only}
+    named = {name for name, value in values.items() if value} - simulated
+    for drive in DRIVES.values():
+        if any(leaf.name in named and leaf.type.rule.read_only for leaf in leaves(drive)):
+            return drive
+    return None
 
 
 def standing(config: SimulationConfig) -> SimulationConfig:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import RunningGear
-from onebot_control.drive_kinds import DRIVES, found_drive, joint_names, standing, suited
+from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, standing, suited
 from onebot_control.fleet import Member
 from onebot_control.joint_controllers import named
 from onebot_control.simulation_parameters import SimulationConfig
@@ -116,7 +116,7 @@ def fleet_members(
 def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
     """Return the parameters of the drive that a robot's parameters name; None if they name none.
 
-    They do so by ``type``, which is taken out, or by joints, whatever these look like.
+    They do so by ``type``, which is taken out, or as ``named_drive`` finds it.
 
     Raises:
         ConfigError: there is no such type.
@@ -127,8 +127,7 @@ def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
             text = f'no drive is of the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
             raise ConfigError([Problem("type", text)])
         return DRIVES[kind]
-    named = [drive for drive in DRIVES.values() if not joint_names(drive).isdisjoint(given)]
-    return next(iter(named), None)
+    return named_drive(given)
 
 
 def given_parameters(

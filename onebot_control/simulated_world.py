@@ -101,7 +101,6 @@ class SimulatedWorld:
         self.starts += 1
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
-        self._contacts_wanted = False  # whether contacts have been asked for
         self.commands: list[Triple | None] = [None] * len(self.names)
         self.sensors.restart()
         self.fleet.observe()
@@ -167,7 +166,7 @@ class SimulatedWorld:
             if self.publish is not None:
                 self.publish(self._before, fleet.stamp)
         finally:  # after an exception in a callback, the simulation can go on
-            fleet.finish(recorded=last or self._contacts_wanted or None)
+            fleet.finish(recorded=last or None)
             fleet.observe()
             self._frame = None
             if self._log is not None and fleet.ticks % self._log.every == 0:
@@ -182,7 +181,6 @@ class SimulatedWorld:
 
     def contacts(self, row: int) -> list[Contact]:
         """Return the contacts of a robot in the last cycle; record them in each one from now on."""
-        self._contacts_wanted = True
         return self.fleet.world.contacts.contacts(row)
 
     def boxes(self) -> dict[str, Transform]:

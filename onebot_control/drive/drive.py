@@ -87,13 +87,13 @@ class Drive:
             OneBotError: see ``fitted``.
         """
         self.wheels, self.config = wheels, config
-        # Of each wheel, the rows in ``joints`` and the directions of the joints that turn as one.
+        # For each wheel, indices in ``joints`` and directions of the joints that turn as one.
         self._groups = [
             [(joints.index(name), wheels.directions[name]) for name in names]
             for names in wheels.groups
         ]
-        # The row of each steering joint, and 1 if it steers to the left by positive positions.
-        self._steering_rows = [
+        # The index of each steering joint, and 1 if it steers to the left by positive positions.
+        self._steering_indices = [
             (joints.index(name), math.copysign(1.0, wheels.axles[name].axis[2]))
             for name in wheels.steering
         ]
@@ -167,8 +167,8 @@ class Drive:
     def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
         """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
         steering_before, steering = self._steering, self._steering
-        if self._steering_rows:
-            self._steering = [sign * positions[row] for row, sign in self._steering_rows]
+        if self._steering_indices:
+            self._steering = [sign * positions[index] for index, sign in self._steering_indices]
             steering = [
                 (last + now) / 2.0
                 for last, now in zip(steering_before, self._steering, strict=True)
@@ -204,7 +204,7 @@ class Drive:
     @property
     def steering(self) -> list[float]:
         """The position of each joint of ``wheels.steering`` for the command in force, rad."""
-        pairs = zip(self._steering_rows, self.command.steering, strict=True)
+        pairs = zip(self._steering_indices, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
 
     def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
@@ -284,6 +284,6 @@ class NoDrive:
 def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:
     """Return the mean forward position, rad, or velocity, rad/s, of joints that turn as one."""
     mean = 0.0
-    for row, direction in group:
-        mean += direction * values[row]
+    for index, direction in group:
+        mean += direction * values[index]
     return mean / len(group)

@@ -218,25 +218,24 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "angular.z": self.angular}
 
-    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
-        geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
-        limit = self.steering_limit or min(geometry.limit, *self._limits)
+    def _lengths(
+        self,
+        wheels: "SteeredWheels",
+        radius: float,
+        tracks: tuple[float, float] = (0.0, 0.0),
+        most: float = _QUARTER,
+    ) -> "SteeredGeometry":
+        """Return the geometry of ``wheels``; lengths of 0 are those of the URDF.
+
+        Args:
+            wheels: the wheels.
+            radius: of the driven wheels, m.
+            tracks: distances of the driven and of the steered wheels, m.
+            most: the greatest steering angle, rad.
+        """
+        geometry = wheels.geometry(radius, self.wheelbase, *tracks)
+        limit = self.steering_limit or min(geometry.limit, most)
         return geometry._replace(limit=_QUARTER if limit > _QUARTER - _ROUNDED else limit)
-
-    @property
-    def _radius(self) -> float:
-        """The radius of the driven wheels, m; 0: that of the URDF."""
-        return 0.0
-
-    @property
-    def _limits(self) -> tuple[float, ...]:
-        """The greatest steering angles to each side, rad."""
-        return (_QUARTER,)
-
-    @property
-    def _tracks(self) -> tuple[float, float]:
-        """The distances of the driven and of the steered wheels, m; 0: those of the URDF."""
-        return 0.0, 0.0
 
 
 def _joints(what: str) -> Any:
@@ -294,18 +293,15 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
             self.steering_joints_names or self.front_wheels_names,
         )
 
+    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
+        radius = self.traction_wheels_radius or self.rear_wheels_radius
+        radius = radius or self.traction_wheel_radius or self.rear_wheel_radius
+        traction = self.traction_track_width or self.rear_wheel_track or self.wheel_track
+        steering = self.steering_track_width or self.front_wheel_track
+        return self._lengths(wheels, radius, (traction, steering))
+
     def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
         return SteeredKinematics(geometry, waits=self.reduce_wheel_speed_until_steering_reached)
-
-    @property
-    def _radius(self) -> float:
-        wheels = self.traction_wheels_radius or self.rear_wheels_radius
-        return wheels or self.traction_wheel_radius or self.rear_wheel_radius
-
-    @property
-    def _tracks(self) -> tuple[float, float]:
-        traction = self.traction_track_width or self.rear_wheel_track or self.wheel_track
-        return traction, self.steering_track_width or self.front_wheel_track
 
 
 @dataclass(frozen=True)
@@ -382,18 +378,12 @@ class TricycleParameters(SteeredParameters):
         return SteeredWheels(description, *names, front_driven=True)
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
-        geometry = super().geometry(wheels)
-        speed = self.steering.max_velocity or math.inf
+        limits = self.steering
+        most = min(-limits.min_position or _QUARTER, limits.max_position or _QUARTER)
+        geometry = self._lengths(wheels, self.wheel_radius, most=most)
+        speed = limits.max_velocity or math.inf
         return geometry._replace(speed=min(geometry.speed, speed))
 
     def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
         traction = self.traction.speed_limits
         return SteeredKinematics(geometry, waits=geometry.front_driven, traction=traction)
-
-    @property
-    def _limits(self) -> tuple[float, ...]:
-        return -self.steering.min_position or _QUARTER, self.steering.max_position or _QUARTER
-
-    @property
-    def _radius(self) -> float:
-        return self.wheel_radius

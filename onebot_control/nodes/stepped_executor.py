@@ -23,7 +23,7 @@ _KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # a wa
 RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
 
 
-class _Row(NamedTuple):
+class _Entry(NamedTuple):
     """An entity of a node: something that a wait set waits for."""
 
     kind: str
@@ -59,8 +59,8 @@ class SteppedExecutor(Executor):
         self._watch = watch
         self._tasks: list[tuple[Task, Any, Node | None]] = []  # rclpy's executors have it, too
         self._suspended: set[Task] = set()
-        self._rows: list[_Row] = []
-        self._rows_without_events: list[_Row] = []
+        self._entries: list[_Entry] = []
+        self._entries_without_events: list[_Entry] = []
         self._wait_set: Any = None
 
     def add_node(self, node: Node) -> bool:
@@ -94,10 +94,10 @@ class SteppedExecutor(Executor):
         """
         while self._context.ok():
             ran = self._run_tasks()
-            for row in self._ready():
+            for entry in self._ready():
                 ran = True
-                with self._watch.running(row.node):
-                    self._run(row.kind, row.entity, row.node)
+                with self._watch.running(entry.node):
+                    self._run(entry.kind, entry.entity, entry.node)
                 if not self._context.ok():
                     return  # a callback has shut it down
             if not ran:
@@ -112,7 +112,7 @@ class SteppedExecutor(Executor):
                 with self._watch.running(node):
                     _run_task(task)
                 ran |= not _is_pending(task) or task not in self._suspended
-        self._tasks = [row for row in self._tasks if _is_pending(row[0])]
+        self._tasks = [entry for entry in self._tasks if _is_pending(entry[0])]
         self._suspended = {task for task, _, _ in self._tasks}
         return ran
 
@@ -139,7 +139,7 @@ class SteppedExecutor(Executor):
             return
         entity.callback(*arguments)
 
-    def _ready(self) -> list[_Row]:
+    def _ready(self) -> list[_Entry]:
         """Return the entities that are ready now."""
         with suppress(InvalidHandle, RCLError):
             return self._wait()
@@ -147,45 +147,45 @@ class SteppedExecutor(Executor):
         self._is_stale = True
         return self._wait() if self._context.ok() else []
 
-    def _wait(self) -> list[_Row]:
+    def _wait(self) -> list[_Entry]:
         if self._is_stale:
             self._collect()
-        rows = self._rows if self.look_for_events else self._rows_without_events
+        entries = self._entries if self.look_for_events else self._entries_without_events
         if self._tasks:  # a coroutine may hold its callback group
-            rows = [row for row in rows if self.can_execute(row.entity)]
+            entries = [entry for entry in entries if self.can_execute(entry.entity)]
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for row in rows:
-            row.add(row.argument)
+        for entry in entries:
+            entry.add(entry.argument)
         wait_set.wait(0)
         ready = {pointer for kind in _KINDS for pointer in wait_set.get_ready_entities(kind)}
         return [
-            row
-            for row in rows
-            if row.pointer in ready or (not row.pointer and row.entity.is_ready(wait_set))
+            entry
+            for entry in entries
+            if entry.pointer in ready or (not entry.pointer and entry.entity.is_ready(wait_set))
         ]
 
     def _collect(self) -> None:
         """Make a wait set for the entities that the nodes have now."""
         self._is_stale = False
         self.nodes = [node for node in self.nodes if is_alive(node.handle)]
-        entities = [row for node in self.nodes for row in _entities(node)]
+        entities = [entry for node in self.nodes for entry in _entities(node)]
         counts = Counter(kind for kind, _, _ in entities)
         numbers = (item.get_num_entities() for kind, item, _ in entities if kind == _WAITABLE)
         waitables = sum(numbers, NumberOfEntities())
         numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
         self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
-        self._rows = [_row(wait_set, *entity) for entity in entities]
-        self._rows_without_events = [
-            row for row in self._rows if not isinstance(row.entity, EventHandler)
+        self._entries = [_entry(wait_set, *entity) for entity in entities]
+        self._entries_without_events = [
+            entry for entry in self._entries if not isinstance(entry.entity, EventHandler)
         ]
 
 
-def _row(wait_set: Any, kind: str, entity: Any, node: Node) -> _Row:
+def _entry(wait_set: Any, kind: str, entity: Any, node: Node) -> _Entry:
     if kind == _WAITABLE:
-        return _Row(kind, entity, node, entity.add_to_wait_set, wait_set, 0)
+        return _Entry(kind, entity, node, entity.add_to_wait_set, wait_set, 0)
     handle = entity.handle
-    return _Row(kind, entity, node, getattr(wait_set, f"add_{kind}"), handle, handle.pointer)
+    return _Entry(kind, entity, node, getattr(wait_set, f"add_{kind}"), handle, handle.pointer)
 
 
 def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:

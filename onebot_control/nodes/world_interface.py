@@ -160,7 +160,7 @@ class WorldInterface:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # results are sent while paused, too
         self.start(loop, sensing, steady)
         if self.controller_nodes:
-            self._controllers_thread = NodeThread(self.controller_nodes, "arms", self._fail)
+            self._controllers_thread = NodeThread(self.controller_nodes, "controllers", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [warning for robot in self.robots for warning in robot.warnings]
@@ -251,7 +251,7 @@ class WorldInterface:
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp, poses)
-        sensing.take(stamp, snapshots, poses)
+        sensing.take(stamp, snapshots, poses, lambda row: world.contacts.contacts(row))
 
     def poll(self) -> None:
         """Look for publishers of commands and localizers; call it several times a second.

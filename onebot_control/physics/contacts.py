@@ -78,6 +78,7 @@ class ContactRecorder:
         collided: whether each robot has touched something other than what it stands on, since
             it was placed.
         always: whether anything may touch in any cycle, as there are arms or pushes.
+        wanted: whether contacts have been asked for; then each cycle records them.
     """
 
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
@@ -118,7 +119,7 @@ class ContactRecorder:
         self._listed: list[_Listed] | None = []
         self._moved = {*range(len(self._robots))}  # robots that were placed since then
         self._poses: dict[_Place, Transform] = {}
-        self.collided = [False] * len(self._robots)
+        self.collided, self.wanted = [False] * len(self._robots), False
         self.always = any(robot.spawn.starts for robot in self._robots)
         self._is_near, self._valid = False, 0  # whether robots are near anything; cycles left
 
@@ -221,8 +222,11 @@ class ContactRecorder:
     def contacts(self, row: int) -> list[Contact]:
         """Return the contacts of a robot in the last cycle, where it was last touched.
 
+        They are recorded in each cycle from now on.
+
         If that was not recorded, they are those of its last physics step.
         """
+        self.wanted = True
         if row in self._moved:
             return []
         if self._listed is None:

@@ -2,8 +2,8 @@
 
 URDF does not specify all that a simulation needs, and PyBullet's defaults are unsuitable:
 
-- Wheels, driven ones and those of casters, have the friction of ``PhysicsSettings``, unless the URDF
-  has a <lateral_friction>.
+- Wheels, driven ones and those of casters, have the friction of ``PhysicsSettings``, unless the
+  URDF has a <lateral_friction>.
 - A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
   cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
 - More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.

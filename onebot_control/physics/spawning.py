@@ -244,7 +244,15 @@ def load_robot(
         if mass > 0.0
     ]
     return LoadedBody(
-        bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame), weightless, rollers
+        bullet=bullet,
+        ground=ground,
+        body=robot,
+        joints=joints,
+        hubs=hubs,
+        mass_frame=mass_frame,
+        link_frame=inverse(mass_frame),
+        weightless=weightless,
+        rollers=rollers,
     )
 
 

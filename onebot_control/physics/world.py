@@ -109,7 +109,8 @@ class World(AbstractContextManager["World"]):
 
         Args:
             duration: s.
-            recorded: record ``contacts``, too; None: if there may be a collision.
+            recorded: record ``contacts``, too; None: if there may be a collision. If they have been
+                asked for once, they always are.
 
         Raises:
             OneBotError: the world is closed, or its state is no longer finite.
@@ -122,7 +123,9 @@ class World(AbstractContextManager["World"]):
             self._commanded,
             self._weightless,
         )
-        if recorded is None:
+        if self._contacts is not None and self._contacts.wanted:
+            recorded = True
+        elif recorded is None:
             recorded = self._has_obstacles and self.contacts.may_collide(duration)
         contacts = self.contacts if recorded else self._contacts
         if contacts is not None:

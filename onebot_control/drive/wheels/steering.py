@@ -140,14 +140,14 @@ class SteeredWheels(Wheels):
         limit = _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering)
         plugin = self.description.drive_plugin
         return SteeredGeometry(
-            wheelbase,
-            radius or self.radius,
-            traction if len(self.names) > 1 else 0.0,
-            steering if len(self.steering) > 1 else 0.0,
-            min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
-            self._front_driven,
-            float(self._rear[0]),
-            min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
+            wheelbase=wheelbase,
+            radius=radius or self.radius,
+            traction_track=traction if len(self.names) > 1 else 0.0,
+            steering_track=steering if len(self.steering) > 1 else 0.0,
+            limit=min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
+            front_driven=self._front_driven,
+            axle=float(self._rear[0]),
+            speed=min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
         )
 
     def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:
