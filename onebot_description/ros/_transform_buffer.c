@@ -409,6 +409,14 @@ EXPORT void onebot_buffer_empty(struct buffer *buffer, int64_t number, int64_t k
   *frame = (struct frame){kind, 0, 0, NULL, NULL};
 }
 
+/* Make a quaternion of any length the one that tf2 keeps, which makes it a matrix first; NaN if it
+ * has no direction. */
+EXPORT void onebot_buffer_unit(double *rotation) {
+  double basis[3][3];
+  to_basis(rotation, basis);
+  to_quaternion(basis, rotation);
+}
+
 /* Add transforms. Returns how many were taken, plus 2^32 for each frame with another parent. */
 EXPORT int64_t onebot_buffer_add(struct buffer *buffer, const struct row *rows, int64_t count,
                                  int64_t is_static) {
@@ -418,6 +426,7 @@ EXPORT int64_t onebot_buffer_add(struct buffer *buffer, const struct row *rows, 
     struct frame *frame = &buffer->frames[row->child];
     struct sample sample = {is_static ? 0 : row->stamp, row->parent, {0.0}};
     memcpy(sample.pose, row->pose, sizeof sample.pose);
+    if (!buffer->live) onebot_buffer_unit(sample.pose + 3);
     const int64_t before = latest_parent(frame);
     if (is_static || frame->kind != kind) onebot_buffer_empty(buffer, row->child, kind);
     result += insert(buffer, frame, &sample);

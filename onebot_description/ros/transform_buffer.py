@@ -8,6 +8,7 @@ numbers are those of _transform_buffer.c. Threads may share a buffer, since its 
 
 import ctypes
 import functools
+import math
 import threading
 import weakref
 from collections.abc import Sequence
@@ -62,18 +63,22 @@ class Found(ctypes.Structure):
     Attributes:
         stamp_ns: its time, nanoseconds.
         pose: x y z in m, and the quaternion x y z w of the source frame in the target frame.
+        basis, origin: the same, as the rows of the rotation matrix, and x y z in m.
     """
 
     if TYPE_CHECKING:
         stamp_ns: int
         edge_ns: int  # the stamp that the time lies beyond, if the lookup failed for that
         pose: Sequence[float]
+        basis: Sequence[float]
+        origin: Sequence[float]
 
     _fields_ = (
         ("stamp_ns", ctypes.c_int64),
         ("edge_ns", ctypes.c_int64),
         ("pose", ctypes.c_double * 7),
-        ("_transform", ctypes.c_double * 12),
+        ("basis", ctypes.c_double * 9),
+        ("origin", ctypes.c_double * 3),
     )
 
 
@@ -104,6 +109,7 @@ def _functions() -> ctypes.PyDLL:
         ("free", None, (pointer,)),
         ("grow", ctypes.c_int, (pointer, number)),
         ("empty", None, (pointer, number, number)),
+        ("unit", None, (pointer,)),
         ("add", number, (pointer, pointer, number, number)),
         ("lookup", ctypes.c_int, (pointer, *[number] * 4, result)),
         ("compose", None, (result, result)),
@@ -118,10 +124,22 @@ def _functions() -> ctypes.PyDLL:
     return library
 
 
+def unit(rotation: Sequence[float]) -> list[float]:
+    """Return the unit quaternion that tf2 keeps for one of any length; NaN if that is 0."""
+    values = (ctypes.c_double * 4)(*rotation)
+    _functions().onebot_buffer_unit(values)
+    return values[:]
+
+
+def seconds(time_ns: int) -> float:
+    """Return nanoseconds as seconds, rounded as tf2 does."""
+    whole, rest = divmod(abs(time_ns), NS_PER_S)
+    return math.copysign(whole + 1e-9 * rest, time_ns)
+
+
 def seconds_text(time_ns: int) -> str:
     """Return a time in seconds as tf2 prints it."""
-    seconds, rest = divmod(abs(time_ns), NS_PER_S)
-    return f"{(-1 if time_ns < 0 else 1) * (seconds + 1e-9 * rest):.6f}"
+    return f"{seconds(time_ns):.6f}"
 
 
 class TransformBuffer:

@@ -1,0 +1,54 @@
+"""Functions that transform the points of a cloud."""
+
+from typing import Any
+
+import numpy as np
+import tf2_ros
+from geometry_msgs.msg import Transform, TransformStamped
+from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+from sensor_msgs_py.point_cloud2 import create_cloud, read_points
+from std_msgs.msg import Header
+
+from onebot_description.geometry import matrices
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Return a message as it is."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return a message as it is."""
+    return msg
+
+
+def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray[np.float64]:
+    """Return points (N, 3) in the transform's frame."""
+    at, turn = transform.translation, transform.rotation
+    pose = (at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w)
+    return matrices.transformed(point_cloud, matrices.of_transform(pose))
+
+
+def do_transform_cloud(cloud: PointCloud2, transform: Transform | TransformStamped) -> PointCloud2:
+    """Return a cloud in the transform's frame; fields other than x, y and z stay as they are."""
+    header = Header(stamp=cloud.header.stamp, frame_id=cloud.header.frame_id)
+    if isinstance(transform, TransformStamped):
+        header.frame_id, transform = transform.header.frame_id, transform.transform
+    assert {"x", "y", "z"} <= {field.name for field in cloud.fields}, (
+        "Point cloud needs the fields x, y, and z for the transformation"
+    )
+    points = read_points(cloud).copy()
+    places = points[["x", "y", "z"]]
+    moved = transform_points(structured_to_unstructured(places), transform)
+    points[["x", "y", "z"]] = unstructured_to_structured(moved, places.dtype)
+    result = create_cloud(header, cloud.fields, points, cloud.point_step)
+    result.height, result.width = cloud.height, cloud.width
+    result.row_step, result.is_dense = cloud.point_step * cloud.width, cloud.is_dense
+    return result
+
+
+tf2_ros.ConvertRegistration().add_to_msg(PointCloud2, to_msg_msg)
+tf2_ros.ConvertRegistration().add_from_msg(PointCloud2, from_msg_msg)
+tf2_ros.TransformRegistration().add(PointCloud2, do_transform_cloud)
