@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
+from numpy.lib.recfunctions import structured_to_unstructured
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -142,13 +142,17 @@ def create_cloud(
     """
     dtype = dtype_from_fields(fields, point_step)
     if not isinstance(points, np.ndarray):
-        points = np.array(list(map(tuple, points)), dtype)
+        values = list(map(tuple, points))
+        points = np.zeros(len(values), dtype)  # padding of arbitrary bytes would differ each time
+        points[:] = values
     elif points.dtype.names is None:
         assert len({field.datatype for field in fields}) <= 1, (
             "All fields need to have the same datatype. Pass a structured NumPy array with "
             "multiple dtypes otherwise."
         )
-        points = unstructured_to_structured(points, dtype)
+        columns, points = np.moveaxis(points, -1, 0), np.zeros(points.shape[:-1], dtype)
+        for name, column in zip(dtype.names or (), columns, strict=True):
+            points[name] = column
     assert points.dtype == dtype, (
         "PointFields and structured NumPy array dtype do not match for all fields! Check their "
         "field order, names and types."

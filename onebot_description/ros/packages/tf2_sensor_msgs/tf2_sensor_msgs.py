@@ -1,14 +1,14 @@
 """Functions that transform the points of a cloud."""
 
+import array
 from typing import Any
 
 import numpy as np
 import tf2_ros
 from geometry_msgs.msg import Transform, TransformStamped
-from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
-from sensor_msgs_py.point_cloud2 import create_cloud, read_points
+from sensor_msgs_py.point_cloud2 import dtype_from_fields
 from std_msgs.msg import Header
 
 from onebot_description.geometry import matrices
@@ -39,13 +39,23 @@ def do_transform_cloud(cloud: PointCloud2, transform: Transform | TransformStamp
     assert {"x", "y", "z"} <= {field.name for field in cloud.fields}, (
         "Point cloud needs the fields x, y, and z for the transformation"
     )
-    points = read_points(cloud).copy()
-    places = points[["x", "y", "z"]]
-    moved = transform_points(structured_to_unstructured(places), transform)
-    points[["x", "y", "z"]] = unstructured_to_structured(moved, places.dtype)
-    result = create_cloud(header, cloud.fields, points, cloud.point_step)
-    result.height, result.width = cloud.height, cloud.width
-    result.row_step, result.is_dense = cloud.point_step * cloud.width, cloud.is_dense
+    result = PointCloud2(
+        header=header,
+        height=cloud.height,
+        width=cloud.width,
+        fields=cloud.fields,
+        is_bigendian=cloud.is_bigendian,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        is_dense=cloud.is_dense,
+    )
+    result.data = array.array("B", cloud.data)
+    dtype = dtype_from_fields(cloud.fields, cloud.point_step)
+    dtype = dtype.newbyteorder(">" if cloud.is_bigendian else "<")
+    points: NDArray[Any] = np.ndarray(cloud.width * cloud.height, dtype, result.data)
+    places = np.stack([points[axis] for axis in "xyz"], axis=1)
+    for axis, column in zip("xyz", transform_points(places, transform).T, strict=True):
+        points[axis] = column
     return result
 
 
