@@ -354,12 +354,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def _publish_links(self) -> None:
         """Publish the robots' links on TF once a node listens, unless a node does that already."""
         added, first = self._added, self._executor.first
-        listens = any(end.topic_name in TF_TOPICS for end in _subscriptions(added))
-        if (
-            first
-            or not listens
-            or any(end.topic_name.endswith("/robot_description") for end in _publishers(added))
-        ):
+        publishers = {node for node in added if _describes(node)}
+        if publishers - first:
+            first |= publishers
+            self._executor.wake()
+        if first or all(end.topic_name not in TF_TOPICS for end in _subscriptions(added)):
             return
         assert self._interface is not None
         for robot in self._interface.robots:
@@ -485,6 +484,11 @@ def _subscriptions(nodes: Sequence[Node]) -> Iterator[Subscription]:
 
 def _named(node: Node) -> str:
     return f'node "{node.get_name()}"'
+
+
+def _describes(node: Node) -> bool:
+    """Return whether a node publishes a robot's description, as robot_state_publisher does."""
+    return any(end.topic_name.endswith("/robot_description") for end in node.publishers)
 
 
 def _only_listens(executor: Any) -> bool:

@@ -53,22 +53,20 @@ def run(ros: Lockstep[Simulation], *nodes: Node) -> None:
     ros.simulation.run(1.5)
 
 
-@pytest.mark.parametrize("options", [{}, {"spin_thread": True}])
-def test_a_transform_is_known_when_a_scan_asks_for_it(
-    ros_simulation: Callable[..., Lockstep[Simulation]], options: dict[str, Any]
-) -> None:
-    """Each run is bit-identical; a listener's own thread leaves the node to lockstep."""
+@pytest.mark.usefixtures("ros_domain")
+def test_a_transform_is_known_when_a_scan_asks_for_it() -> None:
+    """Runs are bit-identical; a listener's own thread leaves the node to lockstep."""
     ends = []
-    for _ in range(2):
-        ros = ros_simulation(world="maze", y=0.8, sensors=True, nav2_topics=True)
-        node = Follower(**options)
-        run(ros, node)
-        places, pose = node.places, ros.simulation.robot.odometry
-        assert len(places) == 32 and len(node.pairs) == 16
+    for options in ({}, {"spin_thread": True}):
+        with Simulation(world="maze", y=0.8, sensors=True) as simulation:
+            with simulation.ros(nav2_topics=True) as ros:
+                node = Follower(**options)
+                run(ros, node)
+                places, pose = node.places, simulation.robot.odometry
+        assert len(places) == 30 and len(node.pairs) == 15
         assert places[-2][0] != places[0][0] and places[-1] != places[1]
         assert abs(places[-2][0] - pose.x) < 0.2  # the lidar is on the robot
         ends.append((places, node.pairs))
-        ros.close()
     assert ends[0] == ends[1]
 
 
