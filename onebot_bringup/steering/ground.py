@@ -25,7 +25,7 @@ from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.matrices import of_transform, transformed
 from onebot_description.geometry.poses import Transform, of_arrays
-from onebot_description.ros.frame_tree import TransformError
+from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.message_arrays import OdometrySample
 
@@ -173,7 +173,7 @@ class Ground:
         if of != frame:
             try:
                 matrix = self._transforms.tree.lookup(frame, of).matrix @ matrix
-            except TransformError:
+            except TransformException:
                 return None
         (x, y), yaw = matrix[:2, 3].tolist(), math.atan2(matrix[1, 0], matrix[0, 0])
         pose = {"x": x, "y": y, "yaw": yaw}

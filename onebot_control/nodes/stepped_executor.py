@@ -20,6 +20,7 @@ from onebot_control.nodes.callback_watch import CallbackWatch
 
 _WAITABLE, _TIMER, _SUBSCRIPTION = "waitable", "timer", "subscription"
 _KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # a wait set's names
+TF_TOPICS = ("/tf", "/tf_static")
 RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
 
 
@@ -32,6 +33,7 @@ class _Entry(NamedTuple):
     add: Callable[[Any], object]  # adds ``argument`` to the wait set
     argument: Any
     pointer: int  # the wait set names it by this when it is ready; 0 for a waitable
+    is_first: bool  # whether other callbacks run only when none of these is ready
 
 
 class SteppedExecutor(Executor):
@@ -45,15 +47,20 @@ class SteppedExecutor(Executor):
     Half of all entities are events, such as the log of a QoS that does not match. They have
     callbacks only when entities have changed, or when ``look_for_events`` was set to true.
 
+    Subscriptions to /tf and /tf_static, and the nodes that publish there what they receive, run
+    before all others: a transform is known when the callback of another message asks for it.
+
     Attributes:
         nodes: the nodes, in the order in which they were added.
         changed: whether entities have changed since somebody set this to false.
         look_for_events: whether events count as ready in the next run.
+        first: nodes whose callbacks run before those of the others.
     """
 
     def __init__(self, context: Context, watch: CallbackWatch) -> None:
         """Begin without nodes; ``watch`` ends callbacks that block."""
         self.nodes: list[Node] = []
+        self.first: set[Node] = set()
         self.changed = self._is_stale = self.look_for_events = True
         super().__init__(context=context)
         self._watch = watch
@@ -159,11 +166,12 @@ class SteppedExecutor(Executor):
             entry.add(entry.argument)
         wait_set.wait(0)
         ready = {pointer for kind in _KINDS for pointer in wait_set.get_ready_entities(kind)}
-        return [
+        found = [
             entry
             for entry in entries
             if entry.pointer in ready or (not entry.pointer and entry.entity.is_ready(wait_set))
         ]
+        return [entry for entry in found if entry.is_first] or found
 
     def _collect(self) -> None:
         """Make a wait set for the entities that the nodes have now."""
@@ -175,17 +183,18 @@ class SteppedExecutor(Executor):
         waitables = sum(numbers, NumberOfEntities())
         numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
         self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
-        self._entries = [_entry(wait_set, *entity) for entity in entities]
+        self._entries = [_entry(wait_set, *entity, entity[2] in self.first) for entity in entities]
         self._entries_without_events = [
             entry for entry in self._entries if not isinstance(entry.entity, EventHandler)
         ]
 
 
-def _entry(wait_set: Any, kind: str, entity: Any, node: Node) -> _Entry:
+def _entry(wait_set: Any, kind: str, entity: Any, node: Node, is_first: bool) -> _Entry:
     if kind == _WAITABLE:
-        return _Entry(kind, entity, node, entity.add_to_wait_set, wait_set, 0)
-    handle = entity.handle
-    return _Entry(kind, entity, node, getattr(wait_set, f"add_{kind}"), handle, handle.pointer)
+        return _Entry(kind, entity, node, entity.add_to_wait_set, wait_set, 0, is_first)
+    handle, add = entity.handle, getattr(wait_set, f"add_{kind}")
+    is_first |= kind == _SUBSCRIPTION and entity.topic_name in TF_TOPICS
+    return _Entry(kind, entity, node, add, handle, handle.pointer, is_first)
 
 
 def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:

@@ -1,0 +1,5 @@
+"""Transforms point clouds, and registers them with tf2_ros."""
+
+from tf2_sensor_msgs.tf2_sensor_msgs import do_transform_cloud, transform_points
+
+__all__ = ["do_transform_cloud", "transform_points"]
