@@ -50,6 +50,7 @@ ROSDEP_KEYS = {
 }
 # There is no key for these: pip installs them.
 WITHOUT_KEY = {
+    "cloudpickle",
     "embreex",
     "gymnasium",
     "ipywidgets",
@@ -58,7 +59,9 @@ WITHOUT_KEY = {
     "mcap",
     "nbclient",
     "nbformat",
+    "pebble",
     "pyarrow",
+    "ray",
     "rerun",
     "rerun_cli",
     "simpleeval",
