@@ -115,7 +115,7 @@ def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
     if error is not None:
         return False
     returned = unpacked_row(row)
-    return all(returned[name] for name in success if returned.get(name) is not None)
+    return all(returned.get(name) is not False for name in success)
 
 
 def _shown(error: BaseException) -> str:

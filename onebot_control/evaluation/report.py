@@ -18,7 +18,7 @@ from onebot_control.evaluation.cases import ERROR
 from onebot_control.evaluation.rows import fact_of, text_of
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 
-_MOST_LEVELS = 12  # values of a factor that are shown
+_MOST_LEVELS = 8  # values of a factor that are shown
 _MOST_ERRORS = 3  # different ones
 _Z = 1.959964  # standard deviations within which 95 % of a normal distribution are
 _EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal and elsewhere

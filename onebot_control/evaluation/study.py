@@ -92,8 +92,6 @@ def evaluate(
         KeyboardInterrupt: by Ctrl-C; the journal has what was done.
     """
     listed = checked_cases(cases)
-    if not callable(function):
-        raise OneBotError(f"function: {function!r} cannot be called; write a function of a case")
     if resume and journal is None:
         raise OneBotError("resume: there is no journal to go on from; write journal=FILE")
     work = Work(function, tuple(success), recorder, keep)

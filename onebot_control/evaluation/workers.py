@@ -23,6 +23,7 @@ from onebot_description.errors import OneBotError
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
 _CHECK = 1.0  # s between checks of pools that may have ended
+_MOST_BROKEN = 100  # processes in a row that end before they run anything
 _starting = threading.Lock()
 
 
@@ -148,7 +149,7 @@ def _run_all(
 ) -> Outcomes:
     idle = [_pool(packed) for _ in range(workers)]
     running: dict[Future[Outcome], tuple[ProcessPool, _Task]] = {}
-    again = deque[_Task]()
+    again, broken = deque[_Task](), 0
     try:
         while True:
             while idle and (task := again.popleft() if again else _next(cases)):
@@ -167,13 +168,19 @@ def _run_all(
                     yield task.number, future.result()
                 except TimeoutError:
                     yield task.number, too_long(timeout)
-                except (ProcessExpired, BrokenProcessPool):
+                except (ProcessExpired, BrokenProcessPool) as error:
                     _end([pool])
                     pool = _pool(packed)
-                    if task.died:
+                    ran = isinstance(error, ProcessExpired)  # otherwise it died before the episode
+                    broken = 0 if ran else broken + 1
+                    if ran and task.died:
                         yield task.number, Outcome(b"", DIED)
                     else:
-                        again.append(task._replace(died=True))
+                        again.append(task._replace(died=task.died or ran))
+                    if broken > _MOST_BROKEN:
+                        raise OneBotError("the workers end before they run an episode") from None
+                else:
+                    broken = 0
                 idle.append(pool)
             for future, (pool, _) in running.items():
                 if not pool.active:
