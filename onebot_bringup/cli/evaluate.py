@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from traceback import extract_tb
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -123,20 +124,18 @@ def _imported(file: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        line = _line(error, str(file))
+        line = _line(error, file.resolve())
         text = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise OneBotError(f"{file}{line} cannot be imported: {text}") from None
     return module
 
 
-def _line(error: Exception, file: str) -> str:
+def _line(error: Exception, file: Path) -> str:
     """Return where in a file an error was raised, such as ``:12``; empty if not there."""
-    lines = [error.lineno] if isinstance(error, SyntaxError) and error.filename == file else []
-    trace = error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == file:
-            lines.append(trace.tb_lineno)
-        trace = trace.tb_next
+    places = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError):
+        places.append((error.filename or "", error.lineno))
+    lines = [line for name, line in places if Path(name).resolve() == file]
     return f":{lines[-1]}" if lines else ""
 
 

@@ -20,6 +20,7 @@ pytestmark = pytest.mark.slow
 ONEBOT = [sys.executable, "-m", "onebot_bringup.cli.main"]
 RAY = "ray.scripts.scripts"
 PORT = 6379
+_STARTED, _ATTEMPTS = "Ray runtime started", 4  # Ray waits 30 s only, and a node may take longer
 # The helper is beside the study; both come to the nodes by value.
 STUDY = """
 import os, platform, time
@@ -75,11 +76,13 @@ class Cluster(ExitStack):
         options = ["--num-cpus=1", f"--node-ip-address={host.address}", "--block"]
         command = [python, "-um", RAY, "start", *words, *options, "--disable-usage-stats"]
         away = ["env", "-C", str(self.folder), "-u", "PYTHONPATH", *command]
-        variables = self._variables
-        node = RunningProcess(host.command(away), environment=variables, check=False)
-        self.enter_context(node)
-        node.says("Ray runtime started")
-        return node
+        for _ in range(_ATTEMPTS):
+            node = RunningProcess(host.command(away), environment=self._variables, check=False)
+            self.enter_context(node)
+            wait_for(lambda n=node: _STARTED in n.out or n.process.poll() is not None, "the node")
+            if _STARTED in node.out:
+                return node
+        raise AssertionError(node.output)
 
     def evaluate(self, *words: str) -> RunningProcess:
         """Run the study from the first host."""
