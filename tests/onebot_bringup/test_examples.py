@@ -154,3 +154,11 @@ def test_grasp_lifts_the_box(run) -> None:
     grip, box = run("09_grasp")
     assert _numbers(grip) == pytest.approx([25.0, 10.0], abs=0.2)  # mm, N: half of the box's edge
     assert _numbers(box) == pytest.approx([125.0], abs=0.2)  # half of its edge, and 100 mm
+
+
+def test_study_finds_the_better_gain(run) -> None:
+    """It is a study for ``onebot evaluate``, too: the README's commands."""
+    lines = run("10_study")
+    shares = {line.split()[1]: line for line in lines if line.startswith("  gain")}
+    assert "20 of 20" in shares["1.0"] and int(shares["0.2"].split()[2]) < 10
+    assert lines[0] == "episode: 40 episodes, 0 with an error"
