@@ -133,16 +133,24 @@ class Fleet(AbstractContextManager["Fleet"]):
             robot.turn()
         self.world.step(self.period, recorded=recorded)
 
-    def restart(self) -> None:
+    def restart(self, configs: Sequence[SimulationConfig] = ()) -> None:
         """Go back to the start, to the same state as a new fleet of these robots.
 
+        Args:
+            configs: new parameters of all robots, with where they start; of those that are read at
+                the start only, the pose has an effect. Empty for the present ones.
+
         Raises:
-            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
-                changed.
+            OneBotError: they cannot stand there together, as after ``replace``, or a parameter does
+                not suit its robot; then nothing has changed.
         """
-        self.world.restart()
-        for robot in self.robots:
-            robot.start(robot.config)
+        for robot, config in zip(self.robots, configs, strict=False):
+            robot.fitted(config)
+        self.world.restart([(config.x, config.y, config.yaw) for config in configs])
+        for robot, config in zip(
+            self.robots, configs or [robot.config for robot in self.robots], strict=True
+        ):
+            robot.start(config)
 
     def reset(self) -> None:
         """Move all robots back to their starts at once; time and parameters stay.

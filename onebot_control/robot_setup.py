@@ -1,6 +1,7 @@
 """What robots a Simulation has, and how models, worlds and parameters are read for it."""
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -72,7 +73,7 @@ def read_robot_and_scene(
         OneBotError: one of them cannot be read.
     """
     with ThreadPoolExecutor(1) as executor:
-        reading = executor.submit(_scene, world)
+        reading = executor.submit(read_scene, world)
         description = _described(model, arguments, optional)
     return description, reading.result()
 
@@ -170,10 +171,46 @@ def _described(
     if optional:
         names = [argument.name for argument in xacro_arguments(str(model)).arguments]
         arguments = {_SENSORS: "true", **arguments} if _SENSORS in names else arguments
-    return load_description(model, arguments)
+    values = [f"{name}:={value}" for name, value in arguments.items()]
+    return _read_once(lambda: load_description(model, arguments), "model", str(model), *values)
 
 
-def _scene(world: str | Path | Description) -> Description | None:
+def read_scene(world: str | Path | Description) -> Description | None:
+    """Return a scene; None for bare ground.
+
+    Args:
+        world: a name, a file or a Description; "" for bare ground.
+
+    Raises:
+        OneBotError: it cannot be read.
+    """
     if isinstance(world, Description):
         return world
-    return load_world(str(world)) if str(world) else None
+    name = str(world)
+    return _read_once(lambda: load_world(name), "world", name) if name else None
+
+
+_KEPT = 32  # descriptions
+_kept: dict[tuple[object, ...], tuple[Description | None, Sequence[tuple[int, int]]]] = {}
+
+
+def _read_once(read: Callable[[], Description], *key: str) -> Description:
+    """Return what ``read`` returns; what it has read before, as long as no file has changed.
+
+    To expand xacro takes longer than to build the world. The environment can have an effect on it.
+    """
+    source = (*key, os.getcwd(), *os.environ.items())
+    description, stamps = _kept.pop(source, (None, ()))
+    if description is None or stamps != _stamps(description):
+        description = read()
+        stamps = _stamps(description)
+    _kept[source] = description, stamps  # the last one used is the last one dropped
+    for oldest in [*_kept][:-_KEPT]:
+        del _kept[oldest]
+    return description
+
+
+def _stamps(description: Description) -> list[tuple[int, int]]:
+    """Return times of change, ns, and sizes of the files of a description; 0 if one is gone."""
+    found = [file.stat() if file.exists() else None for file in description.files]
+    return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in found]

@@ -49,6 +49,7 @@ ROSDEP_KEYS = {
 }
 # There is no key for these: pip installs them.
 WITHOUT_KEY = {
+    "cloudpickle",
     "embreex",
     "gymnasium",
     "ipywidgets",
@@ -57,7 +58,9 @@ WITHOUT_KEY = {
     "mcap",
     "nbclient",
     "nbformat",
+    "pebble",
     "pyarrow",
+    "ray",
     "rerun",
     "rerun_cli",
     "simpleeval",

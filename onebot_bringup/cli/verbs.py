@@ -29,6 +29,7 @@ VERBS = {
     "tf": Verb("show the tree of frames, and transforms between frames"),
     "snapshot": Verb("draw a robot into a picture file"),
     "run": Verb("run a node by its package and name, or from its file", 0),
+    "evaluate": Verb("run an episode for many cases, and write the table of them"),
     "bag": Verb("record topics, play a recording, show what it holds"),
     "replay": Verb("show a recording"),
     "doctor": Verb("check what is wrong on this computer"),

@@ -1,4 +1,4 @@
-"""Tools for tests of robots: the pytest plugin, and separate ROS domains.
+"""Tools for tests of robots: the pytest plugin, and running bringups.
 
 The types of the plugin's fixtures are here for annotations::
 

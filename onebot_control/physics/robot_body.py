@@ -146,6 +146,15 @@ class RobotBody:
         ]
         self.finite = True
 
+    def start_at(self, x: float, y: float, yaw: float) -> None:
+        """Change where the robot starts, from the world's next restart on.
+
+        Raises:
+            OneBotError: the pose is not finite, or too far from the origin.
+        """
+        self.start = checked_spawn_pose(x, y, yaw)
+        self.spawn = self.spawn._replace(x=x, y=y, yaw=yaw)
+
     def load(self, ground: int) -> None:
         """Add the robot to its world, at the origin."""
         bullet = self.world.bullet

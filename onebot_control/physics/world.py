@@ -153,16 +153,27 @@ class World(AbstractContextManager["World"]):
             self.scene.read()
         self._check_finite()
 
-    def restart(self) -> None:
+    def restart(self, starts: Sequence[SpawnPose] = ()) -> None:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
 
         Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
 
+        Args:
+            starts: new start poses of all robots; empty for the present ones.
+
         Raises:
             OneBotError: the robots cannot stand there together; then nothing has changed.
         """
-        with self._undone_if_refused():
-            self._place_at_starts()
+        present = [robot.start for robot in self.robots]
+        try:
+            with self._undone_if_refused():
+                for robot, start in zip(self.robots, starts or present, strict=True):
+                    robot.start_at(*start)
+                self._place_at_starts()
+        except OneBotError:
+            for robot, start in zip(self.robots, present, strict=True):
+                robot.start_at(*start)
+            raise
         self.bullet.resetSimulation()
         self._build()
         self._start()

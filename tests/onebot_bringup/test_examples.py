@@ -182,3 +182,11 @@ def test_learn_plays_an_episode(run) -> None:
     [line] = run("12_learn")
     steps, nearer, left = _numbers(line)
     assert 10 < steps <= 100 and nearer + left == pytest.approx(1.6, abs=0.002)
+
+
+def test_study_finds_the_better_gain(run) -> None:
+    """It is a study for ``onebot evaluate``, too: the README's commands."""
+    lines = run("13_study")
+    shares = {line.split()[1]: line for line in lines if line.startswith("  gain")}
+    assert "20 of 20" in shares["1.0"] and int(shares["0.2"].split()[2]) < 10
+    assert lines[0] == "episode: 40 episodes, 0 with an error"

@@ -19,7 +19,7 @@ _OFFSETS = (0, *range(10, 30, 2))
 
 @contextmanager
 def claimed_domain() -> Iterator[int]:
-    """Yield a domain that no robot and no other test or benchmark running now uses.
+    """Yield a domain that no robot and no other test, study or benchmark running now uses.
 
     Raises:
         OneBotError: all are in use.
