@@ -9,11 +9,7 @@ import time
 from importlib.util import find_spec
 from typing import Any
 
-import gymnasium
-import numpy as np
-import psutil
-
-from onebot_control.evaluation import Case, evaluate, grid
+from onebot_control.evaluation import Case
 from tests.benchmarks.measuring import WrongAnswer, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -69,7 +65,9 @@ def run(quick: bool) -> Report:
     flat = _memory(100 if quick else 2000)
     steps = _steps(10 if quick else 300)
     results = [
-        Result("2 workers over two bare processes", over(taken["bare"], taken["processes"]), 1e9, 0.9),
+        Result(
+            "2 workers over two bare processes", over(taken["bare"], taken["processes"]), 1e9, 0.9
+        ),
         Result("memory of parent and workers, after over before", flat, 1.1),
         Result("OneBot-Maze-v0, 2 environments in processes: steps/s", steps),
     ]

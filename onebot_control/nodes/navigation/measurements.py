@@ -17,8 +17,9 @@ from onebot_control.navigation.grid import Scan
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
-from onebot_description.ros.frame_tree import FrameTree, TransformError
+from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, LATCHED, make_qos
+from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
@@ -78,11 +79,14 @@ class Transforms:
         """Return the pose (4, 4) of a frame in another, as of now.
 
         Raises:
-            TransformError: there is none.
+            OneBotError: there is none.
         """
         if target == source:
             return np.eye(4)
-        return self.tree.lookup(target, source).matrix
+        try:
+            return self.tree.lookup(target, source).matrix
+        except TransformException as error:
+            raise OneBotError(str(error)) from None
 
 
 class Measurements:
@@ -140,7 +144,7 @@ class Measurements:
             return
         try:
             mount = self.transforms.pose(motion.base_frame, message.header.frame_id)
-        except TransformError as error:
+        except OneBotError as error:
             self._warn("frame", f"scans are ignored: {error}")
             return
         if abs(mount[2, 2]) < _LEVEL:
@@ -173,7 +177,7 @@ class Measurements:
             return
         try:
             axes = self.transforms.pose(motion.base_frame, message.header.frame_id)
-        except TransformError:
+        except OneBotError:
             return
         rates = message.angular_velocity
         rate = float(axes[2, :3] @ (rates.x, rates.y, rates.z))
@@ -235,7 +239,7 @@ class Commands:
 
     def subscribers(self) -> list[Any]:
         """Return who subscribes to commands."""
-        return self._node.get_subscriptions_info_by_topic(self._topic)
+        return list(self._node.get_subscriptions_info_by_topic(self._topic))
 
     def prepare(self) -> None:
         """Connect to the robot, when it is there.

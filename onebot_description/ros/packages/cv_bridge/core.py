@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import sensor_msgs.msg
-
 from cv_bridge import colors
 from cv_bridge.colors import Picture
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from rosidl_parser.definition import AbstractNestedType, NamespacedType
-
 from rosidl_runtime_py.convert import get_message_slot_types
 from rosidl_runtime_py.import_message import import_message_from_namespaced_type
 

@@ -15,7 +15,6 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-
 from tf2_ros import (
     buffer,
     buffer_interface,

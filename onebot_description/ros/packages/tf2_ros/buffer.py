@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.time import Time
 from tf2_py import BufferCore
-
 from tf2_ros.buffer_interface import BufferInterface
 
 _NO_TIMEOUT = Duration()

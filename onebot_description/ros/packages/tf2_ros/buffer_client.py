@@ -18,7 +18,6 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-
 from tf2_ros.buffer_interface import BufferInterface
 
 _EXCEPTIONS = {  # constants of tf2_msgs/msg/TF2Error
