@@ -409,7 +409,7 @@ class ControlledRobot:
                 the robot's.
         """
         if self.drive and config.drive:
-            self.drive.fitted(config.drive)
+            config.drive.fitted(self.drive.wheels)
         return JointStateBroadcaster(config.broadcaster, self.joints, self.held)
 
     def configure(self, config: SimulationConfig) -> None:

@@ -29,7 +29,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
-from onebot_control.drive.kinematics import DriveCommand, Kinematics, PlanarTwist
+from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimiter
@@ -84,7 +84,7 @@ class Drive:
             config: the parameters.
 
         Raises:
-            OneBotError: see ``fitted``.
+            OneBotError: see ``DriveParameters.fitted``.
         """
         self.wheels, self.config = wheels, config
         # For each wheel, indices in ``joints`` and directions of the joints that turn as one.
@@ -99,34 +99,26 @@ class Drive:
         ]
         self._steering: Sequence[float] = (0.0,) * len(wheels.steering)
         self.command = DriveCommand(0.0, 0.0, 0.0, (), self._steering)
-        _, kinematics = self.fitted(config)
+        _, kinematics = config.fitted(wheels)
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self.origin = PlanarPose()
         self.drift, self.notice = DriftCheck(skids=wheels.skids), ""
         self.configure(config)
         self.halt()
 
-    def fitted(self, config: DriveParameters[Any]) -> tuple[Any, Kinematics]:
-        """Return the geometry and the kinematics that ``config`` gives these wheels.
-
-        Raises:
-            OneBotError: the description does not determine the geometry, or it is unusable.
-        """
-        return config.fitted(self.wheels)
-
     def configure(self, config: DriveParameters[Any]) -> None:
         """Apply changed parameters; pose, command and speed stay as they are.
 
         Raises:
-            OneBotError: see ``fitted``; then nothing has changed.
+            OneBotError: see ``DriveParameters.fitted``; then nothing has changed.
         """
-        self.geometry, self.odometry.kinematics = self.fitted(config)
+        self.geometry, self.odometry.kinematics = config.fitted(self.wheels)
         feedback = self.config.open_loop, self.config.position_feedback
         self.config = config
         if (config.open_loop, config.position_feedback) != feedback:
             # The wheels have moved since they were last used as feedback.
             self.odometry.rereference_wheels()
-        limits = config.limits
+        limits, self._timeout = config.limits, config.timeout  # s
         self._limiters = [(_AXES.index(axis), SpeedLimiter(limits[axis])) for axis in limits]
         self.odometry.set_window(config.velocity_rolling_window_size)
         self.odometry.noise = config.noise(len(self.odometry.kinematics.shares))
@@ -148,10 +140,9 @@ class Drive:
         """
         if not (math.isfinite(linear) and math.isfinite(lateral) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
-        timeout = self.config.timeout
         age = max(0.0, age or 0.0)
-        if timeout and age >= timeout:
-            return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
+        if self._timeout and age >= self._timeout:
+            return f"{age:.3f} s old, and cmd_vel_timeout is {self._timeout:g} s"
         if lateral and not self.moves_sideways:
             self.notice = "linear.y is ignored: the drive does not move sideways"
         elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
@@ -230,8 +221,7 @@ class Drive:
     @property
     def timed_out(self) -> bool:
         """Whether the last command is older than the timeout."""
-        timeout = self.config.timeout
-        return bool(timeout) and self._age > timeout + _ROUNDING
+        return bool(self._timeout) and self._age > self._timeout + _ROUNDING
 
     def place(self, pose: PlanarPose, truth: PlanarPose) -> None:
         """Set the odometry's pose, with zero covariance, for a robot that is at ``truth``."""
