@@ -52,6 +52,7 @@ def test_each_package_is_found() -> None:
     code = f"""
 from importlib import import_module
 for package in {package_names()!r}: assert import_module(package).__name__ == package
+from nav2_msgs import action, msg, srv
 for module, name in {pairs!r}: assert getattr(import_module(module), name).__name__ == name
 print("found", {len(pairs)})
 """

@@ -63,7 +63,7 @@ class PackageFinder:
         if found := _later_spec(name, path, target):
             return found
         _check_ros(name)
-        return None if _is_replaced() else _own_spec(name)
+        return _own_spec(name)
 
 
 def install() -> None:
@@ -80,25 +80,28 @@ def _later_spec(
 ) -> "ModuleSpec | None":
     """Return what the finders that were installed after this one have: they take precedence."""
     for finder in sys.meta_path[sys.meta_path.index(PackageFinder) + 1 :]:
-        if spec := finder.find_spec(name, path, target):
-            return spec
+        find_spec = getattr(finder, "find_spec", None)
+        if find_spec and (spec := find_spec(name, path, target)):
+            found: ModuleSpec = spec
+            return found
     return None
 
 
 def _own_spec(name: str) -> "ModuleSpec | None":
     """Return the spec of a package here, or of a module with its interfaces."""
+    package, *inner = name.split(".")
+    folder = os.path.join(os.path.dirname(__file__), package)
+    added = f"{sys.prefix}/share/onebot_interfaces/{package}"
+    # Asked first: most of what is not found has nothing to do with ROS.
+    is_here = os.path.exists(folder) or os.path.exists(added) or "ROS_PACKAGE_PATH" in os.environ
+    if not is_here or _is_replaced():
+        return None
     from importlib.machinery import ModuleSpec
     from importlib.util import spec_from_file_location
 
-    package, *inner = name.split(".")
-    folder = os.path.join(os.path.dirname(__file__), package)
     code = os.path.join(folder, "__init__.py")
     if os.path.isfile(code) and not inner:  # Python finds the modules of the folder itself
         return spec_from_file_location(name, code, submodule_search_locations=[folder])
-    rooms = os.path.dirname(__file__), f"{sys.prefix}/share/onebot_interfaces"
-    if not os.environ.get("ROS_PACKAGE_PATH"):
-        if not any(os.path.exists(os.path.join(room, package)) for room in rooms):
-            return None  # sooner than by the imports below
     found = sys.modules.get(package)
     is_own = isinstance(getattr(found, "__loader__", None), _Loader)
     is_folder = getattr(found, "__file__", None) is None  # without code: Python found it as such
