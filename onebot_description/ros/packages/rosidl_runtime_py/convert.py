@@ -68,11 +68,7 @@ def message_to_yaml(
         msg, truncate_length=truncate_length, no_arr=no_arr, no_str=no_str
     )
     return yaml.dump(
-        fields,
-        Dumper=Dumper,
-        allow_unicode=True,
-        width=sys.maxsize,
-        default_flow_style=flow_style,
+        fields, Dumper=Dumper, allow_unicode=True, width=sys.maxsize, default_flow_style=flow_style
     )
 
 

@@ -126,10 +126,7 @@ def dtype_from_fields(fields: Iterable[PointField], point_step: int | None = Non
 
 
 def create_cloud(
-    header: Header,
-    fields: Sequence[PointField],
-    points: Any,
-    point_step: int | None = None,
+    header: Header, fields: Sequence[PointField], points: Any, point_step: int | None = None
 ) -> PointCloud2:
     """Return a cloud of points.
 

@@ -10,29 +10,17 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from onebot_description.ros.transform_buffer import (
     CACHE_NS,
-    ConnectivityException,
-    ExtrapolationException,
     Found,
     InvalidArgumentException,
     LookupException,
-    TimeoutException,
     TransformBuffer,
     TransformException,
     seconds,
     seconds_text,
     unit,
 )
+from onebot_description.ros.transform_buffer import TimeoutException as TimeoutException
 from onebot_description.timing import NS_PER_S
-
-__all__ = [
-    "BufferCore",
-    "ConnectivityException",
-    "ExtrapolationException",
-    "InvalidArgumentException",
-    "LookupException",
-    "TimeoutException",
-    "TransformException",
-]
 
 _ROW = struct.Struct("=3q7d")  # a row of transform_buffer.ROW
 _LEAST_SPAN_NS = 100_000  # a history's rate is computed over this at least
@@ -108,12 +96,7 @@ class BufferCore:
         return _message(target_frame, source_frame, found)
 
     def lookup_transform_full_core(
-        self,
-        target_frame: str,
-        target_time: Any,
-        source_frame: str,
-        source_time: Any,
-        fixed_frame: str,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> TransformStamped:
         """Return the transform between two times, by way of a frame that is fixed in between."""
         names = {"target": target_frame, "source": source_frame, "fixed": fixed_frame}
@@ -137,12 +120,7 @@ class BufferCore:
         return int(not problem), problem
 
     def can_transform_full_core(
-        self,
-        target_frame: str,
-        target_time: Any,
-        source_frame: str,
-        source_time: Any,
-        fixed_frame: str,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> tuple[int, str]:
         """Return whether there is a transform between two times, 1 or 0, and why not."""
         times = _nanoseconds(target_time), _nanoseconds(source_time)
@@ -303,12 +281,7 @@ class BufferCore:
         return self._core.frames[1:]
 
     def _chain(
-        self,
-        target_frame: str,
-        target_time: Any,
-        source_frame: str,
-        source_time: Any,
-        fixed_frame: str,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> list[str]:
         """Return the frames that a transform leads through; its order and ends are tf2's."""
         target_ns, source_ns = _nanoseconds(target_time), _nanoseconds(source_time)

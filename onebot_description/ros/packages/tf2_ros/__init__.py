@@ -4,6 +4,8 @@
 Like the genuine package, it also has the public names of its modules, such as ``TransformStamped``.
 """
 
+# ruff: noqa: F401  (what is imported is exported)
+
 from typing import Any
 
 from tf2_py import (
@@ -18,7 +20,6 @@ from tf2_py import (
 from tf2_ros import (
     buffer,
     buffer_interface,
-    static_transform_broadcaster,
     transform_broadcaster,
     transform_listener,
 )
@@ -36,35 +37,9 @@ from tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
 from tf2_ros.transform_broadcaster import TransformBroadcaster
 from tf2_ros.transform_listener import TransformListener
 
-__all__ = [
-    "Buffer",
-    "BufferClient",
-    "BufferCore",
-    "BufferInterface",
-    "ConnectivityException",
-    "ConvertRegistration",
-    "ExtrapolationException",
-    "InvalidArgumentException",
-    "LookupException",
-    "NotImplementedException",
-    "Stamped",
-    "StaticTransformBroadcaster",
-    "TimeoutException",
-    "TransformBroadcaster",
-    "TransformException",
-    "TransformListener",
-    "TransformRegistration",
-    "TypeException",
-    "convert",
-]
+__all__ = [*(name for name in globals() if name[0].isupper()), "BufferClient"]
 
-_MODULES = (
-    buffer_interface,
-    buffer,
-    transform_listener,
-    transform_broadcaster,
-    static_transform_broadcaster,
-)
+_MODULES = (buffer_interface, buffer, transform_listener, transform_broadcaster)
 
 
 def __getattr__(name: str) -> Any:

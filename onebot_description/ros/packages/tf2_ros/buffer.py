@@ -72,11 +72,7 @@ class Buffer(BufferCore, BufferInterface):
     # --- now ------------------------------------------------------------------------------------
 
     def lookup_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = _NO_TIMEOUT,
+        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = _NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform from the source frame to the target frame.
 
@@ -93,13 +89,7 @@ class Buffer(BufferCore, BufferInterface):
         return self.lookup_transform_core(target_frame, source_frame, time)
 
     def lookup_transform_full(
-        self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = _NO_TIMEOUT,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout=_NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform between two times, by way of a frame that is fixed in between."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
@@ -123,13 +113,13 @@ class Buffer(BufferCore, BufferInterface):
 
     def can_transform_full(
         self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = _NO_TIMEOUT,
-        return_debug_tuple: bool = False,
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=_NO_TIMEOUT,
+        return_debug_tuple=False,
     ) -> Any:
         """Return whether there is a transform between two times; see ``can_transform``."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
@@ -145,12 +135,7 @@ class Buffer(BufferCore, BufferInterface):
         return self.lookup_transform_core(target_frame, source_frame, time)
 
     async def lookup_transform_full_async(
-        self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> TransformStamped:
         """Return the transform between two times, once it is known."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
@@ -165,12 +150,7 @@ class Buffer(BufferCore, BufferInterface):
         )
 
     def wait_for_transform_full_async(
-        self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
+        self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> Future:
         """Return a future whose result is the transform between two times, once it is known."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame

@@ -70,12 +70,12 @@ class BufferClient(BufferInterface):
 
     def lookup_transform_full(
         self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
     ) -> TransformStamped:
         """Return the transform between two times, by way of a frame that is fixed in between."""
         goal = LookupTransform.Goal()
@@ -100,12 +100,12 @@ class BufferClient(BufferInterface):
 
     def can_transform_full(
         self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
     ) -> bool:
         """Return whether there is a transform between two times."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame

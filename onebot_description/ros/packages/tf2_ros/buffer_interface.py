@@ -101,12 +101,12 @@ class BufferInterface:
 
     def lookup_transform_full(
         self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
     ) -> TransformStamped:
         """Return the transform between two times."""
         raise NotImplementedException()
@@ -123,12 +123,12 @@ class BufferInterface:
 
     def can_transform_full(
         self,
-        target_frame: str,
-        target_time: Time,
-        source_frame: str,
-        source_time: Time,
-        fixed_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
     ) -> Any:
         """Return whether there is a transform between two times."""
         raise NotImplementedException()

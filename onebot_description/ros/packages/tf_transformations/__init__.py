@@ -273,11 +273,7 @@ def quaternion_inverse(quaternion: ArrayLike) -> Matrix:
 
 
 def quaternion_slerp(
-    quat0: ArrayLike,
-    quat1: ArrayLike,
-    fraction: float,
-    spin: int = 0,
-    shortestpath: bool = True,
+    quat0: ArrayLike, quat1: ArrayLike, fraction: float, spin: int = 0, shortestpath: bool = True
 ) -> Matrix:
     """Return the quaternion (4,) at a fraction of the way from one to another.
 
