@@ -5,7 +5,7 @@ import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -45,26 +45,51 @@ class Work(NamedTuple):
     keep: str = "failed"
 
     def packed(self) -> bytes:
-        """Return it for workers, which may lack the files that the function comes from.
+        """Return it for workers, within ``sent_by_value``.
 
         Raises:
             OneBotError: the function cannot be sent.
         """
         name = getattr(self.function, "__qualname__", repr(self.function))
-        with ExitStack() as stack:
-            for module in _own_modules(self.function):
-                cloudpickle.register_pickle_by_value(module)
-                stack.callback(cloudpickle.unregister_pickle_by_value, module)
-            try:
-                return bytes(cloudpickle.dumps(self))
-            except Exception as error:  # whatever __reduce__ of an object raises
-                text = f"{name} cannot be sent to workers: {_shown(error)}"
-                raise OneBotError(f"{text}; make what it uses within it") from None
+        return _packed(self, f"{name} cannot be sent to workers", "make what it uses within it")
+
+
+def packed_case(number: int, case: Case) -> bytes:
+    """Return a case for workers.
+
+    Raises:
+        OneBotError: it cannot be sent.
+    """
+    return _packed(case, f"case {number} cannot be sent to workers", "let the episode make that")
+
+
+def _packed(value: object, problem: str, remedy: str) -> bytes:
+    try:
+        return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # whatever __reduce__ of an object raises
+        raise OneBotError(f"{problem}: {_shown(error)}; {remedy}") from None
+
+
+@contextmanager
+def sent_by_value(function: Episode) -> Iterator[None]:
+    """Have what is packed in this context hold the function's module and those beside it."""
+    with ExitStack() as stack:
+        for module in _own_modules(function):
+            cloudpickle.register_pickle_by_value(module)
+            stack.callback(cloudpickle.unregister_pickle_by_value, module)
+        yield
+
+
+def module_of(function: Episode) -> ModuleType | None:
+    """Return the module of a function, also of a ``functools.partial`` of it."""
+    while isinstance(function, partial):
+        function = function.func
+    return inspect.getmodule(function)
 
 
 def _own_modules(function: Episode) -> Iterator[ModuleType]:
     """Yield the modules that a worker may lack: those in the folder of the function's module."""
-    module = inspect.getmodule(function)
+    module = module_of(function)
     file = getattr(module, "__file__", None)
     if module is None or file is None:
         return
@@ -88,7 +113,11 @@ def unpacked(packed: bytes) -> Work:
 
 def run_packed(packed: bytes, case: bytes) -> Outcome:
     """Run the episode of a packed case by packed work."""
-    return run(unpacked(packed), cloudpickle.loads(case))
+    try:
+        work, values = unpacked(packed), cloudpickle.loads(case)
+    except Exception as error:  # what it is made of raises that here
+        return Outcome(b"", _shown(error))
+    return run(work, values)
 
 
 def run(work: Work, case: Case) -> Outcome:

@@ -44,7 +44,7 @@ class Cluster:
         if self._is_own:
             try:
                 ray.init(include_dashboard=False, log_to_driver=False, logging_level="error")
-            except (OSError, RuntimeError, ValueError, RayError) as error:
+            except Exception as error:  # Ray raises plain ones, too
                 raise OneBotError(f"Ray's cluster cannot be used: {_sentence(error)}") from None
         try:
             self.facts = _common_facts(packed)

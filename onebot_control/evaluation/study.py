@@ -11,7 +11,16 @@ import cloudpickle
 import pyarrow as pa
 
 from onebot_control.evaluation.cases import Case, checked_cases
-from onebot_control.evaluation.episode import Episode, Recorder, Work, run, succeeded
+from onebot_control.evaluation.episode import (
+    Episode,
+    Recorder,
+    Work,
+    module_of,
+    packed_case,
+    run,
+    sent_by_value,
+    succeeded,
+)
 from onebot_control.evaluation.report import Progress
 from onebot_control.evaluation.rows import (
     Journal,
@@ -99,9 +108,10 @@ def evaluate(
     facts: dict[str, Any] = {"study": name, "success": success, "factors": _factors(listed)}
     study = study_digest(name, _source(function), listed)
     done = read_journal(Path(journal), study) if journal is not None and resume else {}
-    pending = ((n, cloudpickle.dumps(case)) for n, case in enumerate(listed) if n not in done)
+    pending = ((n, packed_case(n, case)) for n, case in enumerate(listed) if n not in done)
     shown = sys.stderr.isatty() if progress is None else progress
     with ExitStack() as stack:
+        stack.enter_context(sent_by_value(function))
         kept = journal and stack.enter_context(Journal(Path(journal), study, done))
         engine = _engine(on, work, workers and min(workers, len(listed)))
         facts |= engine.facts
@@ -151,7 +161,7 @@ def _factors(cases: Sequence[Case]) -> list[str]:
 
 def _source(function: Episode) -> str:
     """Return the text of the function's module; that of a notebook's function; or none."""
-    for what in (inspect.getmodule(function), function):
+    for what in (module_of(function), function):
         try:
             return inspect.getsource(what)  # type: ignore[arg-type] # TypeError if there is none
         except (OSError, TypeError):

@@ -164,24 +164,26 @@ def _run_all(
                 return
             for future in wait(running, _CHECK, FIRST_COMPLETED).done:
                 pool, task = running.pop(future)
+                outcome = None
                 try:
-                    yield task.number, future.result()
+                    outcome = future.result()
                 except TimeoutError:
-                    yield task.number, too_long(timeout)
+                    outcome = too_long(timeout)
                 except (ProcessExpired, BrokenProcessPool) as error:
                     _end([pool])
                     pool = _pool(packed)
                     ran = isinstance(error, ProcessExpired)  # otherwise it died before the episode
-                    broken = 0 if ran else broken + 1
+                    broken += not ran
                     if ran and task.died:
-                        yield task.number, Outcome(b"", DIED)
+                        outcome = Outcome(b"", DIED)
                     else:
                         again.append(task._replace(died=task.died or ran))
-                    if broken > _MOST_BROKEN:
-                        raise OneBotError("the workers end before they run an episode") from None
-                else:
-                    broken = 0
                 idle.append(pool)
+                if outcome is not None:
+                    broken = 0
+                    yield task.number, outcome
+                if broken > _MOST_BROKEN:
+                    raise OneBotError("the workers end before they run an episode")
             for future, (pool, _) in running.items():
                 if not pool.active:
                     with suppress(InvalidStateError):  # it has just got its result

@@ -1,5 +1,6 @@
 """A study: many episodes of an ordinary function, and the table of what they return."""
 
+import functools
 import math
 import os
 import re
@@ -172,6 +173,10 @@ def test_values_of_a_case_may_be_anything(tmp_path: Path) -> None:
     assert table["by"].to_pylist() == ["simple", "print"]
     assert table["of"].to_pylist()[0] == "[1, 2]" and "0x" not in table["of"].to_pylist()[1]
     write_table(table, tmp_path / "table.csv")
+    with pytest.raises(OneBotError, match="case 1 cannot be sent to workers: TypeError: "):
+        evaluate(simple, [{"seed": 1}, {"seed": threading.Lock()}], workers=1)
+    partly = functools.partial(lambda case, kind: {"kind": kind}, kind="made")
+    assert evaluate(partly, [{"seed": 1}], workers=1)["kind"].to_pylist() == ["made"]
 
 
 def test_grids() -> None:

@@ -66,6 +66,8 @@ class Cluster(ExitStack):
             "RAY_TMPDIR": short,
             "RAY_AUTH_MODE": "token",
             "RAY_AUTH_TOKEN": "5" * 64,
+            "RAY_raylet_start_wait_time_s": str(int(PATIENCE)),
+            "RAY_gcs_server_request_timeout_seconds": str(int(PATIENCE)),
         }
         self.head, self.other = self.enter_context(connected_hosts("head", "other"))
         self._address = f"{self.head.address}:{PORT}"
@@ -79,7 +81,11 @@ class Cluster(ExitStack):
         for _ in range(_ATTEMPTS):
             node = RunningProcess(host.command(away), environment=self._variables, check=False)
             self.enter_context(node)
-            wait_for(lambda n=node: _STARTED in n.out or n.process.poll() is not None, "the node")
+            wait_for(
+                lambda n=node: _STARTED in n.out or n.process.poll() is not None,
+                "the node",
+                4 * PATIENCE,
+            )
             if _STARTED in node.out:
                 return node
         raise AssertionError(node.output)
