@@ -37,7 +37,7 @@ class CostToGo:
         self._resolution = resolution
         self._offsets = np.array([a * self._width + b for a, b in _STEPS])
         self._half = np.full((rows + 2, self._width), np.inf)
-        self._half[1:-1, 1:-1] = prices * (resolution / 2.0)
+        self._half[1:-1, 1:-1] = prices.astype(float) * (resolution / 2.0)
         self._values = np.full(self._half.size, np.inf)
         self._order = np.zeros(self._half.size, np.int64)
         self._goals = (goals[:, 0] + 1) * self._width + goals[:, 1] + 1

@@ -17,6 +17,8 @@ from onebot_description.geometry.poses import PlanarPose
 
 _NEIGHBOURS = 6  # points around one that say how a wall runs there
 _NEAR = 0.11  # m within which they are
+_STRAIGHT = 0.1  # share of the variance along a wall that is across it, if it is not straight
+_FREE = 1.0  # m by which a pair may be off along a straight wall
 _SIGMA = 0.02  # m, error of a point of a wall
 _GATES = (0.5, 0.35, 0.25, 0.2, 0.15, 0.15, 0.12, 0.12)  # m; farther pairs do not count
 _ROBUST = 3.0  # standard deviations from which a pair counts less
@@ -57,9 +59,15 @@ class Walls:
             (offsets[..., a] * offsets[..., b]).sum(axis=1) / number
             for a, b in ((0, 0), (0, 1), (1, 1))
         )
-        xx, yy = xx + _SIGMA**2, yy + _SIGMA**2
-        determinant = xx * yy - xy * xy
-        return np.asarray(np.stack((yy, -xy, xx), axis=1) / determinant[:, None])
+        # Along a straight wall a pair says nothing.
+        middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
+        straight = np.clip(1.0 - (middle - half) / (_STRAIGHT * (middle + half) + 1e-12), 0.0, 1.0)
+        across = 1.0 / (middle - half + _SIGMA**2)
+        along = 1.0 / (middle + half + _SIGMA**2 + straight * _FREE**2)
+        cos, sin = ((xx - yy) / 2.0, xy) / np.maximum(half, 1e-12)  # of twice the wall's direction
+        sums, differences = (along + across) / 2.0, (along - across) / 2.0
+        information = sums + differences * cos, differences * sin, sums - differences * cos
+        return np.stack(information, axis=1)
 
     def match(self, points: Floats, start: PlanarPose, prior: Floats) -> Match:
         """Return where a robot near ``start`` has measured ``points``.

@@ -32,7 +32,7 @@ _ROOM = 2.0  # m before and behind the field
 _STEP = 0.05  # m between the points among which a way is sought
 _SMOOTHED = 3  # times
 _FILLED, _CLEARED = 5, 1  # neighbours from which a cell is filled, and to which it is cleared
-_TRIES = 200
+_TRIES = 30
 _WALL = 0.1  # m
 
 
