@@ -40,7 +40,7 @@ class ContactInstrument(Instrument[ContactSensor]):
         normals = np.array([item.normal for item in contacts]).reshape(-1, 3)
         forces = np.array([item.force for item in contacts])
         names = ["::".join(filter(None, (item.other, item.other_link))) for item in contacts]
-        touching = {name: [other == name for other in names] for name in names}
+        touching = {name: [item == name for item in names] for name in names}
         return {
             "contacts": [
                 LinkContact(
