@@ -108,9 +108,14 @@ def _third_party(files: Iterable[Path]) -> set[str]:
             if top == "tests":
                 used = _file(module)
                 waiting += [used] if used and used not in seen else []
-            elif top not in sys.stdlib_module_names:
+            elif top not in sys.stdlib_module_names and not _is_own(top):
                 found.add(top)
     return found
+
+
+def _is_own(module: str) -> bool:
+    """Whether it is a package for users' nodes, which finds itself where none is installed."""
+    return (CHECKOUT / "onebot_description/ros/packages" / module / "__init__.py").exists()
 
 
 def _of_package(package: str) -> set[str]:

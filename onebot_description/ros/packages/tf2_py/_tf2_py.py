@@ -11,15 +11,29 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from onebot_description.ros.transform_buffer import (
     CACHE_NS,
     Found,
-    InvalidArgumentException,
-    LookupException,
     TransformBuffer,
-    TransformException,
     seconds,
     seconds_text,
     unit,
 )
-from onebot_description.ros.transform_buffer import TimeoutException as TimeoutException
+from onebot_description.ros.transform_buffer import (
+    ConnectivityException as ConnectivityException,
+)
+from onebot_description.ros.transform_buffer import (
+    ExtrapolationException as ExtrapolationException,
+)
+from onebot_description.ros.transform_buffer import (
+    InvalidArgumentException as InvalidArgumentException,
+)
+from onebot_description.ros.transform_buffer import (
+    LookupException as LookupException,
+)
+from onebot_description.ros.transform_buffer import (
+    TimeoutException as TimeoutException,
+)
+from onebot_description.ros.transform_buffer import (
+    TransformException as TransformException,
+)
 from onebot_description.timing import NS_PER_S
 
 _ROW = struct.Struct("=3q7d")  # a row of transform_buffer.ROW
