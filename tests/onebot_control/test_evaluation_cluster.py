@@ -20,6 +20,8 @@ pytestmark = pytest.mark.slow
 ONEBOT = [sys.executable, "-m", "onebot_bringup.cli.main"]
 RAY = "ray.scripts.scripts"
 PORT = 6379
+# A node waits 15 s only for ports that its agents choose themselves.
+_AGENTS = ("dashboard-agent-grpc", "dashboard-agent-listen", "metrics-export", "runtime-env-agent")
 _STARTED, _ATTEMPTS = "Ray runtime started", 4  # Ray waits 30 s only, and a node may take longer
 # The helper is beside the study; both come to the nodes by value.
 STUDY = """
@@ -76,6 +78,9 @@ class Cluster(ExitStack):
 
     def _start(self, host: Host, python: str, *words: str) -> RunningProcess:
         options = ["--num-cpus=1", f"--node-ip-address={host.address}", "--block"]
+        options += [f"--{name}-port={port}" for port, name in enumerate(_AGENTS, PORT + 1)]
+        if "--head" in words:
+            options.append("--include-dashboard=false")
         command = [python, "-um", RAY, "start", *words, *options, "--disable-usage-stats"]
         away = ["env", "-C", str(self.folder), "-u", "PYTHONPATH", *command]
         for _ in range(_ATTEMPTS):
