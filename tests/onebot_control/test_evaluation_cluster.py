@@ -20,7 +20,8 @@ pytestmark = pytest.mark.slow
 ONEBOT = [sys.executable, "-m", "onebot_bringup.cli.main"]
 RAY = "ray.scripts.scripts"
 PORT = 6379
-_STARTED, _ATTEMPTS = "Ray runtime started", 4  # Ray waits 30 s only, and a node may take longer
+# A node gives its agents 15 s to start; on a busy computer they take longer.
+_STARTED, _ATTEMPTS = "Ray runtime started", 6
 # The helper is beside the study; both come to the nodes by value.
 STUDY = """
 import os, platform, time
@@ -66,8 +67,6 @@ class Cluster(ExitStack):
             "RAY_TMPDIR": short,
             "RAY_AUTH_MODE": "token",
             "RAY_AUTH_TOKEN": "5" * 64,
-            "RAY_raylet_start_wait_time_s": str(int(PATIENCE)),
-            "RAY_gcs_server_request_timeout_seconds": str(int(PATIENCE)),
         }
         self.head, self.other = self.enter_context(connected_hosts("head", "other"))
         self._address = f"{self.head.address}:{PORT}"
@@ -76,8 +75,10 @@ class Cluster(ExitStack):
 
     def _start(self, host: Host, python: str, *words: str) -> RunningProcess:
         options = ["--num-cpus=1", f"--node-ip-address={host.address}", "--block"]
+        if "--head" in words:
+            options.append("--include-dashboard=false")
         command = [python, "-um", RAY, "start", *words, *options, "--disable-usage-stats"]
-        away = ["env", "-C", str(self.folder), "-u", "PYTHONPATH", *command]
+        away = ["env", "-C", str(self.folder), "-u", "PYTHONPATH", "nice", "-n", "-15", *command]
         for _ in range(_ATTEMPTS):
             node = RunningProcess(host.command(away), environment=self._variables, check=False)
             self.enter_context(node)
