@@ -120,7 +120,7 @@ class CostToGo:
         self._level = max(0.0, first)
         return True
 
-    def way(self, start: tuple[int, int], most: int = 20000) -> NDArray[np.intp]:
+    def way(self, start: tuple[int, int], most: int = 100_000) -> NDArray[np.intp]:
         """Return rows and columns (N, 2) of the cells from a start to the goal; N = 0: no way."""
         at = (start[0] + 1) * self._width + start[1] + 1
         cells = [at]

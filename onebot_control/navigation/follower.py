@@ -33,6 +33,9 @@ _HEADING = 0.8  # price of an end that does not point down the field
 _AHEAD = 0.35  # m ahead of the end where the field is looked up, too
 _TEMPERATURE = 0.15
 _TRIED = 12  # best sequences from which the first safe one is taken
+_NARROW = 0.2  # m of clearance below which the way itself is tried, too
+_PURSUED = (0.08, 0.15, 0.3)  # m/s, speeds at which it is
+_LOOKED = (3, 5, 8)  # cells ahead on it that are pursued
 _RANGE = 2.9  # m that the prices were chosen for
 
 
@@ -44,6 +47,7 @@ class Surroundings(NamedTuple):
     most: float  # what counts as the cost to go where it is more, or unknown
     origin: tuple[float, float]  # of the lower left corner of the first cell, m
     resolution: float  # edge of a cell, m
+    path: Floats = np.zeros((0, 2))  # first points of the way, one for each cell, m
 
     def nearest(self, x: Singles, y: Singles) -> Singles:
         """Return the distance to the nearest obstacle at points."""
@@ -148,6 +152,30 @@ class Follower:
                 rows.append(row)
         return np.concatenate(rows).astype(np.float32)
 
+    def _pursuits(self, path: Floats, pose: PlanarPose) -> Singles:
+        """Return sequences that pursue points of the way ahead, slowly: through narrow places."""
+        kernel = np.ones(min(5, len(path)))
+        weights = np.convolve(np.ones(len(path)), kernel, "same")
+        smooth = np.stack([np.convolve(part, kernel, "same") / weights for part in path.T], axis=1)
+        speeds, ahead = (part.ravel() for part in np.meshgrid(_PURSUED, _LOOKED))
+        speeds = np.minimum(speeds, self.vehicle.forward)
+        poses = np.repeat(np.array([pose]).T, len(speeds), axis=1)
+        commands = np.zeros((self._steps, 3, len(speeds)), np.float32)
+        for step in range(self._steps):
+            offsets = smooth[:, :, None] - poses[:2]
+            nearest = np.square(offsets).sum(axis=1).argmin(axis=0)
+            target = smooth[np.minimum(nearest + ahead, len(path) - 1)].T - poses[:2]
+            bearing = np.arctan2(target[1], target[0]) - poses[2]
+            bearing = (bearing + math.pi) % math.tau - math.pi
+            forward = speeds * np.square(np.maximum(np.cos(bearing), 0.0))
+            turning = np.clip(2.0 * bearing, -self.vehicle.turning, self.vehicle.turning)
+            commands[step, 0], commands[step, 2] = forward, turning
+            heading = poses[2] + turning * self._dt / 2.0
+            poses[0] += forward * np.cos(heading) * self._dt
+            poses[1] += forward * np.sin(heading) * self._dt
+            poses[2] += turning * self._dt
+        return commands
+
     def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
         """Return where sequences of commands, (steps, 3, N), lead to."""
         dt = np.float32(self._dt)
@@ -216,10 +244,13 @@ class Follower:
         self._turn += 1
         high, low = self._high.copy(), self._low.copy()
         high[:2], low[:2] = np.minimum(high[:2], limit), np.maximum(low[:2], -limit)
-        commands = np.concatenate((self._plan + noise, self._primitives), axis=2)
+        now = self.clearance(around, pose)
+        parts = [self._plan + noise, self._primitives]
+        if now < _NARROW and len(around.path) > 1:
+            parts.append(self._pursuits(around.path, pose))
+        commands = np.concatenate(parts, axis=2)
         np.minimum(commands, high[:, None], out=commands)
         np.maximum(commands, low[:, None], out=commands)
-        now = self.clearance(around, pose)
         paths = self._roll_out(commands, pose, speed)
         prices, touching = self._prices(around, paths, now, goal)
         weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * self._scale))
@@ -258,7 +289,7 @@ class Follower:
         hit = np.logical_or.accumulate(touching & ~arrived, axis=0)
         speeds = np.abs(paths.speeds[:, 0]) + np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
-        prices *= np.float32(0.9) + speeds * np.float32(3.0 / scale)
+        prices *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
         fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
         prices += fast * np.maximum(speeds - _CREEP, 0.0) * np.float32(_FAST / scale)
         prices += np.float32(0.15)

@@ -20,7 +20,7 @@ Example:
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -52,6 +52,9 @@ _JUMP = 0.2  # m by which odometry may differ from what the robot can drive
 _EXACT = 0.01  # m or rad at which a motion has ended
 _OFF_PATH = 30.0  # further price 1 m off a followed path
 _ASIDE = 4  # cells within which the robot leaves what is too near
+_MARGIN = 0.01  # m that a gap is to be wider than the robot on either side
+_CAREFUL, _TIGHT = 0.5, 0.06  # m/s, speed in places where the clearance is less, m
+_SOON = 30  # cells of the way that the follower gets
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
@@ -155,9 +158,15 @@ class Navigator:
         self.parameters = parameters or NavigationParameters()
         self.localizer = Localizer(start)
         self._given = known
-        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
+        period = 1.0 / self.parameters.controller_frequency
+        self._follower = Follower(vehicle, period)
+        # In narrow places it looks less far ahead, in smaller steps.
+        careful = replace(vehicle, forward=min(vehicle.forward, _CAREFUL))
+        self._careful = Follower(careful, period)
         self._circles = vehicle.circles()
-        self._radius = vehicle.half_width + 0.01
+        resolution = known.resolution if known else self.parameters.resolution
+        # The best way may lie between the middles of cells.
+        self._radius = vehicle.half_width + _MARGIN - 0.25 * resolution
         self.status, self.reason = "idle", ""
         self.failure: Failure | None = None
         self._goal: _Goal | _Motion | None = None
@@ -209,9 +218,13 @@ class Navigator:
     @property
     def path(self) -> Floats:
         """Points of the way to the goal, (N, 2), m; N = 0 if there is none."""
+        return self._way(100_000)
+
+    def _way(self, most: int) -> Floats:
+        """Return the points of the way in at most so many cells."""
         if self._goal is None or self._field is None or not self._is_planned:
             return np.zeros((0, 2))
-        cells = self._field.way(_nearest(self._field, self._cell(self.pose)))
+        cells = self._field.way(_nearest(self._field, self._cell(self.pose)), most)
         return self.map.middle(cells[:, 0], cells[:, 1])
 
     @property
@@ -314,6 +327,7 @@ class Navigator:
         self._field, self._is_planned = None, False
         self._costmap.forget_visits()
         self._follower.reset()
+        self._careful.reset()
         self._moved: tuple[float, PlanarPose] | None = None
         self._blocked: float | None = None
         self._hopeless: float | None = None
@@ -462,6 +476,7 @@ class Navigator:
                 return command
             self._recovery = None
             self._follower.reset()
+            self._careful.reset()
         away = math.hypot(goal.x - pose.x, goal.y - pose.y)
         if self._finishing or away < _NEAR_GOAL:
             command = self._finish(goal, pose, speed)
@@ -471,7 +486,10 @@ class Navigator:
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return command
-        command, free = self._follower.command(
+        clearance = self._follower.clearance(around, pose)
+        slow = max(abs(speed[0]), abs(speed[1])) <= _CAREFUL
+        follower = self._careful if clearance < _TIGHT and slow else self._follower
+        command, free = follower.command(
             around, pose, speed, (goal.x, goal.y), limit=self.parameters.speed_limit
         )
         if free:
@@ -630,6 +648,7 @@ class Navigator:
             self._value(self._cell(pose)) + 2.0 * _BEYOND,
             self.map.origin,
             self.map.resolution,
+            self._way(_SOON),
         )
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:

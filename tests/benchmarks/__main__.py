@@ -17,6 +17,7 @@ from tests.orphans import end_with_this_process
 BENCHMARKS = (
     *("state_publisher", "simulation", "drives", "arms", "from_python", "lockstep", "stepping"),
     *("fleet", "startup", "control_loop", "viewer", "sensing", "tf2", "evaluation"),
+    "navigation",
 )
 
 

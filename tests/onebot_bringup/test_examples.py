@@ -13,6 +13,7 @@ from PIL import Image
 from rclpy.serialization import deserialize_message
 
 from onebot_bringup.bags.bag_reader import Bag
+from onebot_control.navigation.map_files import load_map
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess, Peer
 from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
@@ -190,3 +191,12 @@ def test_study_finds_the_better_gain(run) -> None:
     shares = {line.split()[1]: line for line in lines if line.startswith("  gain")}
     assert "20 of 20" in shares["1.0"] and int(shares["0.2"].split()[2]) < 10
     assert lines[0] == "episode: 40 episodes, 0 with an error"
+
+
+def test_go_to(run: Callable[[str], list[str]], tmp_path: Path) -> None:
+    """It arrives within the tolerance, and its map can be read."""
+    *way, goal, belief = run("14_go_to")
+    assert "arrived" in way[-1] and "driving" in way[0]
+    assert _numbers(goal)[0] <= 50.0 and _numbers(belief)[0] <= 30.0
+    data = load_map(tmp_path / "maze.yaml").data
+    assert (data == 100).sum() > 50 and (data == 0).sum() > 1000
