@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 
 SUITES = {
     "geometry2": (

@@ -28,7 +28,6 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
 from onebot_bringup.cli.main import main as onebot
-from onebot_bringup.testing.domains import used_domain
 from onebot_control.drive.controller_limits import Controller
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.navigation.map_files import load_map
@@ -38,6 +37,7 @@ from onebot_control.nodes.navigation.measurements import scan_of
 from onebot_control.nodes.navigation.navigator_node import vehicle_of
 from onebot_description.description import load_description
 from onebot_description.geometry import matrices
+from onebot_description.ros.domains import used_domain
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import PATIENCE, wait_for
 
