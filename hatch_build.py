@@ -1,4 +1,4 @@
-"""Build hook of the wheel: compiles the library of onebot_description.
+"""Build hook of the wheel: compiles the library of onebot_description, and writes type stubs.
 
 The result calls Python by its stable functions only, and is loaded with ctypes: one wheel serves
 every Python 3 on its platform. Where no C compiler exists, pip brings one for the time of the
@@ -16,6 +16,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 _FOLDER = "onebot_description/compiled"
+_PACKAGES = "onebot_description/ros/packages"
 # The oldest glibc that pip has tags for, where it is not 2.17.
 _OLDEST_GLIBC = {"x86_64": (2, 5), "i686": (2, 5)}
 
@@ -37,7 +38,10 @@ def _platform_tag(library: Path) -> str:
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
-    """Puts the compiled library in the wheel, or in the checkout for an editable install."""
+    """Puts the compiled library in the wheel, or in the checkout for an editable install.
+
+    Stubs of the packages of interfaces are installed in both ways.
+    """
 
     def dependencies(self) -> list[str]:
         """Name the wheels that this build needs besides hatchling."""
@@ -58,28 +62,32 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[misc]
         if self.target_name != "wheel":
             return
         library = self._build_library
-        if version == "editable":
-            folder = Path(self.root, _FOLDER)
-        else:
-            self._temporary = tempfile.TemporaryDirectory(prefix="onebot-build-")
-            folder = Path(self._temporary.name)
+        self._temporary = tempfile.TemporaryDirectory(prefix="onebot-build-")
+        folder = Path(self.root, _FOLDER) if version == "editable" else Path(self._temporary.name)
         target = folder / library.LIBRARY.name
         library.build(target)
         if version != "editable":
             build_data["force_include"][str(target)] = f"{_FOLDER}/{target.name}"
+        stubs = self._load(f"{_PACKAGES}/stubs.py")
+        for package in Path(self.root, _PACKAGES).iterdir():
+            if stub := stubs.write_stubs(package.name, package, Path(self._temporary.name)):
+                build_data["force_include"][str(stub)] = stub.name
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{_platform_tag(target)}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove the folder that the library was compiled in."""
+        """Remove the folder that the files were made in."""
         if temporary := getattr(self, "_temporary", None):
             temporary.cleanup()
 
     @property
     def _build_library(self) -> ModuleType:
+        return self._load(f"{_FOLDER}/build_library.py")
+
+    def _load(self, file: str) -> ModuleType:
         # By its path: the package cannot be imported while it is built.
-        path = Path(self.root, _FOLDER, "build_library.py")
-        spec = importlib.util.spec_from_file_location("onebot_build_library", path)
+        path = Path(self.root, file)
+        spec = importlib.util.spec_from_file_location(f"onebot_{path.stem}", path)
         assert spec is not None and spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)

@@ -22,6 +22,8 @@ import onebot_description
 TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
 __version__: str
 
+__docformat__ = "google"
+
 __all__ = [
     "Contact",
     "ImuReading",
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
     from onebot_description.errors import OneBotError
 else:
     __getattr__ = onebot_description.lazy(
+        globals(),
         {
             "onebot_control.physics.contacts": ("Contact",),
             "onebot_control.occupancy_grid": ("OccupancyGrid",),
@@ -72,5 +75,5 @@ else:
             "onebot_control.simulated_robot": ("SimulatedRobot",),
             "onebot_control.simulation": ("Simulation",),
             "onebot_description.errors": ("OneBotError",),
-        }
+        },
     )

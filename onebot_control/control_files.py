@@ -7,7 +7,8 @@ types or of other command interfaces, sections of other nodes, and unknown param
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.conventions import (
     BROADCASTER,
@@ -16,7 +17,15 @@ from onebot_control.conventions import (
     MANAGER,
     DriveNode,
 )
-from onebot_control.drive_kinds import DEFAULT_DRIVE, DRIVES, ControlConfig, suited, topics_of
+from onebot_control.drive_kinds import (
+    DEFAULT_DRIVE,
+    DRIVES,
+    ControlConfig,
+    found_drive,
+    named_drive,
+    suited,
+    topics_of,
+)
 from onebot_control.joint_controllers import (
     JOINT_CONTROLLERS,
     JointController,
@@ -47,6 +56,9 @@ from onebot_description.parameters.reader import (
     unknown_parameters,
 )
 
+if TYPE_CHECKING:
+    from onebot_description.description import Description
+
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 _OTHER_DRIVES = "swerve_drive_controller", "four_wheel_steering_controller"
 _TYPE, _FILE = ".type", ".params_file"
@@ -71,8 +83,8 @@ def drive_node(files: Iterable[Path]) -> DriveNode:
         for section, parameters in read_sections(read_text(file), str(file)).items():
             for name, value in parameters.values.items():
                 if isinstance(value, str) and value in DRIVES:
-                    own = section.rpartition("/")[2]
-                    node = own if name == "type" else name.removesuffix(_TYPE)
+                    section_name = section.rpartition("/")[2]
+                    node = section_name if name == "type" else name.removesuffix(_TYPE)
                     return DriveNode(node, *topics_of(DRIVES[value]))
     return DriveNode()
 
@@ -201,25 +213,30 @@ def foreign_sections(
 
 
 def unknown_by_node(
-    controller: str, files: Sequence[Path] = (), namespaces: Sequence[str] = ("/",)
+    controller: str,
+    files: Sequence[Path] = (),
+    robots: "Mapping[str, Description | None]" = MappingProxyType({"/": None}),
 ) -> dict[str, Unknown]:
     """Return the nodes that control files are for, each with a check for unknown parameters.
 
     Args:
         controller: as for ``read_control_files``.
         files: control files; the joint controllers that they name are included.
-        namespaces: namespaces of the nodes.
+        robots: namespaces of the nodes, each with the description of its robot, if that is known.
+
+    Returns:
+        The checks by the nodes' names; that of ``controller`` has its namespace.
     """
-    declared: type[SimulationConfig] = ManagerConfig
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
-    for namespace in namespaces:
-        control = _ControlFiles(files, namespace)
-        kinds.update(control.kinds)
+    drives = dict[str, Unknown]()
+    for namespace, description in robots.items():
+        kinds.update(_ControlFiles(files, namespace).kinds)
         if controller != MANAGER:
-            declared = control.declared(controller)
+            node = f"{namespace.rstrip('/')}/{controller}"
+            drives[node] = partial(_unknown_of_drive, files, namespace, controller, description)
     return {
         **{name: kind.parameters.unknown for name, kind in kinds.items()},
-        controller: partial(unknown_parameters, declared),
+        **drives,
         MANAGER: _unknown_of_manager,
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
     }
@@ -287,8 +304,8 @@ class _ControlFiles:
     def manager(self) -> Parameters:
         """Return controller_manager's parameters, of which those that only it has are checked."""
         manager = self.section(MANAGER, _unknown_of_manager)
-        own = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
-        read(ManagerConfig, own, manager.places)
+        own_values = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
+        read(ManagerConfig, own_values, manager.places)
         return manager
 
     def drive(self, controller: str) -> Parameters:
@@ -307,7 +324,9 @@ class _ControlFiles:
     def declared(self, controller: str) -> type[SimulationConfig]:
         """Return the dataclass of the parameters of the node ``controller``."""
         kind, _ = self.types.get(controller, ("", ""))
-        return SimulationConfig if controller == MANAGER else DRIVES.get(kind, self._found)
+        if controller == MANAGER or kind in DRIVES:
+            return DRIVES.get(kind, SimulationConfig)
+        return named_drive(self._parameters(controller).values) or self._found
 
     def skipped(self, controller: str) -> list[str]:
         """Return a warning for each controller whose type does not run here."""
@@ -350,10 +369,22 @@ def _reason(kind: str) -> str:
     if kind == BROADCASTER_TYPE:
         return "is a further joint_state_broadcaster"
     halves = {*kind.split("/")}
-    alike = [known for known in JOINT_CONTROLLERS if not halves.isdisjoint(known.split("/"))]
+    alike = [name for name in JOINT_CONTROLLERS if not halves.isdisjoint(name.split("/"))]
     return f"{kind} does not run here" + (f" (did you mean {alike[0]}?)" if alike else "")
 
 
 def _unknown_of_manager(names: Iterable[str]) -> list[Problem]:
-    own = [name for name in names if not name.endswith(_OF_CONTROLLERS) and name != _OF_ANY_TYPE]
-    return unknown_parameters(ManagerConfig, own)
+    names = [n for n in names if not n.endswith(_OF_CONTROLLERS) and n != _OF_ANY_TYPE]
+    return unknown_parameters(ManagerConfig, names)
+
+
+def _unknown_of_drive(
+    files: Sequence[Path],
+    namespace: str,
+    controller: str,
+    description: "Description | None",
+    names: Iterable[str],
+) -> list[Problem]:
+    """Return a problem for each name that the drive of a robot, as described, does not declare."""
+    kind = DRIVES[found_drive(description)] if description and names else ControlConfig
+    return unknown_parameters(declared_parameters(files, namespace, controller, kind), names)

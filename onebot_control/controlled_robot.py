@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from onebot_control.conventions import BROADCASTER, DEFAULT_JOINT_CONTROLLER
-from onebot_control.drive.drive import Drive, DriveState
+from onebot_control.drive.drive import Drive, DriveState, NoDrive
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.joint_controllers import (
     JointController,
@@ -102,11 +102,11 @@ class JointStateBroadcaster:
         ]
         if problems:
             raise ConfigError(problems)
-        known = {*chosen}
-        extra = [name for name in config.extra_joints if name not in known]
+        published = {*chosen}
+        extra = [name for name in config.extra_joints if name not in published]
         self.names = (*chosen, *extra)
         self.frame_id = config.frame_id
-        self._rows = [joints.index(name) for name in chosen]
+        self._indices = [joints.index(name) for name in chosen]
         self._held = [list(held.values()), [0.0] * len(held), [0.0] * len(held)]
         self._extra = [0.0] * len(extra)
         self._hidden = [math.nan] * len(chosen) + self._extra
@@ -122,7 +122,7 @@ class JointStateBroadcaster:
         ]
 
     def _chosen(self, field: list[float]) -> list[float]:
-        return [field[row] for row in self._rows] + self._extra
+        return [field[index] for index in self._indices] + self._extra
 
 
 class CyclePace:
@@ -278,25 +278,25 @@ def _inactive(
     moving = [joint.name for joint in description.moving_joints]
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
-        own = joints[controller.name]
+        names = joints[controller.name]
         missing = [
             Problem(
                 f"{controller.name}.{controller.config.joints_parameter}",
                 f'joint "{joint}" does not move{hint}',
             )
-            for joint, hint in unknown_names(own, moving)
+            for joint, hint in unknown_names(names, moving)
         ]
-        taken = [joint for joint in own if joint in owners]
-        if missing and (len(missing) < len(own) or len(controllers) == 1):
+        shared = [joint for joint in names if joint in owners]
+        if missing and (len(missing) < len(names) or len(controllers) == 1):
             problems += missing
         elif missing:
-            text = f"is inactive: no joint of the robot is {listing(own)}"
+            text = f"is inactive: no joint of the robot is {listing(names)}"
             inactive.append(Problem(controller.name, text))
-        elif taken:
-            text = f"is inactive: {owners[taken[0]]}, which comes first, moves {listing(taken)}"
+        elif shared:
+            text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
             inactive.append(Problem(controller.name, text))
         else:
-            owners.update(dict.fromkeys(own, controller.name))
+            owners.update(dict.fromkeys(names, controller.name))
     if problems:
         raise ConfigError(problems)
     return inactive
@@ -360,6 +360,7 @@ class ControlledRobot:
         self.drive: Drive | None = None
         if self._wheels and config.drive:
             self.drive = Drive(self._wheels, self.body.joints, config.drive)
+        self._base = self.drive or NoDrive()
         self.broadcaster, self.pace = self.fitted(config), CyclePace(_WINDOW)
         self._use(config)
         self.ticks, self._observed = 0, -1
@@ -367,7 +368,7 @@ class ControlledRobot:
         self.followers = {
             name: self._follower(controller) for name, controller in self.joint_controllers.items()
         }
-        self._follower_rows = {
+        self._follower_indices = {
             name: [self.body.joints.index(joint) for joint in follower.names]
             for name, follower in self.followers.items()
         }
@@ -408,7 +409,7 @@ class ControlledRobot:
                 the robot's.
         """
         if self.drive and config.drive:
-            self.drive.fitted(config.drive)
+            config.drive.fitted(self.drive.wheels)
         return JointStateBroadcaster(config.broadcaster, self.joints, self.held)
 
     def configure(self, config: SimulationConfig) -> None:
@@ -431,9 +432,8 @@ class ControlledRobot:
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
     ) -> str | None:
         """Command a velocity; see ``Drive.accept``. A robot that stands does nothing."""
-        if self.drive is None:
-            return None
-        return self.drive.accept(linear, angular, age, lateral=lateral)
+        refused: str | None = self._base.accept(linear, angular, age, lateral=lateral)
+        return refused
 
     def wait(self, seconds: float, *, stalled: bool = False) -> None:
         """Let time pass without a control cycle, as in a pause.
@@ -443,18 +443,15 @@ class ControlledRobot:
             stalled: whether this process did not run.
         """
         self.pace.wait(seconds, stalled=stalled)
-        if self.drive:
-            self.drive.wait(seconds)
+        self._base.wait(seconds)
 
     def begin(self, stamp: int = 0) -> Snapshot:
         """Read the robot's state and update the controllers with it, at a ``stamp`` in ns."""
         self.observe()
         self.pace.cycle(self.period)
-        if self.drive:
-            self.drive.decide(self.period)
-            if self.ticks % self._drift_cycles == 0:
-                odometry = self.drive.odometry.pose
-                self.drive.drift.update(odometry, self.true_pose, lambda: self.body.obstructed)
+        self._base.decide(self.period)
+        if self.ticks % self._drift_cycles == 0:
+            self._base.compare(self.true_pose, lambda: self.body.obstructed)
         for name, follower in self.followers.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
@@ -472,14 +469,12 @@ class ControlledRobot:
             return
         self._observed = self.ticks
         self._read_state()
-        if self.drive:
-            self.drive.observe(self._joints.positions, self._joints.velocities, self.period)
+        self._base.observe(self._joints.positions, self._joints.velocities, self.period)
 
     def turn(self) -> None:
         """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
-        if self.drive:
-            self.body.turn(self.drive.velocities)
-        if self.followers or (self.drive and self.drive.wheels.steering):
+        self.body.turn(self._base.velocities)
+        if self.followers or self._base.steering:
             self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
         self.ticks += 1
 
@@ -504,8 +499,8 @@ class ControlledRobot:
 
     def states(self, controller: str) -> JointStates:
         """Return the measured states of the joints of one controller."""
-        rows = self._follower_rows[controller]
-        return JointStates(*(tuple([field[row] for row in rows]) for field in self._joints))
+        indices = self._follower_indices[controller]
+        return JointStates(*(tuple([field[index] for index in indices]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
         """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""
@@ -514,12 +509,12 @@ class ControlledRobot:
             for follower in self.followers.values()
             for position in follower.reference(ahead)
         ]
-        return [*positions, *self.drive.steering] if self.drive else positions
+        return [*positions, *self._base.steering]
 
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""
         pace = self.pace.value
-        drive = self.drive.state(pace) if self.drive else None
+        drive: DriveState | None = self._base.state(pace)
         return Snapshot(self.ticks, self._joints, self._pose, self._mass_velocity, pace, drive)
 
     def reset(self) -> None:
@@ -540,8 +535,7 @@ class ControlledRobot:
 
     def _begin_here(self) -> None:
         """Stop the drive, also what it has decided for ``turn``, where the body was placed."""
-        if self.drive:
-            self.drive.moved()
+        self._base.moved()
         self._read_state()
         self._observed = -1
 
@@ -567,7 +561,9 @@ class ControlledRobot:
             elif not math.isfinite(position):
                 problems.append(f'joint "{name}": {position} is not finite')
         if problems:
-            raise OneBotError("\n".join(f"{self.description.source}: {each}" for each in problems))
+            raise OneBotError(
+                "\n".join(f"{self.description.source}: {problem}" for problem in problems)
+            )
         gears = self.body.spawn.gears.items()
         mimics = {
             name: mimic.at(positions[mimic.joint])
@@ -587,8 +583,7 @@ class ControlledRobot:
 
     def place_odometry(self, pose: PlanarPose) -> None:
         """Set the odometry's current pose to ``pose``, with zero covariance."""
-        if self.drive:
-            self.drive.place(pose, self.true_pose)
+        self._base.place(pose, self.true_pose)
 
     @property
     def odom_in_world(self) -> PlanarPose:
@@ -611,8 +606,8 @@ class ControlledRobot:
     def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and followers of the robot that this one replaces."""
         self.ticks = other.ticks
-        if self.drive and other.drive:
-            self.drive.continue_from(other.drive)
+        if other.drive:
+            self._base.continue_from(other.drive)
         self._continue_followers(other)
 
     def _continue_followers(self, other: "ControlledRobot") -> None:

@@ -10,7 +10,7 @@ from onebot_control.drive.omni import OmniParameters
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.steered import SteeringControllerParameters, TricycleParameters
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_description.parameters.reader import is_parameter, read
+from onebot_description.parameters.reader import is_parameter, leaves, read
 
 if TYPE_CHECKING:
     from onebot_description.description import Description
@@ -76,20 +76,31 @@ def found_drive(description: "Description") -> str:
     Raises:
         OneBotError: the mesh of a collision shape cannot be read.
     """
-    from onebot_control.drive.wheels.geometry import Wheels  # imports numpy
+    from onebot_control.drive.wheels.finding import RunningGear  # imports numpy
 
-    wheels = Wheels(description)
+    gear = RunningGear.of(description)
     kinds = DRIVES.items()
-    found = [
-        k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(wheels)
-    ]
-    return next(iter(found), DEFAULT_DRIVE)
+    types = [k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(gear)]
+    return next(iter(types), DEFAULT_DRIVE)
 
 
 def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
     """Return the names that a drive's controller gives to its topics of commands and odometry."""
     assert issubclass(declared, DriveParameters)
     return declared.topics
+
+
+def named_drive(values: Mapping[str, Any]) -> type[SimulationConfig] | None:
+    """Return the parameters of the first drive of whose joints ``values`` name some; None if none.
+
+    Of a drive's own parameters, only those that name joints are read-only.
+    """
+    simulated = {leaf.name for leaf in leaves(SimulationConfig)}
+    named = {name for name, value in values.items() if value} - simulated
+    for drive in DRIVES.values():
+        if any(leaf.name in named and leaf.type.rule.read_only for leaf in leaves(drive)):
+            return drive
+    return None
 
 
 def standing(config: SimulationConfig) -> SimulationConfig:
@@ -108,5 +119,5 @@ def suited(values: Mapping[str, T], declared: type[SimulationConfig]) -> dict[st
         for name, value in values.items()
         if name.startswith("linear.x.")
     }
-    known = {**sideways, **values}
-    return {name: value for name, value in known.items() if is_parameter(declared, name)}
+    all_values = {**sideways, **values}
+    return {name: value for name, value in all_values.items() if is_parameter(declared, name)}

@@ -1,6 +1,9 @@
 """OneBot as a Gymnasium environment for reinforcement learning.
 
-It needs ``pip install 'onebot-robots[gym]'``.
+It needs ``pip install 'onebot-robots[gym]'``. Importing this module registers ``OneBot-v0`` and
+``OneBot-Maze-v0``; so does the id ``onebot_control.environment:OneBot-Maze-v0``, for
+``gymnasium.make_vec`` with several environments in processes of their own (vectorization_mode
+"async"), too.
 
 Example:
     >>> import numpy as np
@@ -31,6 +34,8 @@ from onebot_description.parameters.values import Rule, ValueType
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
 _NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this
 _FRONT = 0.25  # m, greatest distance from the lidar to the robot's outline
+# m, rad, m/s, rad/s; a space has to be finite, and odometry beyond it is clipped.
+_ODOMETRY = np.array([1e4, 1e4, math.pi, 10.0, 100.0], np.float32)
 
 _TWO = Rule(write="an array of two numbers, -1 to 1: forward and to the left")
 _Action = Annotated[NDArray[np.float32], ValueType(float, _TWO, many=True, length=2)]
@@ -87,7 +92,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.observation_space = spaces.Dict(  # type: ignore[assignment] # of a dict of arrays
             {
                 "scan": spaces.Box(0.0, scan.range_max, scan.ranges.shape),
-                "odometry": spaces.Box(-math.inf, math.inf, (5,)),
+                "odometry": spaces.Box(-_ODOMETRY, _ODOMETRY),
             }
         )
 
@@ -151,8 +156,12 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         values = odometry.x, odometry.y, odometry.yaw, odometry.linear, odometry.angular
         return {
             "scan": np.clip(robot.scan().ranges, np.float32(0.0), self._farthest),
-            "odometry": np.array(values, np.float32),
+            "odometry": np.clip(np.array(values, np.float32), -_ODOMETRY, _ODOMETRY),
         }
+
+
+gymnasium.register("OneBot-v0", f"{__name__}:{OneBotEnv.__name__}")
+gymnasium.register("OneBot-Maze-v0", f"{__name__}:{OneBotEnv.__name__}", kwargs={"world": "maze"})
 
 
 def _distance_forward(start: RobotPose, end: RobotPose) -> float:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
 from onebot_control.joint_controllers import JointController
-from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
+from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
 from onebot_control.physics.engine import logger
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
@@ -133,16 +133,24 @@ class Fleet(AbstractContextManager["Fleet"]):
             robot.turn()
         self.world.step(self.period, recorded=recorded)
 
-    def restart(self) -> None:
+    def restart(self, configs: Sequence[SimulationConfig] = ()) -> None:
         """Go back to the start, to the same state as a new fleet of these robots.
 
+        Args:
+            configs: new parameters of all robots, with where they start; of those that are read at
+                the start only, the pose has an effect. Empty for the present ones.
+
         Raises:
-            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
-                changed.
+            OneBotError: they cannot stand there together, as after ``replace``, or a parameter does
+                not suit its robot; then nothing has changed.
         """
-        self.world.restart()
-        for robot in self.robots:
-            robot.start(robot.config)
+        for robot, config in zip(self.robots, configs, strict=False):
+            robot.fitted(config)
+        self.world.restart([(config.x, config.y, config.yaw) for config in configs])
+        for robot, config in zip(
+            self.robots, configs or [robot.config for robot in self.robots], strict=True
+        ):
+            robot.start(config)
 
     def reset(self) -> None:
         """Move all robots back to their starts at once; time and parameters stay.
@@ -219,9 +227,9 @@ class Divider:
         return picked
 
 
-def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> Settings:
+def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> PhysicsSettings:
     """Return the physics for cycles at ``rate``, Hz, with the iterations that the robots need."""
-    settings = Settings().fitted(rate)
+    settings = PhysicsSettings().fitted(rate)
     if any(spawn.converges_slowly for spawn in spawns):
         return replace(settings, iterations=_ARM_ITERATIONS)
     return settings

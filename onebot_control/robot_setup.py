@@ -1,6 +1,7 @@
 """What robots a Simulation has, and how models, worlds and parameters are read for it."""
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -9,8 +10,8 @@ from typing import Annotated, Any
 
 from onebot_control.control_files import default_control_file, read_control_files
 from onebot_control.conventions import DRIVE_CONTROLLER
-from onebot_control.drive.wheels.finding import has_wheels
-from onebot_control.drive_kinds import DRIVES, ControlConfig, found_drive, standing, suited
+from onebot_control.drive.wheels.finding import RunningGear
+from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, standing, suited
 from onebot_control.fleet import Member
 from onebot_control.joint_controllers import named
 from onebot_control.simulation_parameters import SimulationConfig
@@ -23,8 +24,6 @@ from onebot_description.parameters.reader import ConfigError, Problem, leaves, r
 from onebot_description.parameters.values import Rule, plain
 
 _SENSORS = "sensors_enabled"  # the xacro argument of optional sensors
-# Parameters that name what moves a robot, whatever its joints look like.
-_WHEELS = {"type", "left_wheel_names", "wheel_names", "front_left_wheel_command_joint_name"}
 # Parameters of velocity_controller that do not apply to a Simulation.
 _WITHOUT_EFFECT = {
     *("x", "y", "yaw", "world", "sensors", "sensor_noise", "robot_description"),
@@ -74,7 +73,7 @@ def read_robot_and_scene(
         OneBotError: one of them cannot be read.
     """
     with ThreadPoolExecutor(1) as executor:
-        reading = executor.submit(_scene, world)
+        reading = executor.submit(read_scene, world)
         description = _described(model, arguments, optional)
     return description, reading.result()
 
@@ -102,20 +101,23 @@ def fleet_members(
     members, values = [], []
     for name, setup in setups.items():
         description = default if setup.model is None else _described(setup.model, {}, optional)
-        given = given_parameters({**parameters, **setup.parameters})
+        own_values = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            names_drive = not _WHEELS.isdisjoint(given)
-            kind = _drive(given, description)
+            kind = _named_drive(own_values)
+            names_drive = kind is not None
+            kind = kind or DRIVES[found_drive(description)]
             place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
-            values.append({**suited(defaults, kind), **given, **place})
+            values.append({**suited(defaults, kind), **own_values, **place})
             config = read(kind, values[-1])
-        has_drive = names_drive or has_wheels(description)
+        has_drive = names_drive or RunningGear.of(description).drives
         members.append(Member(description, config if has_drive else standing(config), name))
     return members, values
 
 
-def _drive(given: dict[str, Any], description: Description) -> type[SimulationConfig]:
-    """Return the parameters of a robot's drive: of the ``type`` among those given, or found.
+def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
+    """Return the parameters of the drive that a robot's parameters name; None if they name none.
+
+    They do so by ``type``, which is taken out, or as ``named_drive`` finds it.
 
     Raises:
         ConfigError: there is no such type.
@@ -126,7 +128,7 @@ def _drive(given: dict[str, Any], description: Description) -> type[SimulationCo
             text = f'no drive is of the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
             raise ConfigError([Problem("type", text)])
         return DRIVES[kind]
-    return ControlConfig if "left_wheel_names" in given else DRIVES[found_drive(description)]
+    return named_drive(given)
 
 
 def given_parameters(
@@ -169,10 +171,46 @@ def _described(
     if optional:
         names = [argument.name for argument in xacro_arguments(str(model)).arguments]
         arguments = {_SENSORS: "true", **arguments} if _SENSORS in names else arguments
-    return load_description(model, arguments)
+    values = [f"{name}:={value}" for name, value in arguments.items()]
+    return _read_once(lambda: load_description(model, arguments), "model", str(model), *values)
 
 
-def _scene(world: str | Path | Description) -> Description | None:
+def read_scene(world: str | Path | Description) -> Description | None:
+    """Return a scene; None for bare ground.
+
+    Args:
+        world: a name, a file or a Description; "" for bare ground.
+
+    Raises:
+        OneBotError: it cannot be read.
+    """
     if isinstance(world, Description):
         return world
-    return load_world(str(world)) if str(world) else None
+    name = str(world)
+    return _read_once(lambda: load_world(name), "world", name) if name else None
+
+
+_KEPT = 32  # descriptions
+_kept: dict[tuple[object, ...], tuple[Description | None, Sequence[tuple[int, int]]]] = {}
+
+
+def _read_once(read: Callable[[], Description], *key: str) -> Description:
+    """Return what ``read`` returns; what it has read before, as long as no file has changed.
+
+    To expand xacro takes longer than to build the world. The environment can have an effect on it.
+    """
+    source = (*key, os.getcwd(), *os.environ.items())
+    description, stamps = _kept.pop(source, (None, ()))
+    if description is None or stamps != _stamps(description):
+        description = read()
+        stamps = _stamps(description)
+    _kept[source] = description, stamps  # the last one used is the last one dropped
+    for oldest in [*_kept][:-_KEPT]:
+        del _kept[oldest]
+    return description
+
+
+def _stamps(description: Description) -> list[tuple[int, int]]:
+    """Return times of change, ns, and sizes of the files of a description; 0 if one is gone."""
+    found = [file.stat() if file.exists() else None for file in description.files]
+    return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in found]

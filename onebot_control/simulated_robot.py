@@ -271,8 +271,8 @@ class SimulatedRobot:
         if core.publish is not None:
             text = "ROS nodes are in lockstep with the simulation"
             raise OneBotError(f"{text}: set the parameters of the robot's node")
-        given = given_parameters(parameters, type(self._controlled.config))
-        core.configure(self._row, {**core.parameters[self._row], **given})
+        values = given_parameters(parameters, type(self._controlled.config))
+        core.configure(self._row, {**core.parameters[self._row], **values})
 
     @property
     def description(self) -> Description:

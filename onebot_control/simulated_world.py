@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from onebot_control.controlled_robot import Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive_kinds import ControlConfig, standing
 from onebot_control.fleet import Fleet, Member
 from onebot_control.physics.contacts import Contact
@@ -17,14 +17,22 @@ from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.rays import Rays, cast
 from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
 from onebot_control.sensing.surroundings import LinkPose, SensedRobot
+from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, Triple
-from onebot_description.parameters.reader import read
+from onebot_description.parameters.reader import leaves, read
 
 _CLOSED = "this simulation has been closed; make a new one"
 _REACH = 1e4  # m; rays that go farther hit nothing
+
+
+def _built_by(kind: type[SimulationConfig], parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters by which a world is built, but for where robots start."""
+    changeable = {leaf.name for leaf in leaves(kind) if not leaf.type.rule.read_only}
+    changeable |= {"x", "y", "yaw"}
+    return {name: value for name, value in parameters.items() if name not in changeable}
 
 
 class SimulatedWorld:
@@ -101,7 +109,6 @@ class SimulatedWorld:
         self.starts += 1
         self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
-        self._contacts_wanted = False  # whether contacts have been asked for
         self.commands: list[Triple | None] = [None] * len(self.names)
         self.sensors.restart()
         self.fleet.observe()
@@ -122,21 +129,43 @@ class SimulatedWorld:
         self.fleet.close()
         self._is_closed = True
 
-    def restart(self, seed: int | None) -> None:
-        """Go back to the start, with noise of another seed, or of the same one if it is None."""
-        if seed is not None:
-            self.seed = seed
-            for instruments in self.instruments:
-                for instrument in instruments:
-                    instrument.reseed(seed)
-        for row, values in enumerate(self._start_parameters):
-            if values is not self.parameters[row]:
-                self.configure(row, values)
-        self.fleet.restart()
+    def restart(self, seed: int, parameters: Sequence[dict[str, Any]] | None = None) -> None:
+        """Go back to the start.
+
+        Args:
+            seed: seed of the sensors' noise.
+            parameters: new parameters of each robot's controller, with where it starts; those that
+                are read at the start only are as they were. None for those of the last start.
+
+        Raises:
+            OneBotError: a robot cannot start there, or a value is wrong; then nothing has changed.
+        """
+        values = self._start_parameters if parameters is None else tuple(parameters)
+        configs = [
+            robot.config if new is present else self._config(robot, new)
+            for robot, new, present in zip(self.fleet.robots, values, self.parameters, strict=True)
+        ]
+        self.fleet.restart(configs)
+        self._start_parameters, self.parameters = values, list(values)
+        self.seed = seed
+        for instruments in self.instruments:
+            for instrument in instruments:
+                instrument.reseed(seed)
         self._begin()
         if self._log is not None:
             self._log.moments.clear()
             self._log.moments.append(self._moment())
+
+    def can_restart(self, members: Sequence[Member], parameters: Sequence[dict[str, Any]]) -> bool:
+        """Return whether ``restart`` makes this world equal to a new one with these robots."""
+        return all(
+            member.description is robot.description
+            and type(member.config) is type(robot.config)
+            and _built_by(type(robot.config), new) == _built_by(type(robot.config), old)
+            for robot, member, new, old in zip(
+                self.fleet.robots, members, parameters, self._start_parameters, strict=True
+            )
+        )
 
     def configure(self, row: int, parameters: dict[str, Any]) -> None:
         """Set all parameters of a robot's controller, from the next cycle on.
@@ -145,10 +174,13 @@ class SimulatedWorld:
             OneBotError: a value is wrong; then nothing has changed.
         """
         robot = self.fleet.robots[row]
+        robot.configure(self._config(robot, parameters))
+        self.parameters[row] = parameters
+
+    def _config(self, robot: ControlledRobot, parameters: dict[str, Any]) -> SimulationConfig:
         # A robot that stands has the parameters of a drive, too, which have no effect.
         config = read(type(robot.config) if robot.drive else ControlConfig, parameters)
-        robot.configure(config if robot.drive else standing(config))
-        self.parameters[row] = parameters
+        return config if robot.drive else standing(config)
 
     def cycle(self, *, last: bool) -> None:
         """Run one control cycle; afterwards the robots' state is that at its end.
@@ -167,7 +199,7 @@ class SimulatedWorld:
             if self.publish is not None:
                 self.publish(self._before, fleet.stamp)
         finally:  # after an exception in a callback, the simulation can go on
-            fleet.finish(recorded=last or self._contacts_wanted or None)
+            fleet.finish(recorded=last or None)
             fleet.observe()
             self._frame = None
             if self._log is not None and fleet.ticks % self._log.every == 0:
@@ -182,7 +214,6 @@ class SimulatedWorld:
 
     def contacts(self, row: int) -> list[Contact]:
         """Return the contacts of a robot in the last cycle; record them in each one from now on."""
-        self._contacts_wanted = True
         return self.fleet.world.contacts.contacts(row)
 
     def boxes(self) -> dict[str, Transform]:

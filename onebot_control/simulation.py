@@ -15,6 +15,7 @@ Example:
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -31,6 +32,7 @@ from onebot_control.robot_setup import (
     RobotSetup,
     fleet_members,
     read_robot_and_scene,
+    read_scene,
 )
 from onebot_control.sensing.camera import picture_from
 from onebot_control.sensing.rays import HAS_EMBREE, Rays
@@ -50,6 +52,9 @@ if TYPE_CHECKING:
 
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The default model of a Simulation: OneBot's xacro file."""
+
+observers: list[Callable[["Simulation"], object]] = []
+"""Functions that are called with each simulation of this process when it begins, also by reset."""
 
 _World = Annotated[
     str | Path | Description,
@@ -121,11 +126,12 @@ class Simulation(AbstractContextManager["Simulation"]):
         setups = dict(robots) or {"": RobotSetup(x, y, yaw)}
         optional = sensors is True
         default, scene = read_robot_and_scene(model, arguments, world, optional=optional)
-        members, values = fleet_members(setups, default, parameters, optional=optional)
+        self._setups, self._given = setups, parameters
+        self._members = partial(fleet_members, default=default, optional=optional)
+        members, values = self._members(setups, parameters=parameters)
         sensor_file = "" if isinstance(sensors, bool) else str(sensors)
-        self._core = core = SimulatedWorld(
-            members, values, scene, sensor_file=sensor_file, noise=noise, seed=seed
-        )
+        self._build = partial(SimulatedWorld, sensor_file=sensor_file, noise=noise)
+        self._core = core = self._build(members, values, scene, seed=seed)
         if sensors and not any(core.instruments):
             raise OneBotError(f"{members[0].description.source}: no sensor found")
         self._lockstep: Lockstep[Simulation] | None = None
@@ -134,6 +140,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             ByName("no robot {}", ((n, SimulatedRobot(core, row)) for row, n in enumerate(setups)))
         )
         """The robots by name, that of a single robot is ""; an unknown name raises OneBotError."""
+        self._begun()
 
     @property
     def robot(self) -> "SimulatedRobot":
@@ -209,19 +216,73 @@ class Simulation(AbstractContextManager["Simulation"]):
             text = f"until returned nothing true in {timeout:g} s of simulated time"
             raise TimeoutError(f"{text}; at {self.time:g} s: {states}")
 
-    def reset(self, seed: _Seed | None = None) -> None:
+    def reset(
+        self,
+        seed: _Seed | None = None,
+        *,
+        x: float | None = None,
+        y: float | None = None,
+        yaw: float | None = None,
+        parameters: Parameters | None = None,
+        world: _World | None = None,
+    ) -> None:
         """Go back to the start; everything that follows is bit-identical to a new Simulation.
 
+        All arguments are as for a new one; None keeps the present value. Another world, or other
+        parameters that are read at the start, build the physics anew; nothing else takes longer
+        than a reset without arguments.
+
         Args:
-            seed: new seed of the sensors' noise; None to use the same one again.
+            seed: seed of the sensors' noise.
+            x: start position of a single robot, m.
+            y: start position of a single robot, m.
+            yaw: start heading of a single robot, rad.
+            parameters: parameters of the controllers, by their ROS names, instead of those given
+                before; RobotSetups have their own.
+            world: what stands around the robots; "" for bare ground.
 
         Raises:
-            OneBotError: ROS nodes are in lockstep with the simulation.
+            OneBotError: ROS nodes are in lockstep with the simulation, a robot cannot start there,
+                or the world or a parameter cannot be used; then nothing has changed.
         """
-        if self._core.publish is not None:
+        core = self._core
+        if core.publish is not None:
             text = "ROS nodes are in lockstep with the simulation"
             raise OneBotError(f"{text}: time cannot go back for them; begin anew")
-        self._core.restart(seed)
+        place = {n: v for n, v in (("x", x), ("y", y), ("yaw", yaw)) if v is not None}
+        if place and "" not in self._setups:
+            raise OneBotError("x, y and yaw are for a single robot; its RobotSetup has a robot's")
+        seed = core.seed if seed is None else seed
+        if not place and parameters is None and world is None:
+            core.restart(seed)
+        else:
+            setups = {
+                name: RobotSetup(**{**vars(setup), **place}) for name, setup in self._setups.items()
+            }
+            given = self._given if parameters is None else parameters
+            members, values = self._members(setups, parameters=given)
+            scene = core.scene if world is None else read_scene(world)
+            if scene is core.scene and core.can_restart(members, values):
+                core.restart(seed, values)
+            else:
+                self._move_into(self._build(members, values, scene, seed=seed))
+            self._setups, self._given = setups, given
+        self._begun()
+
+    def _move_into(self, core: SimulatedWorld) -> None:
+        """Replace the world, with its robots, by another one."""
+        core.after_cycle = self._core.after_cycle
+        self._core.close()
+        self._core = core
+        for robot in self.robots.values():
+            robot._core = core
+        if self._log is not None:
+            self._log.moments.clear()
+            core.record(self._log)
+
+    def _begun(self) -> None:
+        for observer in [*observers]:
+            observer(self)
 
     def step(self, cycles: _Cycles = 1) -> None:
         """Simulate a number of control cycles, of ``period`` seconds each.

@@ -141,8 +141,8 @@ def simulation_nodes(
     words_of: Sequence[Sequence[str] | None] = robots or [None]
     node_arguments = [arguments.joined(words or ()) for words in words_of]
     nodes = [
-        SimulationNode(node_name(name, own.files), words)
-        for own, words in zip(node_arguments, words_of, strict=True)
+        SimulationNode(node_name(name, own_arguments.files), words)
+        for own_arguments, words in zip(node_arguments, words_of, strict=True)
     ]
     # Imported only now: DDS discovery runs meanwhile.
     from onebot_control.nodes.world_interface import WorldInterface
@@ -182,8 +182,8 @@ def run_simulation(
     own_files = [RosArguments().joined(words).files for words in robots] or [()]
 
     def check(common: Sequence[Path]) -> None:
-        for own in own_files:
-            files = [*common, *own]
+        for file in own_files:
+            files = [*common, *file]
             read_control_files(files, "/", node_name(node, files))
 
     return run_described_node(

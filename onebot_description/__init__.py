@@ -23,10 +23,12 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: 
 
     find_silently()
 
-from onebot_description.ros.missing_ros import LastFinder
+import onebot_description.ros.packages  # noqa: F401  (installs the finder of packages)
 
 TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
 __version__: str  # version of the installed distribution, which has all packages
+
+__docformat__ = "google"
 
 __all__ = [
     "Description",
@@ -38,13 +40,25 @@ __all__ = [
     "parse_description",
 ]
 
-sys.meta_path.append(LastFinder)
+
+def _installed_version() -> str:
+    from importlib import metadata  # slow to import
+
+    for distribution in ("onebot-robots", __name__):  # installed by pip, built by colcon
+        try:
+            return metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            pass
+    return "0+checkout"
 
 
-def lazy(modules: "Mapping[str, Sequence[str]]") -> "Callable[[str], object]":
+def lazy(
+    package: "MutableMapping[str, Any]", modules: "Mapping[str, Sequence[str]]"
+) -> "Callable[[str], object]":
     """Return a ``__getattr__`` for a package that imports its names when they are first used.
 
     Args:
+        package: the package's ``globals()``, which get each name with its first use.
         modules: for each module to import from, the names in it. "__version__" is always added.
     """
     homes = {name: module for module, names in modules.items() for name in names}
@@ -57,35 +71,30 @@ def lazy(modules: "Mapping[str, Sequence[str]]") -> "Callable[[str], object]":
         from importlib import import_module
 
         value: object = getattr(import_module(homes[name]), name)
+        package[name] = value
         return value
 
+    if "pdoc" in sys.modules:  # it documents what is in ``globals()``
+        for name in package["__all__"]:
+            package[name] = find(name)
     return find
 
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, MutableMapping, Sequence
+    from typing import Any
 
     from onebot_description.description import Description, load_description, parse_description
     from onebot_description.errors import DescriptionError, OneBotError
     from onebot_description.model import RobotModel
 else:  # any name would be one of the package
     __getattr__ = lazy(
+        globals(),
         {
             "onebot_description.description": (
                 *("Description", "load_description", "parse_description"),
             ),
             "onebot_description.errors": ("DescriptionError", "OneBotError"),
             "onebot_description.model": ("RobotModel",),
-        }
+        },
     )
-
-
-def _installed_version() -> str:
-    from importlib import metadata  # slow to import
-
-    for distribution in ("onebot-robots", __name__):  # installed by pip, built by colcon
-        try:
-            return metadata.version(distribution)
-        except metadata.PackageNotFoundError:
-            pass
-    return "0+checkout"

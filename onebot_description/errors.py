@@ -30,9 +30,9 @@ def alike(name: str, candidates: Iterable[str]) -> list[str]:
     For example, ``/odm`` finds ``/robot1/odom``. Those in the namespace of ``name`` come first.
     """
     ends = {name: name.rpartition("/")[2] for name in {name, *candidates}}
-    others = sorted(ends.keys() - {name}, key=natural_order)
-    end = nearest(ends[name], {ends[candidate] for candidate in others})
-    matches = [candidate for candidate in others if ends[candidate] == end]
+    other_names = sorted(ends.keys() - {name}, key=natural_order)
+    end = nearest(ends[name], {ends[candidate] for candidate in other_names})
+    matches = [candidate for candidate in other_names if ends[candidate] == end]
     space = name.rpartition("/")[0]
     return sorted(matches, key=lambda full: full.rpartition("/")[0] != space)[:_MAX_SUGGESTED]
 
@@ -71,10 +71,10 @@ def unknown_names(
 
     Only the first few have a hint: of the many names of a message, comparing all takes too long.
     """
-    known = {*candidates}
-    unknown = [name for name in names if name not in known]
+    known_names = {*candidates}
+    unknown = [name for name in names if name not in known_names]
     for number, name in enumerate(unknown):
-        yield name, did_you_mean(name, known, what) if number < _MAX_ALIKE else ""
+        yield name, did_you_mean(name, known_names, what) if number < _MAX_ALIKE else ""
 
 
 def printable(text: str) -> str:

@@ -61,7 +61,7 @@ from onebot_description.ros.topic_qos import ANY_PUBLISHER
 from onebot_description.timing.throttled import Throttled
 
 
-class JointParameters:
+class JointStateParameters:
     """The node's parameters: declared, read from files, and checked against each other."""
 
     live: LiveParameters  # the files they come from
@@ -287,7 +287,7 @@ class JointStatePublisher(Node):
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
-        self._settings = JointParameters(self, arguments)
+        self._settings = JointStateParameters(self, arguments)
         self.state = JointsState(self._settings.values, self._settings.config)
         self._output = JointStatesOut(self)
         self._sources: dict[str, Subscription] = {}  # topics whose values override all motions

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess
 from tests.steering_browser_support import Page

@@ -21,11 +21,13 @@ from onebot_control.drive_kinds import (
     SteeringConfig,
     TricycleConfig,
 )
+from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
 from onebot_control.trajectories.gripping import GripperConfig
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves, rows
+from onebot_description.ros.wire.interface_text import KINDS, definitions
 from onebot_description.state_parameters import StateParameters
 from tests.readme import CHECKOUT
 
@@ -39,11 +41,13 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "tricycle_controller": (TricycleConfig,),
     "joint_trajectory_controller": (TrajectoryConfig,),
     "forward_command_controller": (ForwardConfig,),
+    "navigator": (NavigatorParameters,),
     "parallel_gripper_action_controller": (GripperConfig,),
     "rerun_viewer": (ViewerParameters, ViewConfig),
     "steering_page": (SteeringParameters,),
     "bag_recorder": (RecorderParameters,),
 }
+ROOM = CHECKOUT / "onebot_description/ros/packages"
 _ROBOTS_OWN = "the robot's"  # default of a file that each bringup has of its own
 
 
@@ -58,7 +62,20 @@ def tables() -> dict[str, str]:
     by_name["arguments"] = _arguments(drives[:common])
     by_name["arguments of onebot_bringup"] = _arguments(drives[common:])
     by_name["arguments of mrm_bringup"] = _arguments(stands[common:])
+    by_name["packages of interfaces"] = _interfaces()
     return by_name
+
+
+def _interfaces() -> str:
+    """Return the table of the interface packages here: version, and how many of each kind."""
+    versions = dict(line.split() for line in (ROOM / "versions.txt").read_text().splitlines())
+    packages = sorted(folder for folder in ROOM.iterdir() if any(definitions(folder)))
+    counts = {
+        folder.name: [str(len([*definitions(folder, [kind])]) or "") for kind in KINDS]
+        for folder in packages
+    }
+    cells = ((f"`{name}`", versions[name], *kinds) for name, kinds in counts.items())
+    return _table(("Package", "Version", "Messages", "Services", "Actions"), cells)
 
 
 def _parameters(*kinds: type) -> str:

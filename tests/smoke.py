@@ -10,7 +10,7 @@ from pathlib import Path
 
 from readme import CHECKOUT, run_until_up
 
-from onebot_bringup.testing.domains import claimed_domain
+from onebot_description.ros.domains import claimed_domain
 
 ROBOTS = ("mrm", "onebot")
 DRAWN = CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro"

@@ -154,6 +154,7 @@ WITH_ROS = (
     *("onebot_bringup", "mrm_description", "onebot_description.ros", "onebot_control.nodes"),
     *("onebot_description.robot_state_publisher", "onebot_description.joint_state_publisher"),
     *("onebot_control.velocity_controller", "onebot_control.joint_trajectory_controller"),
+    "onebot_control.navigator",
 )
 ROS = re.compile(r"rclpy|rcl_interfaces|\w+_msgs|onebot_description\.ros|onebot_control\.nodes")
 

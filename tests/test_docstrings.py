@@ -2,6 +2,10 @@
 
 import doctest
 import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -24,3 +28,17 @@ def test_samples_run(file: str) -> None:
     name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     found = doctest.testmod(importlib.import_module(name))
     assert found.attempted and not found.failed
+
+
+@pytest.mark.parametrize("package", ["onebot_control", "onebot_description"])
+def test_pdoc_renders_what_the_package_exports(package: str, tmp_path: Path) -> None:
+    """Each exported class and function has its docstring in it, and nothing is warned of."""
+    command = [sys.executable, "-W", "error", "-m", "pdoc", "-o", str(tmp_path), package]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    page = (tmp_path / f"{package}.html").read_text()
+    for name in importlib.import_module(package).__all__:
+        if name != "__version__":
+            pattern = rf'<section id="{name}">.*?<div class="docstring">.*?</section>'
+            assert re.search(pattern, page, re.DOTALL), name
+    assert ">Arguments:</h6>" in page  # sections are rendered

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.ros.missing_ros import ROS_PACKAGES, LastFinder, MissingRosError
+from onebot_description.ros.packages import ROS_PACKAGES, MissingRosError, PackageFinder
 from tests.readme import run_until_up
 from tests.support import run_to_end
 
@@ -133,8 +133,8 @@ def test_part_of_a_ros(name, says, monkeypatch):
     """What a ROS that is there lacks is named; any other module is left to its importer."""
     monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     with pytest.raises(MissingRosError, match=re.escape(says)):
-        LastFinder.find_spec(name)
-    LastFinder.find_spec("tf2_msgs")
+        PackageFinder.find_spec(name)
+    PackageFinder.find_spec("tf2_msgs")
 
 
 def test_all_that_is_imported_of_ros_is_explained():

@@ -13,7 +13,7 @@ from onebot_bringup.launch.nodes import NODES
 from tests.support import PATIENCE, run_to_end, wait_for
 
 MODULES = [row.module for row in NODES]
-FIRST = "onebot_description.ros.missing_ros"  # which each of them imports
+FIRST = "onebot_description.ros.packages"  # which each of them imports
 # Python imports it at its start: something happens when a module of that name is imported.
 SITECUSTOMIZE = """
 import os, signal, sys

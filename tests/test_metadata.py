@@ -1,6 +1,7 @@
 """What the manifests declare: what is imported, who made it, under which name and version."""
 
 import ast
+import re
 import sys
 from collections.abc import Iterable
 from functools import cache
@@ -12,8 +13,6 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
-
-from onebot_description.ros.wire.interface_text import own_interfaces
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -50,6 +49,7 @@ ROSDEP_KEYS = {
 }
 # There is no key for these: pip installs them.
 WITHOUT_KEY = {
+    "cloudpickle",
     "embreex",
     "gymnasium",
     "ipywidgets",
@@ -58,7 +58,9 @@ WITHOUT_KEY = {
     "mcap",
     "nbclient",
     "nbformat",
+    "pebble",
     "pyarrow",
+    "ray",
     "rerun",
     "rerun_cli",
     "simpleeval",
@@ -66,9 +68,9 @@ WITHOUT_KEY = {
     "zstandard",
 }
 # Packages of ROS that no wheel has; the wheel of any other is called ros-NAME.
-# ROS packages whose types are made of their definitions where they are not installed.
-DEFINED = {name.split("/")[0] for kind in ("msg", "srv") for name in own_interfaces(kind)}
-WITHOUT_WHEEL = {"launch", *DEFINED}
+ROOM = CHECKOUT / "onebot_description/ros/packages"
+WITHOUT_WHEEL = {"launch", *(folder.name for folder in ROOM.iterdir() if folder.is_dir())}
+TYPE = re.compile(r'"(\w+)/(?:msg|srv|action)/')
 INSTALLED = {canonicalize_name(each.name) for each in metadata.distributions()}
 # What pip calls what has a module; several distributions may share a folder.
 DISTRIBUTIONS = metadata.packages_distributions()
@@ -106,9 +108,14 @@ def _third_party(files: Iterable[Path]) -> set[str]:
             if top == "tests":
                 used = _file(module)
                 waiting += [used] if used and used not in seen else []
-            elif top not in sys.stdlib_module_names:
+            elif top not in sys.stdlib_module_names and not _is_own(top):
                 found.add(top)
     return found
+
+
+def _is_own(module: str) -> bool:
+    """Whether it is a package for users' nodes, which finds itself where none is installed."""
+    return (CHECKOUT / "onebot_description/ros/packages" / module / "__init__.py").exists()
 
 
 def _of_package(package: str) -> set[str]:
@@ -118,6 +125,12 @@ def _of_package(package: str) -> set[str]:
 def _of_tests(package: str) -> set[str]:
     folder = CHECKOUT / "tests" / package
     return _third_party([*folder.rglob("*.py"), CHECKOUT / "tests/conftest.py"])
+
+
+def _named_packages() -> set[str]:
+    """The ROS packages whose types the product names in its code, as `package/msg/Type`."""
+    files = (file for package in PACKAGES for file in (CHECKOUT / package).rglob("*.py"))
+    return {name for file in files for name in TYPE.findall(file.read_text())}
 
 
 def _is_of_ros(module: str) -> bool:
@@ -145,8 +158,8 @@ def test_manifest_names_what_the_package_imports(package):
     needed = _keys(_of_package(package) - {package})
     if any((CHECKOUT / package).rglob("*.xacro")):
         needed.add("xacro")
-    if package == "onebot_description":
-        needed |= DEFINED
+    if package == "onebot_description":  # makes their types where they are not installed
+        needed |= _named_packages() & WITHOUT_WHEEL
     named = _texts(package, "exec_depend")
     assert sorted(named) == sorted(needed)
 

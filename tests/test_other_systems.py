@@ -22,6 +22,8 @@ NEEDS_ROS = (
     "onebot_bringup/launcher/",
     "onebot_bringup/testing/",
     "onebot_control/nodes/",
+    "onebot_control/evaluation/on_ray",  # Ray on Linux
+    "onebot_description/ros/domains",
     "onebot_description/description/bounded_process",  # it asks for each call; the scenes run it
     "onebot_bringup/cli/teleop",
     "onebot_bringup/cli/doctor",

@@ -4,10 +4,7 @@ import importlib
 import os
 import re
 import shutil
-import site
-import subprocess
 import sys
-import venv
 from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,6 +13,14 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 
+from tests.environments import (
+    CHECKOUT,
+    build,
+    copy_of_checkout,
+    environment_without_ros_variables,
+    fresh_environment,
+    install,
+)
 from tests.support import run_to_end
 
 if sys.version_info >= (3, 11):
@@ -23,7 +28,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-CHECKOUT = Path(__file__).resolve().parent.parent
 # The architecture's table: what each folder may import.
 MAY_IMPORT = {
     "onebot_description": set(),
@@ -125,40 +129,8 @@ def test_one_pybullet_is_required_everywhere(system, machine, python, name):
     assert found == [name]
 
 
-def _environment_without_ros_variables() -> dict[str, str]:
-    dropped = (
-        "PYTHONPATH",
-        "AMENT_PREFIX_PATH",
-        "_ROS_WHEELS_BOOTSTRAP_COMPLETE",
-        "LD_LIBRARY_PATH",
-    )
-    return {name: value for name, value in os.environ.items() if name not in dropped}
-
-
-def _copy_of_checkout(folder: Path) -> Path:
-    ignore = shutil.ignore_patterns(".*", "__pycache__", "*.so", "tests")
-    copy = shutil.copytree(CHECKOUT, folder / "checkout", ignore=ignore)
-    shutil.copy(CHECKOUT / ".gitignore", copy)
-    return Path(copy)
-
-
-def _fresh_environment(folder: Path) -> Path:
-    """An environment without this project, whose dependencies are those of the running one."""
-    venv.create(folder / "venv", with_pip=False)
-    python = folder / "venv/bin/python"
-    target = next((folder / "venv/lib").glob("python*/site-packages"))
-    # addsitedir would run the .pth files of an editable install of this project: only add the path.
-    (target / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
-    return python
-
-
-def _install(python: Path, *args: str) -> None:
-    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", "--no-deps"]
-    subprocess.run([*pip, *args], check=True, env=_environment_without_ros_variables())
-
-
 def _say(python: Path, code: str, cwd: Path) -> str:
-    environment = _environment_without_ros_variables()
+    environment = environment_without_ros_variables()
     # The wheels' start-up hook is not run for a path that a .pth adds: name the libraries instead.
     environment["LD_LIBRARY_PATH"] = os.environ.get("LD_LIBRARY_PATH", "")
     environment["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
@@ -212,32 +184,24 @@ def test_each_command_prints_the_installed_version(words, program):
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{program} {version}\n", "")
 
 
-def _build(project: Path, target: str, folder: Path) -> Path:
-    """Make the "sdist" or the "wheel" of a project's folder."""
-    command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(folder)]
-    subprocess.run(command, cwd=project, check=True)
-    (made,) = folder.iterdir()
-    return made
-
-
 @pytest.mark.slow
 def test_source_distribution_gives_the_same_wheel(tmp_path):
     """What an index serves builds without the checkout, and registers the packages.
 
     $(find pkg) and ament_index work with no variable set by the user.
     """
-    checkout = _copy_of_checkout(tmp_path)
-    there = _build(checkout, "wheel", tmp_path / "there")
-    shutil.unpack_archive(_build(checkout, "sdist", tmp_path / "sdist"), tmp_path / "unpacked")
+    checkout = copy_of_checkout(tmp_path)
+    there = build(checkout, "wheel", tmp_path / "there")
+    shutil.unpack_archive(build(checkout, "sdist", tmp_path / "sdist"), tmp_path / "unpacked")
     shutil.rmtree(checkout)
     (source,) = (tmp_path / "unpacked").iterdir()
     for name in ("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "Dockerfile"):
         assert (source / name).is_file(), name
-    wheel = _build(source, "wheel", tmp_path / "wheel")
+    wheel = build(source, "wheel", tmp_path / "wheel")
     assert wheel.name == there.name
     assert ZipFile(wheel).namelist() == ZipFile(there).namelist()
-    python = _fresh_environment(tmp_path)
-    _install(python, str(wheel))
+    python = fresh_environment(tmp_path)
+    install(python, str(wheel))
     share = tmp_path / "venv/share/mrm_description"
     assert _say(python, WHERE, tmp_path) == f"{share} mrm"
     (file,) = (tmp_path / "venv").rglob("mrm_bringup.launch.py")  # where ros2 launch looks
@@ -250,9 +214,9 @@ def test_source_distribution_gives_the_same_wheel(tmp_path):
 @pytest.mark.slow
 def test_editable_install_sees_an_edited_xacro_at_once(tmp_path):
     """The checkout's own files come first, not the copies made when it was installed."""
-    python = _fresh_environment(tmp_path)
-    checkout = _copy_of_checkout(tmp_path)
-    _install(python, "-e", str(checkout))
+    python = fresh_environment(tmp_path)
+    checkout = copy_of_checkout(tmp_path)
+    install(python, "-e", str(checkout))
     xacro = checkout / "mrm_description/urdf/mrm.xacro"
     xacro.write_text(xacro.read_text().replace('name="mrm"', 'name="edited"'))
     share, name = _say(python, WHERE, tmp_path).rsplit(" ", 1)

@@ -111,6 +111,7 @@ NODES = (
         "onebot_control.joint_trajectory_controller",
         argument=str(CHECKOUT / "mrm_description/urdf/mrm.xacro"),
     ),
+    Documented("onebot_control.navigator"),
     Documented(
         "onebot_bringup.viewer.rerun_viewer",
         most={"viewer": "none", "save": "TMP/run.rrd", "view": "TMP/view.yaml"},

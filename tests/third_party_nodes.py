@@ -21,8 +21,8 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_control import OneBotError, Simulation
+from onebot_description.ros.domains import used_domain
 
 _TURTLEBOT3 = "turtlebot3_example/turtlebot3_example"
 _SECONDS = 20.0  # of simulated time, by default

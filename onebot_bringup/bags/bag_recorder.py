@@ -221,9 +221,9 @@ class TopicRecorder:
             kind = current
         if kind is None:
             return
-        for other in types:
-            if other != kind:
-                self._warn.once(f"{topic} is recorded as {kind}, not as {other}")
+        for other_type in types:
+            if other_type != kind:
+                self._warn.once(f"{topic} is recorded as {kind}, not as {other_type}")
         publishers = offered.get(kind, [])
         qos = compatible_qos(publishers, _DEPTH)
         if recorded is None:

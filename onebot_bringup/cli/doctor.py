@@ -16,6 +16,7 @@ from onebot_bringup.cli.options import Parser, option, positive
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError, listing
 from onebot_description.ros.discovery import MAX_DOMAIN, RANGE, SERVER, use_local_discovery
+from onebot_description.ros.packages import origin, package_names
 from onebot_description.ros.shared_memory import FOLDER, find_segments
 
 OK, NOTE, PROBLEM = "ok", "note", "problem"
@@ -54,6 +55,7 @@ def run(argv: Sequence[str]) -> int:
         "pybullet": pybullet,
         "compiled library": _library,
         "rclpy": _rclpy,
+        "packages": _packages,
         "domain": lambda: domain(os.environ),
         "messages": lambda: _messages(args.timeout),
         "shared memory": lambda: shared_memory(FOLDER),
@@ -100,11 +102,11 @@ def pybullet() -> Verdict:
     installed = [name for name in _BULLETS if any(metadata.distributions(name=name))]
     if len(installed) == 1:
         return Verdict(OK, f"of {installed[0]} {metadata.version(installed[0])}")
-    again = f"pip install --force-reinstall --no-deps {_BULLET}"
+    repair = f"pip install --force-reinstall --no-deps {_BULLET}"
     if not installed:
-        return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", again)
+        return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", repair)
     text = f"{' and '.join(_BULLETS)} are both installed, and overwrite each other's files"
-    return Verdict(PROBLEM, text, f"pip uninstall -y {' '.join(_BULLETS)} && {again}")
+    return Verdict(PROBLEM, text, f"pip uninstall -y {' '.join(_BULLETS)} && {repair}")
 
 
 def _library() -> Verdict:
@@ -134,6 +136,18 @@ def _rclpy() -> Verdict:
         "is another ROS sourced? use a new shell, or unset PYTHONPATH LD_LIBRARY_PATH "
         "AMENT_PREFIX_PATH",
     )
+
+
+def _packages() -> Verdict:
+    """List where the packages come from that ROS's wheels lack."""
+    places: dict[str, list[str]] = {}
+    for name in package_names():
+        places.setdefault(origin(name) or "nowhere", []).append(name)
+    text = "; ".join(f"{', '.join(names)} of {place}" for place, names in places.items())
+    code = "import sys; print(any(getattr(each, 'is_onebot', 0) for each in sys.meta_path))"
+    if _python("-c", code).stdout.strip() == "True":
+        return Verdict(OK, text)
+    return Verdict(NOTE, f"{text}; other programs do not find them", f"pip install {_NAME}")
 
 
 def domain(environment: Mapping[str, str]) -> Verdict:

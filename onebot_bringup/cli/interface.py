@@ -1,15 +1,28 @@
-"""``onebot interface ...``: lists the installed types and shows their fields."""
+"""``onebot interface ...``: lists the installed types, shows their fields, adds one's own."""
 
 import re
+import shutil
+import sysconfig
 from argparse import Namespace
 from collections.abc import Iterator
+from pathlib import Path
 
 from onebot_bringup.cli.options import Subcommand, flag, positional
 from onebot_bringup.introspection.interfaces import full_name, installed
+from onebot_description.elements.packages import package_name
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.ros.wire.interface_text import interface_text
+from onebot_description.ros.packages import origin
+from onebot_description.ros.packages.stubs import write_stubs
+from onebot_description.ros.wire.interface_text import (
+    ADDED,
+    KINDS,
+    definitions,
+    interface_text,
+    own_packages,
+)
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
+_SITE = Path(sysconfig.get_path("purelib"))  # where editors look for stubs
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 
@@ -62,6 +75,61 @@ def _nested(line: str, package: str) -> str | None:
     return full if full in installed("msg") else None
 
 
+# ---- One's own packages ----
+
+
+def list_packages(_: Namespace) -> None:
+    """List the packages with interfaces, and the folders of those that are made of definitions."""
+    names = {name.partition("/")[0] for kind in KINDS for name in installed(kind)}
+    own = own_packages()
+    for name in sorted(names):
+        print(f"{name} ({own[name]})" if name in own else name)
+
+
+def add(args: Namespace) -> None:
+    """Make the interfaces of a package folder importable in this environment."""
+    from onebot_description.ros.wire.interfaces import own_interface
+
+    folder = Path(args.folder).expanduser().resolve()
+    if not any(definitions(folder)):
+        raise OneBotError(f"{folder} has no file such as msg/Name.msg, srv/Name.srv")
+    name = package_name(folder) or folder.name
+    if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name):
+        raise OneBotError(f'"{name}" is no package name, such as my_interfaces: add a package.xml')
+    link = ADDED / name
+    link.unlink(missing_ok=True)
+    try:
+        ADDED.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(folder)
+    except OSError as error:
+        text = f"{link}: {error.strerror}; or export ROS_PACKAGE_PATH={folder}"
+        raise OneBotError(text) from error
+    if (place := origin(name)) != str(folder.parent):
+        link.unlink()
+        raise OneBotError(f"{name} of {place or 'the sourced ROS'} takes precedence")
+    types = [f"{name}/{file.parent.name}/{file.stem}" for file in definitions(folder)]
+    try:
+        for type_ in types:
+            own_interface(type_)
+    except OneBotError:
+        link.unlink()
+        raise
+    write_stubs(name, folder, _SITE)
+    print(f"added {name} of {folder}: {', '.join(types)}")
+
+
+def remove(args: Namespace) -> None:
+    """Undo ``add``."""
+    link = ADDED / args.package
+    if not link.is_symlink():
+        added = sorted(each.name for each in ADDED.iterdir()) if ADDED.is_dir() else []
+        hint = did_you_mean(args.package, added, "added")
+        raise OneBotError(f'no package "{args.package}" was added{hint}')
+    link.unlink()
+    shutil.rmtree(_SITE / f"{args.package}-stubs", ignore_errors=True)
+    print(f"removed {args.package}")
+
+
 COMMANDS = {
     "show": Subcommand(
         "show the fields of a type",
@@ -73,4 +141,11 @@ COMMANDS = {
         "list the installed types",
         list_types,
     ),
+    "packages": Subcommand("list the packages that have types", list_packages),
+    "add": Subcommand(
+        "make the types of a package folder importable, without building it",
+        add,
+        positional("FOLDER", "a folder with msg/, srv/ or action/"),
+    ),
+    "remove": Subcommand("undo add", remove, positional("PACKAGE", "its name")),
 }

@@ -54,8 +54,8 @@ def matching(node: Any, topic: str, args: argparse.Namespace) -> "QoSProfile":
 
     chosen = profile(args, "sensor_data")
     offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
-    given = any(value is not None for name, value in vars(args).items() if name[:4] == "qos_")
-    if given or not offered:
+    is_given = any(value is not None for name, value in vars(args).items() if name[:4] == "qos_")
+    if is_given or not offered:
         return chosen
     suited = compatible_qos(offered, chosen.depth)
     if is_transient_local(suited):  # receive everything that publishers of a latched topic keep

@@ -130,13 +130,13 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     end = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
     pairs = [word for word in argv[:end] if re.match(r"[^-:][^:]*:=", word)]
     args = parser.parse([word for word in argv if word not in pairs])
-    given = dict(word.split(":=", 1) for word in pairs)
-    args.package_path = given.get(PACKAGE_PATH, "")
-    args.arguments = model_values(given, {PACKAGE_PATH})
+    values = dict(word.split(":=", 1) for word in pairs)
+    args.package_path = values.get(PACKAGE_PATH, "")
+    args.arguments = model_values(values, {PACKAGE_PATH})
     args.joints = joint_positions(args.joints)
     args.kind = kind_of(args.source)
-    taken = {_NAMESPACE} if args.kind == "bag" else set()
-    if args.kind != "description" and (args.joints or args.arguments.keys() - taken):
+    own_names = {_NAMESPACE} if args.kind == "bag" else set()
+    if args.kind != "description" and (args.joints or args.arguments.keys() - own_names):
         raise UsageError(
             "--joints and name:=value are for a URDF or xacro file as SOURCE; of running robots "
             "choose by --ros-args -r __ns:=/NAMESPACE"

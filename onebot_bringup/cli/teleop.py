@@ -1,6 +1,6 @@
 """``onebot teleop``: drives a robot from the keyboard, with the keys of teleop_twist_keyboard.
 
-``Driver`` turns keys into velocities, without ROS and without a terminal.
+``KeyDriver`` turns keys into velocities, without ROS and without a terminal.
 """
 
 import contextlib
@@ -97,7 +97,7 @@ Velocity = tuple[float, float, float, float]
 STILL: Velocity = (0.0, 0.0, 0.0, 0.0)
 
 
-class Driver:
+class KeyDriver:
     """Converts key presses to velocities over time."""
 
     def __init__(self, speed: float, turn: float, hold: float) -> None:
@@ -238,13 +238,15 @@ class _Teleop:
         from geometry_msgs.msg import Twist, TwistStamped
 
         from onebot_bringup.steering.command_topic import RobotLock
+        from onebot_control.nodes.command_controllers import Controllers
 
         self._session, self._args = session, args
         self._kind = TwistStamped if args.stamped else Twist
         self._topic = chosen_commands(session, args.robot)
         self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
-        self._driver = Driver(args.speed, args.turn, args.hold)
+        self._driver = KeyDriver(args.speed, args.turn, args.hold)
         self._lock = RobotLock(session.node, self._topic, self._on_lock)
+        self._controllers = Controllers(session.node, lambda: None)
         self._shown = ""
         self._note, self._next_poll = "", boot_time() + _SUBSCRIBER_PERIOD
 
@@ -321,8 +323,14 @@ class _Teleop:
             sys.stdout.flush()
 
     def _subscriber_note(self) -> str:
+        """Return what is known of the robot: the least radius of its curves, or that it is gone."""
+        from onebot_bringup.steering.command_topic import command_subscribers
+
         if self._publisher.get_subscription_count():
-            return ""
+            ends = command_subscribers(self._session.node, self._topic)
+            self._controllers.update(end.node for end in ends if end.node)
+            radius = max((c.least_radius for c in self._controllers.known), default=0.0)
+            return f"\tleast radius {radius:.3g} m" if radius else ""
         types = self._session.subscribed_types(self._topic)
-        other = f", but of {', '.join(types)}: see --stamped" if types else " yet"
-        return f"\t(no subscriber of {self._kind.__name__}{other})"
+        hint = f", but of {', '.join(types)}: see --stamped" if types else " yet"
+        return f"\t(no subscriber of {self._kind.__name__}{hint})"

@@ -28,13 +28,16 @@ VERBS = {
     "interface": Verb("list types of messages and show them"),
     "tf": Verb("show the tree of frames, and transforms between frames"),
     "snapshot": Verb("draw a robot into a picture file"),
-    "run": Verb("run a node by its package and name", 0),
+    "run": Verb("run a node by its package and name, or from its file", 0),
+    "evaluate": Verb("run an episode for many cases, and write the table of them"),
     "bag": Verb("record topics, play a recording, show what it holds"),
     "replay": Verb("show a recording"),
     "doctor": Verb("check what is wrong on this computer"),
     "completion": Verb("print the tab completion of a shell"),
     "steer": Verb("drive from a page in the browser", 0),
     "teleop": Verb("drive from the keyboard", 0),
+    "navigate": Verb("drive a robot to a place in its map"),
+    "map": Verb("save the map of a robot"),
     "trajectory": Verb("move joints to positions, and list those that can be moved"),
 }
 

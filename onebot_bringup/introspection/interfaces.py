@@ -37,7 +37,7 @@ def full_name(name: str, kind: str) -> str:
     if full in names:
         return full
     end = full.rpartition("/")[2].lower()  # another package may have a type of this name
-    namesakes = [known for known in names if known.rpartition("/")[2].lower() == end]
+    namesakes = [full for full in names if full.rpartition("/")[2].lower() == end]
     hint = did_you_mean(full, namesakes or names, "installed")
     raise OneBotError(f'no {_KINDS[kind]} type "{name}"{hint}')
 

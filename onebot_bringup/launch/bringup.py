@@ -45,6 +45,7 @@ from onebot_description.ros.signals import KeyboardInterrupts
 if TYPE_CHECKING:
     from onebot_bringup.launch.robots import PlacedRobot
     from onebot_bringup.launch.settings import BringupSettings
+    from onebot_description.description import Description
 
 
 UP = "Ctrl-C stops everything"  # the last line that a bringup prints when it is up
@@ -111,14 +112,14 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
         The exit code: 0 when stopped by the user, 1 when a node that matters has failed.
     """
     arguments = split(argv)
-    given = _with_model(command, arguments)
+    given_values = _with_model(command, arguments)
     if arguments.help or arguments.show:
-        of_model, _ = command.model_arguments(given)
+        of_model, _ = command.model_arguments(given_values)
         print(help_text(command, command.arguments(), of_model, complete=arguments.help))
         return 0
     os.environ.update(blas_variables())  # BLAS starts no threads, so xacro can run in forks
-    settings = read_settings(command, given)
-    launch = read_robots(command, settings, model_values(given, settings.given))
+    settings = read_settings(command, given_values)
+    launch = read_robots(command, settings, model_values(given_values, settings.given))
     return run(command, replace(launch, ros_args=arguments.ros_args))
 
 
@@ -140,13 +141,13 @@ def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSetting
     if not model:
         raise UsageError(f"{command.program} needs a file, a URDF or xacro")
     names = {argument.name for argument in command.arguments()}
-    own = {name: value for name, value in given.items() if name in names}
+    own_values = {name: value for name, value in given.items() if name in names}
     take_package_path(given)  # the model's includes may need it
-    if len(own) < len(given):
+    if len(own_values) < len(given):
         _check_names(command, given, names)
     if not model.endswith(".urdf"):
-        _warn_of_shadowed(command, given, own)
-    settings = checked_settings(command.settings_class, own, **command.defaults)
+        _warn_of_shadowed(command, given, own_values)
+    settings = checked_settings(command.settings_class, own_values, **command.defaults)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     _check_files(settings)
     return with_params_file(settings)
@@ -170,13 +171,25 @@ def read_robots(
     description, source = load_followed(settings.model, for_model)
     description.require_tree()
     settings = with_view(settings, command, description.root_link)
+    if settings.navigate and settings.sim and not settings.sensors:
+        _require_lidar(description)
     robots: list[PlacedRobot] = []
     if settings.robots:
         from onebot_bringup.launch.robots import placed_robots  # seldom needed, imports numpy
 
         robots = placed_robots(settings.robots, description)
-    _check_sections(settings, robots)
+    _check_sections(settings, description, robots)
     return Launch(settings, description, source, robots=robots)
+
+
+def _require_lidar(description: "Description") -> None:
+    from onebot_description.description.sensors.lidar import Lidar
+
+    if not any(isinstance(sensor.model, Lidar) for sensor in description.sensors):
+        raise UsageError(
+            "navigate:=true needs a lidar, and the robot has none (OneBot has one with "
+            "sensors_enabled:=true; sensors:=FILE adds those of another file)"
+        )
 
 
 def run(command: Bringup, launch: Launch) -> int:
@@ -222,9 +235,9 @@ def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[s
     """Print which of the command's ``own`` arguments the model declares, too."""
     of_model = {argument.name for argument in command.model_arguments(given)[0]} if own else ()
     for name in own:
-        other = f"{OF_MODEL}{name}"
-        if name != "model" and other in of_model and other not in given:
-            text = f"{name}:= is an argument of {command.program}; the model's is {other}:="
+        prefixed_name = f"{OF_MODEL}{name}"
+        if name != "model" and prefixed_name in of_model and prefixed_name not in given:
+            text = f"{name}:= is an argument of {command.program}; the model's is {prefixed_name}:="
             print(f"warning: {text}", file=sys.stderr)
 
 
@@ -234,6 +247,10 @@ def _check_files(settings: "BringupSettings") -> None:
     for name, file in (("joints", settings.joints), ("params_file", settings.params_file)):
         if file:
             require_file(name, Path(file))
+    if settings.map:
+        from onebot_control.navigation.map_files import load_map
+
+        load_map(Path(settings.map))
     if settings.save and Path(settings.save).suffix != ".rrd":
         raise OneBotError(f"save:={settings.save}: a recording's name must end in .rrd")
     for name, target in (("save", settings.save), ("record", settings.record)):
@@ -253,7 +270,9 @@ def _check_files(settings: "BringupSettings") -> None:
         listen(settings.host, settings.port).close()
 
 
-def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]) -> None:
+def _check_sections(
+    settings: "BringupSettings", description: "Description", robots: Sequence["PlacedRobot"]
+) -> None:
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
@@ -261,7 +280,9 @@ def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]
     from onebot_description.parameters.reader import unknown_parameters
 
     space = absolute(settings.namespace)
-    spaces = [f"{space}/{robot.name}" for robot in robots] or [space]
+    described = {f"{space}/{robot.name}": robot.description for robot in robots}
+    described = described or {space: description}
+    spaces = [*described]
     # Each file, and the namespaces of the nodes that get it.
     files: list[tuple[Path, list[str]]] = []
     if settings.params_file and "params_file" in settings.given:
@@ -269,7 +290,7 @@ def _check_sections(settings: "BringupSettings", robots: Sequence["PlacedRobot"]
     for robot, name in zip(robots, spaces, strict=False):
         if robot.params_file:
             files.append((robot.params_file, [name]))
-    nodes = unknown_by_node(settings.controller, [file for file, _ in files], spaces)
+    nodes = unknown_by_node(settings.controller, [file for file, _ in files], described)
     if settings.joints and "joints" in settings.given:  # then it is not simulated
         files = [(Path(settings.joints), [space])]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}

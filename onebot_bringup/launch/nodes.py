@@ -97,9 +97,9 @@ class Launch:
         drive, targets = self.settings.drive, dict[str, str]()
         topics = {"cmd_vel": drive.command, "odom": drive.odometry, "ground_truth": "ground_truth"}
         for topic, name in topics.items():
-            own = f"{drive.name}/{name}"
+            full = f"{drive.name}/{name}"
             is_nav2 = self.settings.nav2_topics and topic in _NAV2_TOPICS
-            targets[f"{DRIVE_CONTROLLER}/{topic}"] = targets[own] = topic if is_nav2 else own
+            targets[f"{DRIVE_CONTROLLER}/{topic}"] = targets[full] = topic if is_nav2 else full
         of_robots = [f"{robot.name}/" for robot in self.robots if self.robot is None]
         return [
             word
@@ -183,6 +183,20 @@ def world_frame(settings: BringupSettings, params_files: Sequence[Path]) -> str:
     if truth is None:
         truth = written.get("ground_truth_tf", True)
     return str(written.get("world_frame_id") or (WORLD_FRAME if truth is True else _MAP))
+
+
+def _navigator_parameters(launch: Launch) -> Parameters:
+    """Return where the robot starts, so that the map has the frame of the world."""
+    from onebot_control.control_files import read_control_files
+
+    settings = launch.settings
+    space = absolute(settings.namespace)
+    written = read_control_files(launch.params_files, space, settings.controller).values
+    starts = {name: getattr(settings, name) for name in ("x", "y", "yaw")}
+    return {
+        f"initial_pose.{name}": float(written.get(name, 0.0) if start is None else start)
+        for name, start in starts.items()
+    }
 
 
 def _state_parameters(launch: Launch) -> Parameters:
@@ -273,6 +287,14 @@ NODES = (
         _joint_parameters,
         starts=_makes_joint_states,
         files=lambda launch: given_files(launch.settings.joints),
+    ),
+    NodeRow(
+        "navigator",
+        "onebot_control.navigator",
+        _navigator_parameters,
+        starts=lambda launch: launch.settings.navigate,
+        on_exit="ignore",
+        each_robot=True,
     ),
     VIEWER := NodeRow(
         "rerun_viewer",

@@ -19,6 +19,7 @@ from onebot_bringup.viewer.core.settings import FrameSettings
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, DriveNode, namespace_prefix
 from onebot_control.drive_kinds import ControlConfig
+from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description.loading import shipped_worlds
 from onebot_description.errors import UsageError
@@ -28,7 +29,7 @@ from onebot_description.state_parameters import StateParameters
 _AS_IN_FILE = "default: params_file's"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
-_STEERING_PAGE = "steering_page"
+_STEERING_PAGE, _NAVIGATOR = "steering_page", "navigator"
 _OF_SIMULATION = ("params_file", "nav2_topics", "robots")  # besides parameters of controllers
 _OF_JOINTS = ("joints", "joint_states")
 _OF_ONE_ROBOT = ("x", "y", "yaw", "frame_prefix", "reload")
@@ -37,6 +38,7 @@ _OF_ONE_ROBOT = ("x", "y", "yaw", "frame_prefix", "reload")
 _state = partial(parameter_of, ("robot_state_publisher",), StateParameters)
 _viewer = partial(parameter_of, ("rerun_viewer",), ViewerParameters)
 _page = partial(parameter_of, (_STEERING_PAGE,), PageParameters)
+_navigator = partial(parameter_of, (_NAVIGATOR,), NavigatorParameters)
 _simulation = partial(
     parameter_of, (DRIVE_CONTROLLER, MANAGER), SimulationConfig, default=None, note=_AS_IN_FILE
 )
@@ -92,6 +94,8 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
     world: str = _simulation("world", default="", examples=tuple(shipped_worlds()))
     sensors: str = _simulation("sensors", default="")
     ground_truth_tf: bool | None = _simulation("ground_truth_tf")
+    navigate: bool = argument(False, "drive to goals by the lidar, around what is in the way")
+    map: str = _navigator("yaml_filename", note="of navigate:=true")
     nav2_topics: bool = argument(False, "the topics that Nav2 expects, cmd_vel and odom")
     rate: float | None = _simulation("update_rate", note=_PACE)
     real_time_factor: float | None = _simulation("real_time_factor")
@@ -120,6 +124,8 @@ class StandingSettings(BringupSettings):
     left_wheel: tuple[str, ...] | None = None
     right_wheel: tuple[str, ...] | None = None
     ground_truth_tf: bool | None = None
+    navigate: bool = False
+    map: str = ""
     nav2_topics: bool = False
     drive: DriveNode = field(default=DriveNode(MANAGER), metadata=NO_PARAMETER)
 
@@ -139,6 +145,8 @@ def checked_settings(
     if settings.sim and prefix and not prefix.endswith("/"):
         raise UsageError(f"frame_prefix:={prefix} must end with /, as in frame_prefix:={prefix}/")
     _check_effect(settings, given)
+    if settings.navigate and settings.ground_truth_tf is None:
+        settings = replace(settings, ground_truth_tf=False)  # the navigator localizes the robot
     return settings
 
 
@@ -158,5 +166,7 @@ def _check_effect(settings: BringupSettings, given: Mapping[str, str]) -> None:
             raise UsageError(f"{written} {text}, or write sim:=false")
         elif not settings.steer and _STEERING_PAGE in nodes:
             raise UsageError(f"{written} is the steering page's: add steer:=true")
+        elif not settings.navigate and _NAVIGATOR in nodes:
+            raise UsageError(f"{written} is the navigator's: add navigate:=true")
         elif settings.robots and name in _OF_ONE_ROBOT and value is not False:
             raise UsageError(f"{written} is for one robot, not for robots:={settings.robots}")

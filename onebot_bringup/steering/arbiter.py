@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from onebot_bringup.steering.command_limits import Limits
-from onebot_bringup.steering.protocol import Command, Drive, Parts, Release, SetLimits, Stop
+from onebot_bringup.steering.protocol import Command, DriveMessage, Parts, Release, SetLimits, Stop
 from onebot_description.timing.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
@@ -102,9 +102,9 @@ class Arbiter:
             self._pages.pop(page, None)
         return drove
 
-    def handle(self, page: str, message: Drive | Release | Stop | SetLimits) -> None:
+    def handle(self, page: str, message: DriveMessage | Release | Stop | SetLimits) -> None:
         with self._update():
-            if isinstance(message, Drive):
+            if isinstance(message, DriveMessage):
                 self._drive(page, message)
             elif isinstance(message, Release):
                 if self._driver == page and self._clock() < self._step_end:
@@ -159,7 +159,7 @@ class Arbiter:
                 self._publish_next()
             self._zeros = 0
 
-    def _drive(self, page: str, message: Drive) -> None:
+    def _drive(self, page: str, message: DriveMessage) -> None:
         """Handle a held control; the first timely message after a release takes control."""
         sender, now = self._pages[page], self._clock()
         # The stamp is from the server, so the page sent the message after it.

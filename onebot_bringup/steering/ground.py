@@ -1,4 +1,4 @@
-"""The data of the page's map: the robot, its scans and the map (nav_msgs/OccupancyGrid).
+"""The data of the page's map: the robot, its scans, its path and the map.
 
 They are shown in the frame ``map`` if the robot's odometry is below it, or else in the root of its
 tree. Nothing is subscribed to while no page shows the map.
@@ -23,14 +23,16 @@ from onebot_bringup.steering.followed_topics import (
 )
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_description.geometry.matrices import of_transform
+from onebot_description.geometry.matrices import of_transform, transformed
 from onebot_description.geometry.poses import Transform, of_arrays
-from onebot_description.ros.frame_tree import TransformError
+from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.message_arrays import OdometrySample
 
 _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"
+_PATH, _POLYGON = "nav_msgs/msg/Path", "geometry_msgs/msg/PolygonStamped"
+_NAVIGATOR = {"plan": _PATH, "local_costmap/published_footprint": _POLYGON}  # also Nav2's
 _DEPTH = 100  # queue depth
 _KNOWN = np.arange(256) <= 100  # whether a cell's byte is a percentage; others are unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
@@ -78,6 +80,8 @@ class Ground:
             own_map = f"{namespace.name}/{_MAP}"
             grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
             topics = namespace.topics(self._node, {_SCAN}) | {grid: _GRID}
+            for name, kind in _NAVIGATOR.items():
+                topics[f"{namespace.name}/{name}"] = kind
         self._transforms.update(bool(topics))
         if _GRID in self._topics.update(topics):
             self.grid = None
@@ -112,7 +116,24 @@ class Ground:
             "robot": robot,
             "map": self._grid_fields(frame),
             "scans": self._scan_points(frame),
+            "path": self._line(_PATH, frame),
+            "footprint": self._line(_POLYGON, frame),
         }
+
+    def _line(self, kind: str, frame: str) -> list[list[float]]:
+        """Return the points of the newest path or polygon, x and y; none if it is old."""
+        for message in self._topics.recent({kind}, _OLD):
+            points = (
+                [pose.pose.position for pose in message.poses]
+                if kind == _PATH
+                else message.polygon.points
+            )
+            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), frame)
+            if pose is not None and len(points):
+                corners = np.array([(point.x, point.y, point.z) for point in points])
+                found: list[list[float]] = transformed(corners, pose)[:, :2].round(3).tolist()
+                return found
+        return []
 
     def _scan_points(self, frame: str) -> list[list[float]]:
         """Return the points that the scans hit, x and y, by their sensors' poses at that time."""
@@ -152,7 +173,7 @@ class Ground:
         if of != frame:
             try:
                 matrix = self._transforms.tree.lookup(frame, of).matrix @ matrix
-            except TransformError:
+            except TransformException:
                 return None
         (x, y), yaw = matrix[:2, 3].tolist(), math.atan2(matrix[1, 0], matrix[0, 0])
         pose = {"x": x, "y": y, "yaw": yaw}

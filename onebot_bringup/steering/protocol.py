@@ -91,7 +91,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveMessage:
     """A control is held; sent repeatedly, since the robot stops after a timeout.
 
     The stamp is that of the newest state (or welcome). As it comes from the server's own clock, the
@@ -135,7 +135,7 @@ class SetLimits:
     lateral: float | None = None  # m/s
 
 
-Message = Drive | Release | Stop | ChooseTopic | SetLimits
+Message = DriveMessage | Release | Stop | ChooseTopic | SetLimits
 Check = Callable[[str, Any], Any]
 """Converts the JSON value of a field, given its name first; raises a ProtocolError."""
 
@@ -180,7 +180,7 @@ def _topic(name: str, value: Any) -> str:
 
 MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
     "drive": (
-        Drive,
+        DriveMessage,
         {**dict.fromkeys(Velocity._fields, number), "stamp": _seconds, "joints": _joints},
     ),
     "release": (Release, {}),

@@ -60,7 +60,6 @@ from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_limits import (
     Braking,
-    Controller,
     Limits,
     braking_of,
     limits_of,
@@ -72,10 +71,10 @@ from onebot_bringup.steering.command_topic import (
     commanded_robots,
     namespace_of,
 )
-from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.followed_topics import RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
+from onebot_bringup.steering.navigator_status import NavigatorStatus
 from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -84,6 +83,8 @@ from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
+from onebot_control.drive.controller_limits import Controller
+from onebot_control.nodes.command_controllers import Controllers
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
@@ -140,6 +141,7 @@ class SteeringPage(Node):
         self._timeouts = 0  # number of timeouts logged so far
         self._ground = Ground(self, self._odometry)
         self._cameras = CameraFeed(self)
+        self._navigation = NavigatorStatus(self)
         self._obstacles = Obstacles(
             self, self._odometry, lambda: self._arbiter.state.command.velocity
         )
@@ -203,7 +205,8 @@ class SteeringPage(Node):
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
-            "others": commands.others,  # the other nodes that publish commands
+            "others": self._navigation.others(commands.others),  # who else publishes commands
+            "navigation": self._navigation.line,  # what the robot's navigator does
             # Locked wheels or joints ignore all commands until a page moves them again.
             "locked": commands.locked or self._joints.locked,
             "wheels_locked": commands.locked,
@@ -251,6 +254,7 @@ class SteeringPage(Node):
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         self._ground.update(namespace)
+        self._navigation.update(namespace)
         self._cameras.update(namespace, watched)
         self._viewer.publish_cameras(self._cameras.topics)
         self._obstacles.update(namespace, watched)

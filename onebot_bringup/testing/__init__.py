@@ -1,4 +1,4 @@
-"""Tools for tests of robots: the pytest plugin, and separate ROS domains.
+"""Tools for tests of robots: the pytest plugin, and running bringups.
 
 The types of the plugin's fixtures are here for annotations::
 
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from onebot_bringup.testing.running import RunningBringup
 else:
     __getattr__ = onebot_description.lazy(
+        globals(),
         {
             "onebot_bringup.testing.plugin": (
                 *("BringupFixture", "RosSimulationFixture", "SimulationFixture"),
             ),
             "onebot_bringup.testing.running": ("RunningBringup",),
-        }
+        },
     )

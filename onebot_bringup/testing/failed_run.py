@@ -49,15 +49,24 @@ def show_failed_run(simulation: Simulation, base: Path) -> list[Path]:
     """
     recorded, picture = (base.with_name(f"{base.name}{ending}") for ending in (".rrd", ".png"))
     base.parent.mkdir(parents=True, exist_ok=True)
-    recording = open_recording(save=recorded)
-    try:
-        _record(simulation, recording.stream)
-    finally:
-        recording.close()
+    record_run(simulation, recorded)
     with suppress(OneBotError):
         render(recorded, picture, progress=lambda _: None)
         return [recorded, picture]
     return [recorded]
+
+
+def record_run(simulation: Simulation, path: Path) -> None:
+    """Write the recorded end of a simulation, which may be closed, to a .rrd file.
+
+    Raises:
+        OneBotError: it cannot be recorded.
+    """
+    recording = open_recording(save=path)
+    try:
+        _record(simulation, recording.stream)
+    finally:
+        recording.close()
 
 
 def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
@@ -94,21 +103,22 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
 def _camera(simulation: Simulation, robots: Sequence[RobotMessages], end: Moment) -> CameraSettings:
     """Return a camera that shows all robots where they are at the end, from a side that is free."""
     boxes = []
-    for robot, shown, pose, joints in zip(
+    for robot, shown_robot, pose, joints in zip(
         simulation.robots.values(), robots, end.poses, end.joints, strict=True
     ):
         root = matrices.of_transform(pose)
-        links = shown.model.link_matrices(shown.model.positions(joints))
+        links = shown_robot.model.link_matrices(shown_robot.model.positions(joints))
         poses = {link: root @ matrix for link, matrix in links.items()}
         boxes.append(robot_bounds(robot.description, poses))
     bounds = [box for box in boxes if box is not None]
     if not bounds:
         return CameraSettings()
     box = box_around(np.concatenate(bounds))
-    for eye, target in map(partial(fitting_eye, box), range(_SIDES)):
-        away = np.subtract(target, eye)
-        if simulation.ray(eye, away.tolist()) > np.linalg.norm(away) - diagonal(box) / 2.0:
-            return CameraSettings(eye, target)
+    with suppress(OneBotError):  # a closed simulation has no rays
+        for eye, target in map(partial(fitting_eye, box), range(_SIDES)):
+            away = np.subtract(target, eye)
+            if simulation.ray(eye, away.tolist()) > np.linalg.norm(away) - diagonal(box) / 2.0:
+                return CameraSettings(eye, target)
     return CameraSettings(*fitting_eye(box))
 
 

@@ -65,7 +65,7 @@ def simulation(request: pytest.FixtureRequest) -> Iterator[SimulationFixture]:
 @pytest.fixture
 def ros_domain(request: pytest.FixtureRequest) -> Iterator[int]:
     """Set ROS_DOMAIN_ID to a domain that no other test or robot on this computer uses."""
-    from onebot_bringup.testing.domains import used_domain
+    from onebot_description.ros.domains import used_domain
 
     with used_domain() as domain:
         request.node.stash[_DOMAIN] = domain

@@ -104,7 +104,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
         received: list[object] = []  # joint states, and answers that the simulation is paused
-        asked = set[str]()
+        asked_names = set[str]()
 
         def on_state(future: rclpy.Future) -> None:
             state = future.result().state
@@ -123,10 +123,10 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
                     if topic.endswith("joint_states"):
                         node.create_subscription(JointState, topic, received.append, 10)
                 for name, kinds in node.get_service_names_and_types():
-                    if name not in asked and kinds == [kind]:
+                    if name not in asked_names and kinds == [kind]:
                         client = node.create_client(state, name)
                         if client.service_is_ready():
-                            asked.add(name)
+                            asked_names.add(name)
                             client.call_async(state.Request()).add_done_callback(on_state)
                         else:
                             node.destroy_client(client)

@@ -25,11 +25,11 @@ Example:
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
-from onebot_control.drive.kinematics import DriveCommand, Kinematics, PlanarTwist
+from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimiter
@@ -38,7 +38,7 @@ from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import Wheels
 
-_AXES = ("linear.x", "linear.y", "angular.z")  # as in PlanarTwist
+_AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarTwist
 _REST = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
@@ -84,49 +84,41 @@ class Drive:
             config: the parameters.
 
         Raises:
-            OneBotError: see ``fitted``.
+            OneBotError: see ``DriveParameters.fitted``.
         """
         self.wheels, self.config = wheels, config
-        # Of each wheel, the rows in ``joints`` and the directions of the joints that turn as one.
+        # For each wheel, indices in ``joints`` and directions of the joints that turn as one.
         self._groups = [
             [(joints.index(name), wheels.directions[name]) for name in names]
             for names in wheels.groups
         ]
-        # The row of each steering joint, and 1 if it steers to the left by positive positions.
-        self._steering_rows = [
+        # The index of each steering joint, and 1 if it steers to the left by positive positions.
+        self._steering_indices = [
             (joints.index(name), math.copysign(1.0, wheels.axles[name].axis[2]))
             for name in wheels.steering
         ]
         self._steering: Sequence[float] = (0.0,) * len(wheels.steering)
         self.command = DriveCommand(0.0, 0.0, 0.0, (), self._steering)
-        _, kinematics = self.fitted(config)
+        _, kinematics = config.fitted(wheels)
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self.origin = PlanarPose()
         self.drift, self.notice = DriftCheck(skids=wheels.skids), ""
         self.configure(config)
         self.halt()
 
-    def fitted(self, config: DriveParameters[Any]) -> tuple[Any, Kinematics]:
-        """Return the geometry and the kinematics that ``config`` gives these wheels.
-
-        Raises:
-            OneBotError: the description does not determine the geometry, or it is unusable.
-        """
-        return config.fitted(self.wheels)
-
     def configure(self, config: DriveParameters[Any]) -> None:
         """Apply changed parameters; pose, command and speed stay as they are.
 
         Raises:
-            OneBotError: see ``fitted``; then nothing has changed.
+            OneBotError: see ``DriveParameters.fitted``; then nothing has changed.
         """
-        self.geometry, self.odometry.kinematics = self.fitted(config)
+        self.geometry, self.odometry.kinematics = config.fitted(self.wheels)
         feedback = self.config.open_loop, self.config.position_feedback
         self.config = config
         if (config.open_loop, config.position_feedback) != feedback:
             # The wheels have moved since they were last used as feedback.
             self.odometry.rereference_wheels()
-        limits = config.limits
+        limits, self._timeout = config.limits, config.timeout  # s
         self._limiters = [(_AXES.index(axis), SpeedLimiter(limits[axis])) for axis in limits]
         self.odometry.set_window(config.velocity_rolling_window_size)
         self.odometry.noise = config.noise(len(self.odometry.kinematics.shares))
@@ -148,10 +140,9 @@ class Drive:
         """
         if not (math.isfinite(linear) and math.isfinite(lateral) and math.isfinite(angular)):
             return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
-        timeout = self.config.timeout
         age = max(0.0, age or 0.0)
-        if timeout and age >= timeout:
-            return f"{age:.3f} s old, and cmd_vel_timeout is {timeout:g} s"
+        if self._timeout and age >= self._timeout:
+            return f"{age:.3f} s old, and cmd_vel_timeout is {self._timeout:g} s"
         if lateral and not self.moves_sideways:
             self.notice = "linear.y is ignored: the drive does not move sideways"
         elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
@@ -166,11 +157,12 @@ class Drive:
 
     def observe(self, positions: Sequence[float], velocities: Sequence[float], dt: float) -> None:
         """Update the odometry with the joints' state, ``dt`` seconds after the last call."""
-        before, steering = self._steering, self._steering
-        if self._steering_rows:
-            self._steering = [sign * positions[row] for row, sign in self._steering_rows]
+        steering_before, steering = self._steering, self._steering
+        if self._steering_indices:
+            self._steering = [sign * positions[index] for index, sign in self._steering_indices]
             steering = [
-                (last + now) / 2.0 for last, now in zip(before, self._steering, strict=True)
+                (last + now) / 2.0
+                for last, now in zip(steering_before, self._steering, strict=True)
             ]
         if self.config.open_loop:
             return
@@ -187,7 +179,9 @@ class Drive:
         self._age += 0.0 if self._fresh else dt
         self._fresh = False
         twist = self._limited(dt)
-        self.command = self.odometry.kinematics.command(twist, self._steering, dt)
+        kinematics = self.odometry.kinematics
+        command = kinematics.command(twist, self._steering, dt)
+        self.command = kinematics.limited(command, self.command, dt)
         if self.config.open_loop:
             self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
         return self.command
@@ -201,8 +195,12 @@ class Drive:
     @property
     def steering(self) -> list[float]:
         """The position of each joint of ``wheels.steering`` for the command in force, rad."""
-        pairs = zip(self._steering_rows, self.command.steering, strict=True)
+        pairs = zip(self._steering_indices, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
+
+    def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
+        """Compare the odometry with the true pose; see ``DriftCheck.update``."""
+        self.drift.update(self.odometry.pose, truth, obstructed)
 
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
@@ -223,8 +221,7 @@ class Drive:
     @property
     def timed_out(self) -> bool:
         """Whether the last command is older than the timeout."""
-        timeout = self.config.timeout
-        return bool(timeout) and self._age > timeout + _ROUNDING
+        return bool(self._timeout) and self._age > self._timeout + _ROUNDING
 
     def place(self, pose: PlanarPose, truth: PlanarPose) -> None:
         """Set the odometry's pose, with zero covariance, for a robot that is at ``truth``."""
@@ -253,17 +250,30 @@ class Drive:
 
     def _limited(self, dt: float) -> Triple:
         # A timed-out command becomes a zero reference, ramped down by the limiters.
-        wanted = _REST if self.timed_out else self._reference
+        target = _REST if self.timed_out else self._reference
         last, before_last, speeds = self._last, self._before_last, [0.0, 0.0, 0.0]
         for axis, limiter in self._limiters:
-            speeds[axis] = limiter.limit(wanted[axis], last[axis], before_last[axis], dt)
+            speeds[axis] = limiter.limit(target[axis], last[axis], before_last[axis], dt)
         self._before_last, self._last = last, (speeds[0], speeds[1], speeds[2])
         return self._last
+
+
+class NoDrive:
+    """Takes the place of a ``Drive`` in a robot that stands: nothing moves it."""
+
+    velocities: Sequence[float] = ()
+    steering: Sequence[float] = ()
+
+    def _do_nothing(self, *_: object, **__: object) -> Any:
+        return None
+
+    accept = observe = decide = compare = wait = state = _do_nothing
+    place = moved = continue_from = _do_nothing
 
 
 def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:
     """Return the mean forward position, rad, or velocity, rad/s, of joints that turn as one."""
     mean = 0.0
-    for row, direction in group:
-        mean += direction * values[row]
+    for index, direction in group:
+        mean += direction * values[index]
     return mean / len(group)

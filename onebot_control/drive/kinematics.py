@@ -12,7 +12,7 @@ class PlanarTwist(NamedTuple):
     """A velocity of the body in its own frame, x forward and y to the left (REP-103)."""
 
     linear: float = 0.0  # forward, m/s
-    lateral: float = 0.0  # to the left, m/s
+    lateral: float = 0.0  # leftward, m/s
     angular: float = 0.0  # turning to the left, rad/s
 
 
@@ -20,7 +20,7 @@ class DriveCommand(NamedTuple):
     """The command in force, within limits, and what the joints do for it."""
 
     linear: float  # forward, m/s
-    lateral: float  # to the left, m/s
+    lateral: float  # leftward, m/s
     angular: float  # turning to the left, rad/s
     wheels: Sequence[float]  # velocity of each wheel, rad/s
     steering: Sequence[float] = ()  # position of each steering joint, rad
@@ -63,6 +63,10 @@ class Kinematics(ABC):
             steering: measured positions of the steering joints, rad.
             dt: time until the next command, s, which steering needs.
         """
+
+    def limited(self, command: DriveCommand, before: DriveCommand, dt: float) -> DriveCommand:
+        """Return a command within the limits of the wheels, ``dt`` seconds after another one."""
+        return command
 
     def fault(self, twist: Triple) -> str:
         """Return what of a wanted twist the drive cannot do, in the same words for all such."""

@@ -15,7 +15,7 @@ from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
 if TYPE_CHECKING:
-    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.rollers import MecanumWheels
     from onebot_description.description import Description
 
@@ -79,8 +79,10 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeomet
     @property
     def _names(self) -> list[str]:
         kinds = "wheel_command_joint_name", "wheel_name"
-        given = [[getattr(self, f"{corner}_{kind}") for corner in CORNERS] for kind in kinds]
-        return next(filter(any, given), given[0])
+        names_by_kind = [
+            [getattr(self, f"{corner}_{kind}") for corner in CORNERS] for kind in kinds
+        ]
+        return next(filter(any, names_by_kind), names_by_kind[0])
 
     def check(self) -> Iterator[Problem]:
         """Report wheels of which only some are named."""
@@ -94,8 +96,8 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeomet
             yield Problem(f"wheel_separation_{'x' if self.wheel_separation_x else 'y'}", text)
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return wheels.has_rollers and all(wheels.axles[name].across for name in wheels.rolling)
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return gear.has_rollers and all(gear.axles[wheel.name].across for wheel in gear.on_ground)
 
     def wheels(self, description: "Description") -> "MecanumWheels":
         from onebot_control.drive.wheels.rollers import MecanumWheels  # imports numpy

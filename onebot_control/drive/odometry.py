@@ -101,7 +101,7 @@ class Odometry:
         """
         self.kinematics, self.noise = kinematics, noise or (0.0,) * len(kinematics.shares)
         self._wheels: Sequence[float] | None = None
-        self._twists = deque[Triple](maxlen=window)  # of the last updates
+        self._twists = deque[Triple](maxlen=window)  # the last updates' twists
         self.twist = PlanarTwist()
         self.set_pose(0.0, 0.0, 0.0)
 
@@ -174,7 +174,7 @@ class Odometry:
         half = turn / 2.0
         middle = self.heading + half
         cos, sin = math.cos(middle), math.sin(middle)
-        ratio = math.sin(half) / half if half else 1.0  # of chord to arc
+        ratio = math.sin(half) / half if half else 1.0  # chord over arc
         chord, across = distance * ratio, aside * ratio
         dx, dy = chord * cos - across * sin, chord * sin + across * cos
         self.heading += turn

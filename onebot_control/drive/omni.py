@@ -12,7 +12,7 @@ from onebot_control.drive.parameters import read_from_urdf, variances
 from onebot_description.parameters.reader import parameter
 
 if TYPE_CHECKING:
-    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.rollers import OmniWheels
     from onebot_description.description import Description
 
@@ -40,8 +40,8 @@ class OmniParameters(HolonomicParameters):
     twist_covariance_diagonal: _Six = variances(name="diagonal_covariance.twist")
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.omni)
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return bool(gear.omni)
 
     def wheels(self, description: "Description") -> "OmniWheels":
         from onebot_control.drive.wheels.rollers import OmniWheels  # imports numpy

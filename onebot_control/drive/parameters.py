@@ -12,6 +12,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import parameter
 
 if TYPE_CHECKING:
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.geometry import Wheels
     from onebot_description.description import Description
 
@@ -78,7 +79,7 @@ class DriveParameters(ABC, Generic[G]):
         return self.cmd_vel_timeout
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
+    def is_found(cls, gear: "RunningGear") -> bool:
         """Return whether a robot has such a drive, by its description; no other is asked then."""
         return False
 
@@ -151,5 +152,5 @@ class ReferenceParameters(DriveParameters[G]):
 
     @property
     def timeout(self) -> float:
-        given = self.reference_timeout
-        return self.cmd_vel_timeout if math.isnan(given) else given
+        reference = self.reference_timeout
+        return self.cmd_vel_timeout if math.isnan(reference) else reference

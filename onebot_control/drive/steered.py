@@ -11,12 +11,12 @@ from onebot_control.drive.parameters import (
     ReferenceParameters,
     read_from_urdf,
 )
-from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.geometry.poses import Triple, clamp, total
 from onebot_description.parameters.reader import Problem, group, ignored, parameter
 
 if TYPE_CHECKING:
-    from onebot_control.drive.wheels.geometry import Wheels
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.steering import SteeredGeometry, SteeredWheels
     from onebot_description.description import Description
 
@@ -30,6 +30,7 @@ _FAR, _FARTHEST = math.pi / 6.0, 1.5608
 _QUARTER = math.pi / 2.0
 _ROUNDED = 1e-3  # rad; a limit this near to a quarter turn, such as 1.57, is one
 _ROUNDING = 1e-6  # relative, of a radius
+_UNLIMITED = SpeedLimits()
 
 
 class SteeredKinematics(Kinematics):
@@ -40,13 +41,20 @@ class SteeredKinematics(Kinematics):
     that of a wheel in the middle of the front axle, rad to the left.
     """
 
-    def __init__(self, geometry: "SteeredGeometry", *, waits: bool = False) -> None:
+    def __init__(
+        self,
+        geometry: "SteeredGeometry",
+        *,
+        waits: bool = False,
+        traction: SpeedLimits = _UNLIMITED,
+    ) -> None:
         """Take the lengths.
 
         Args:
             geometry: the lengths.
             waits: whether the wheels wait for the steering
                 (reduce_wheel_speed_until_steering_reached).
+            traction: limits of the driven wheels, rad/s.
 
         Raises:
             ValueError: a length or the limit is not finite, too short, or of another drive.
@@ -54,7 +62,7 @@ class SteeredKinematics(Kinematics):
         self.wheelbase, self.radius = geometry.wheelbase, geometry.radius
         self.traction_track, self.steering_track = geometry.traction_track, geometry.steering_track
         self.limit, self.front_driven, self.axle, self.speed = geometry[4:]
-        self._waits = waits
+        self._waits, self._traction = waits, SpeedLimiter(traction)
         check_lengths(self, "wheelbase", "radius")
         for name in ("traction_track", "steering_track"):
             value = getattr(self, name)
@@ -77,23 +85,30 @@ class SteeredKinematics(Kinematics):
         the steering moves, too.
         """
         linear, _, angular = twist
-        wanted = self.steering_angle(linear, angular)
-        actual = self.middle_angle(steering) if steering else wanted
-        reached = self._reached(actual, wanted, dt)
-        speed, angle = self._speed(linear, angular, wanted), (actual + reached) / 2.0
-        if self.front_driven:
-            turn = speed * math.sin(angle) / self.wheelbase
-        else:
-            turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
-        speed /= self.radius
+        target = self.steering_angle(linear, angular)
+        actual = self.middle_angle(steering) if steering else target
+        reached = self._reached(actual, target, dt)
+        speed, angle = self._speed(linear, angular, target) / self.radius, (actual + reached) / 2.0
         if self._waits:
-            missing = abs(wanted - actual)
+            missing = abs(target - actual)
             if missing >= _FAR:
                 speed *= math.cos(min(missing, _FARTHEST)) / math.cos(_FAR)
+        if self.front_driven:
+            linear, _, turn = self.body_motion([speed], [angle])
+        else:
+            turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
         bend = 0.0 if self.front_driven else self._bend(angle, self.traction_track)
         wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
         steered = self._steering_positions(reached)
         return DriveCommand(linear, -self.axle * turn, turn, wheels, steered)
+
+    def limited(self, command: DriveCommand, before: DriveCommand, dt: float) -> DriveCommand:
+        if not self.front_driven:
+            return command
+        [speed], [last] = command.wheels, before.wheels
+        speed = self._traction.limit(speed, last, last, dt)
+        motion = self.body_motion([speed], command.steering)
+        return DriveCommand(*motion, [speed], command.steering)
 
     def _reached(self, actual: float, wanted: float, dt: float) -> float:
         """Return the steering angle after ``dt``, s, so that no wheel is turned too fast."""
@@ -203,28 +218,24 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "angular.z": self.angular}
 
-    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
-        geometry = wheels.geometry(self._radius, self.wheelbase, *self._tracks)
-        limit = self.steering_limit or min(geometry.limit, *self._limits)
+    def _lengths(
+        self,
+        wheels: "SteeredWheels",
+        radius: float,
+        tracks: tuple[float, float] = (0.0, 0.0),
+        most: float = _QUARTER,
+    ) -> "SteeredGeometry":
+        """Return the geometry of ``wheels``; lengths of 0 are those of the URDF.
+
+        Args:
+            wheels: the wheels.
+            radius: of the driven wheels, m.
+            tracks: distances of the driven and of the steered wheels, m.
+            most: the greatest steering angle, rad.
+        """
+        geometry = wheels.geometry(radius, self.wheelbase, *tracks)
+        limit = self.steering_limit or min(geometry.limit, most)
         return geometry._replace(limit=_QUARTER if limit > _QUARTER - _ROUNDED else limit)
-
-    def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
-        return SteeredKinematics(geometry, waits=geometry.front_driven)
-
-    @property
-    def _radius(self) -> float:
-        """The radius of the driven wheels, m; 0: that of the URDF."""
-        return 0.0
-
-    @property
-    def _limits(self) -> tuple[float, ...]:
-        """The greatest steering angles to each side, rad."""
-        return (_QUARTER,)
-
-    @property
-    def _tracks(self) -> tuple[float, float]:
-        """The distances of the driven and of the steered wheels, m; 0: those of the URDF."""
-        return 0.0, 0.0
 
 
 def _joints(what: str) -> Any:
@@ -270,8 +281,8 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
             yield Problem("front_steering", text)
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.steered) and not wheels.front_driven
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return bool(gear.steered) and not gear.front_driven
 
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
@@ -282,18 +293,15 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
             self.steering_joints_names or self.front_wheels_names,
         )
 
+    def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
+        radius = self.traction_wheels_radius or self.rear_wheels_radius
+        radius = radius or self.traction_wheel_radius or self.rear_wheel_radius
+        traction = self.traction_track_width or self.rear_wheel_track or self.wheel_track
+        steering = self.steering_track_width or self.front_wheel_track
+        return self._lengths(wheels, radius, (traction, steering))
+
     def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
         return SteeredKinematics(geometry, waits=self.reduce_wheel_speed_until_steering_reached)
-
-    @property
-    def _radius(self) -> float:
-        wheels = self.traction_wheels_radius or self.rear_wheels_radius
-        return wheels or self.traction_wheel_radius or self.rear_wheel_radius
-
-    @property
-    def _tracks(self) -> tuple[float, float]:
-        traction = self.traction_track_width or self.rear_wheel_track or self.wheel_track
-        return traction, self.steering_track_width or self.front_wheel_track
 
 
 @dataclass(frozen=True)
@@ -311,6 +319,30 @@ class SteeringLimits:
     )
 
 
+def _most(what: str) -> Any:
+    text = f"the greatest {what} of the driven wheel"
+    return parameter(math.nan, text, at_least=0.0, nan="no limit")
+
+
+@dataclass(frozen=True)
+class TractionLimits:
+    """tricycle_controller's parameters ``traction.*``, forward and in reverse."""
+
+    max_velocity: float = _most("speed, rad/s,")
+    max_acceleration: float = _most("acceleration, rad/s2,")
+    max_deceleration: float = _most("deceleration, rad/s2,")
+
+    @property
+    def speed_limits(self) -> SpeedLimits:
+        """The same limits, as of an axis."""
+        return SpeedLimits(
+            max_velocity=self.max_velocity,
+            max_acceleration=self.max_acceleration,
+            max_deceleration=-self.max_deceleration,
+            max_deceleration_reverse=self.max_deceleration,
+        )
+
+
 @dataclass(frozen=True)
 class TricycleParameters(SteeredParameters):
     """tricycle_controller's parameters: of a tricycle whose steered wheel is driven."""
@@ -325,6 +357,7 @@ class TricycleParameters(SteeredParameters):
     cmd_vel_timeout: float = parameter(
         500, "time without a command until the robot brakes, ms; 0: it never does", at_least=0.0
     )
+    traction: TractionLimits = group(TractionLimits)
     steering: SteeringLimits = group(SteeringLimits)
     odom_only_twist: bool = ignored(False, "the odometry has its pose, too")
     publish_ackermann_command: bool = ignored(False, "~/cmd_vel_out has the limited command")
@@ -334,8 +367,8 @@ class TricycleParameters(SteeredParameters):
         return self.cmd_vel_timeout / 1000.0
 
     @classmethod
-    def is_found(cls, wheels: "Wheels") -> bool:
-        return bool(wheels.steered) and wheels.front_driven
+    def is_found(cls, gear: "RunningGear") -> bool:
+        return bool(gear.steered) and gear.front_driven
 
     def wheels(self, description: "Description") -> "SteeredWheels":
         from onebot_control.drive.wheels.steering import SteeredWheels  # imports numpy
@@ -345,14 +378,12 @@ class TricycleParameters(SteeredParameters):
         return SteeredWheels(description, *names, front_driven=True)
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
-        geometry = super().geometry(wheels)
-        speed = self.steering.max_velocity or math.inf
+        limits = self.steering
+        most = min(-limits.min_position or _QUARTER, limits.max_position or _QUARTER)
+        geometry = self._lengths(wheels, self.wheel_radius, most=most)
+        speed = limits.max_velocity or math.inf
         return geometry._replace(speed=min(geometry.speed, speed))
 
-    @property
-    def _limits(self) -> tuple[float, ...]:
-        return -self.steering.min_position or _QUARTER, self.steering.max_position or _QUARTER
-
-    @property
-    def _radius(self) -> float:
-        return self.wheel_radius
+    def kinematics(self, geometry: "SteeredGeometry") -> SteeredKinematics:
+        traction = self.traction.speed_limits
+        return SteeredKinematics(geometry, waits=geometry.front_driven, traction=traction)

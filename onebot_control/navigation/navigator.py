@@ -192,6 +192,17 @@ class Navigator:
         self._is_planned = False
         self.recoveries = 0
 
+    def use_vehicle(self, vehicle: Vehicle) -> None:
+        """Take the robot to have another footprint or other limits from now on."""
+        self.vehicle = vehicle
+        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
+        self._circles = vehicle.circles()
+        self._radius = vehicle.half_width + 0.01
+        self._costmap = Costmap(self.map, self._radius)
+        if self.map.log_odds.size:
+            self._costmap.update(Window(0, 0, *self.map.shape))
+        self._field = None
+
     # What can be read -------------------------------------------------------------------------
 
     @property

@@ -95,11 +95,19 @@ class CallbackWatch:
         # An action's callback runs in a task, whose node is only known to the action server.
         owners = (caller.f_locals.get("self") for caller in frames)
         nodes = (self._node, *(getattr(owner, "_node", owner) for owner in owners))
-        node = next((f'"{each.get_name()}"' for each in nodes if isinstance(each, Node)), "")
-        called = [each for each in frames if not each.f_globals["__name__"].startswith("rclpy.")]
+        node = next(
+            (f'"{candidate.get_name()}"' for candidate in nodes if isinstance(candidate, Node)), ""
+        )
+        called = [
+            candidate
+            for candidate in frames
+            if not candidate.f_globals["__name__"].startswith("rclpy.")
+        ]
         callback = (called or frames)[-1].f_code
         line = next(
-            each.f_lineno for each in frames if each.f_code.co_filename == callback.co_filename
+            candidate.f_lineno
+            for candidate in frames
+            if candidate.f_code.co_filename == callback.co_filename
         )
         name = getattr(callback, "co_qualname", callback.co_name)  # new in Python 3.11
         return (

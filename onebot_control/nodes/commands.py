@@ -39,11 +39,11 @@ _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
 
 
-class Command(NamedTuple):
+class VelocityCommand(NamedTuple):
     """A velocity command, as received."""
 
     linear: float  # forward, m/s
-    lateral: float  # to the left, m/s
+    lateral: float  # leftward, m/s
     angular: float  # left turn, rad/s
     stamp: int | None  # time in its header, ns; None for a Twist
     age: Age  # time since it was sent
@@ -92,12 +92,12 @@ class CommandLock:
         return f"{text}, or until somebody {self._unlocks}"
 
     def _on_lock(self, topic: str, message: Bool) -> None:
-        before = self.locked
+        was_locked = self.locked
         if message.data:
             self._lockers.add(topic)
         else:
             self._lockers -= self._lockers if topic == self._topic else {topic}
-        if self.locked == before:
+        if self.locked == was_locked:
             return
         self._state.publish(message)
         if self.locked:
@@ -111,7 +111,7 @@ class CommandSubscription:
     """The velocity commands, subscribed to as Twist or as TwistStamped, whichever is published."""
 
     def __init__(
-        self, node: Node, topic: str, received: Callable[[Command], None], warn: Warn
+        self, node: Node, topic: str, received: Callable[[VelocityCommand], None], warn: Warn
     ) -> None:
         """Subscribe.
 
@@ -190,7 +190,7 @@ class CommandSubscription:
             self._check.take(stamp, time.time_ns())
         fault = _not_finite(linear=twist.linear, angular=twist.angular)
         linear, angular = twist.linear, twist.angular
-        self._received(Command(linear.x, linear.y, angular.z, stamp, self._age, fault))
+        self._received(VelocityCommand(linear.x, linear.y, angular.z, stamp, self._age, fault))
 
 
 class CommandGate:
@@ -251,9 +251,9 @@ class CommandGate:
         finite = math.isfinite(speed) and abs(angle) < math.pi / 2.0
         turn = speed * math.tan(angle) / drive.geometry.wheelbase if finite else 0.0
         fault = "" if finite else f"speed {speed}, steering_angle {angle}"
-        self._receive(Command(speed, 0.0, turn, None, Age(0.0, 0.0), fault))
+        self._receive(VelocityCommand(speed, 0.0, turn, None, Age(0.0, 0.0), fault))
 
-    def _receive(self, command: Command) -> None:
+    def _receive(self, command: VelocityCommand) -> None:
         loop, now = self._slot.loop, boot_time()
         if loop is None:
             return
@@ -271,7 +271,9 @@ class CommandGate:
             dated = now - (time.time_ns() - command.stamp) / NS_PER_S
         loop.post(lambda: self._accept(loop, command, dated, now - command.age.most))
 
-    def _accept(self, loop: ControlLoop, command: Command, given: float, sent: float) -> None:
+    def _accept(
+        self, loop: ControlLoop, command: VelocityCommand, given: float, sent: float
+    ) -> None:
         self.answered = max(self.answered, command.stamp or 0)
         if sent < loop.wake.certain():
             refused: str | None = "it was sent before this process woke from a stop"
@@ -306,7 +308,7 @@ def _not_finite(**vectors: Vector3) -> str:
     )
 
 
-def _age(loop: ControlLoop, command: Command, given: float) -> float | None:
+def _age(loop: ControlLoop, command: VelocityCommand, given: float) -> float | None:
     """Return the age of a command, s, when it takes effect; None if it is not known.
 
     It includes the time that the command waits in this process.

@@ -33,7 +33,7 @@ _OLD = "it may be from before this process woke from a stop; send it again"
 # Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
 # whole number of cycles: rcl's timer fires after exactly this time, but a result expires only
 # later. While simulated time stands at that moment, an executor would find the timer ready forever.
-_RESULT_KEPT = 10.0000005
+RESULT_KEPT = 10.0000005
 
 Values = Mapping[str, Any]
 
@@ -101,7 +101,7 @@ class ControllerNode(Generic[F]):
         self._values, self._own = dict(declared), own
         self.error = Throttled(lambda text: self.node.get_logger().error(text), _IGNORED_EVERY)
         with named(place.controller.name):
-            self.controller = self._configured()  # with the command line's parameters
+            self.controller = self._configured()  # it has the command line's parameters
         place.slot.robot.configure_controller(self.controller)
         refuse_undeclared(self.node, kind)
         follow_changes(self.node, self._configured, self._apply)
@@ -187,7 +187,7 @@ class GoalFunctions(Generic[G]):
     accepted: Callable[[G], object] = id
 
 
-class _Action(ActionServer):
+class DeferredAction(ActionServer):
     """An action whose goals the control loop executes."""
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
@@ -205,33 +205,33 @@ class GoalAction(Generic[G]):
     """
 
     def __init__(
-        self, own: ControllerNode[Any], kind: str, name: str, functions: GoalFunctions[G]
+        self, host: ControllerNode[Any], kind: str, name: str, functions: GoalFunctions[G]
     ) -> None:
         """Offer the action.
 
         Args:
-            own: the controller.
+            host: the controller.
             kind: type of the action.
             name: name of the action.
             functions: what it does with goals.
         """
-        self._own, self._functions = own, functions
+        self._host, self._functions = host, functions
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
-        own.follower.active = None  # an earlier node's goal has no client any more
-        self._action = _Action(
-            own.node,
+        host.follower.active = None  # an earlier node's goal has no client any more
+        self._action = DeferredAction(
+            host.node,
             self._type,
             name,
             lambda goal: self._type.Result(),
             goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=self._on_cancel,
-            result_timeout=_RESULT_KEPT,
+            result_timeout=RESULT_KEPT,
         )
-        rate = own.controller.config.action_monitor_rate
-        own.place.listeners.append(self.finish)
-        own.node.create_timer(1.0 / rate, self._monitor, clock=own.place.clock)
+        rate = host.controller.config.action_monitor_rate
+        host.place.listeners.append(self.finish)
+        host.node.create_timer(1.0 / rate, self._monitor, clock=host.place.clock)
 
     def finish(self, outcome: Outcome | Cancelled) -> None:
         """Take notice of how a goal ended; its client gets the result soon."""
@@ -245,9 +245,9 @@ class GoalAction(Generic[G]):
         Raises:
             OneBotError: it cannot be followed any more.
         """
-        if follower is not self._own.follower:
+        if follower is not self._host.follower:
             raise OneBotError("the robot was reset, or its description changed, just now")
-        if refused := self._own.place.refused():
+        if refused := self._host.place.refused():
             raise OneBotError(refused)
         if preempted := self._functions.follow(goal, handle):
             self.finish(preempted)
@@ -255,12 +255,12 @@ class GoalAction(Generic[G]):
     # Goals are checked in the node's thread: many points take longer than a control cycle.
     def refusal(self, goal: G) -> str:
         """Return why a goal cannot be followed now; "" if it can."""
-        return self._own.place.refused() or first_of([*self._functions.problems(goal)])
+        return self._host.place.refused() or first_of([*self._functions.problems(goal)])
 
     def _cancel(self, handle: Any) -> None:
         """Cancel a goal, unless it has just ended: then its client gets that result."""
-        if self._own.follower.active is handle:
-            self._own.follower.cancel()
+        if self._host.follower.active is handle:
+            self._host.follower.cancel()
             self.finish(Cancelled(handle))
 
     def _feedback(self) -> Any:
@@ -269,9 +269,9 @@ class GoalAction(Generic[G]):
         return feedback
 
     def _on_goal(self, request: Any) -> GoalResponse:
-        follower, goal = self._own.follower, self._functions.goal(request)
-        if fault := _OLD if self._own.loop.just_woke else self.refusal(goal):
-            self._own.node.get_logger().error(f"goal rejected: {fault}")
+        follower, goal = self._host.follower, self._functions.goal(request)
+        if fault := _OLD if self._host.loop.just_woke else self.refusal(goal):
+            self._host.node.get_logger().error(f"goal rejected: {fault}")
             return GoalResponse.REJECT
         self._accepted = follower, goal
         return GoalResponse.ACCEPT
@@ -280,7 +280,7 @@ class GoalAction(Generic[G]):
         follower, goal = self._accepted  # rclpy calls this at once after ``_on_goal``
         self._functions.accepted(goal)
         handle.execute()
-        if fault := self._own.fault(lambda: self.start(follower, goal, handle)):
+        if fault := self._host.fault(lambda: self.start(follower, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
@@ -289,18 +289,18 @@ class GoalAction(Generic[G]):
         When a client cancels all goals, rclpy skips the goal after a refused one. A goal that has
         just ended keeps its own result.
         """
-        if fault := self._own.fault(lambda: self._cancel(handle)):
-            self._own.node.get_logger().error(f"goal not stopped: {fault}")
+        if fault := self._host.fault(lambda: self._cancel(handle)):
+            self._host.node.get_logger().error(f"goal not stopped: {fault}")
         return CancelResponse.ACCEPT
 
     def _monitor(self) -> None:
         """Send feedback, and the results of goals that have ended."""
         # The client's next goal must not come while goals are refused because of that wake.
-        while self._ended and not self._own.loop.just_woke:
+        while self._ended and not self._host.loop.just_woke:
             self._end(*self._ended.popleft())
-        if (handle := self._own.follower.active) is not None:
+        if (handle := self._host.follower.active) is not None:
             with suppress(OneBotError):  # the loop has just ended
-                handle.publish_feedback(self._own.loop.call(self._feedback))
+                handle.publish_feedback(self._host.loop.call(self._feedback))
 
     def _end(self, ended: Outcome | Cancelled, result: Any) -> None:
         if isinstance(ended, Outcome):
@@ -311,9 +311,9 @@ class GoalAction(Generic[G]):
     def _log(self, outcome: Outcome) -> None:
         text = f"{outcome.text}: {outcome.detail}" if outcome.detail else outcome.text
         if outcome.code == SUCCESSFUL:  # rclpy allows only one severity per line of code
-            self._own.node.get_logger().info(text)
+            self._host.node.get_logger().info(text)
         else:
-            self._own.node.get_logger().warning(text)
+            self._host.node.get_logger().warning(text)
 
 
 def _ended_handle(ended: Outcome | Cancelled, result: Any, handle: Any) -> Any:

@@ -15,6 +15,9 @@ from onebot_control.physics import JointStates
 from onebot_description.ros.topic_qos import DEPTH
 from onebot_description.ros.wire.interfaces import load_interface
 
+Indices = Mapping[str, int]
+"""The index of each joint in its states, by its name."""
+
 
 class DriveStatePublisher:
     """Publishes the states of one drive, if its kind has them. Only the control thread uses it."""
@@ -46,37 +49,35 @@ class DriveStatePublisher:
         message = self._kind()
         message.header.stamp = at
         message.header.frame_id = drive.config.base_frame_id or drive.wheels.description.root_link
-        rows = {name: row for row, name in enumerate(joints)}
-        self._fill(message, drive, rows, states)
+        indices = {name: index for index, name in enumerate(joints)}
+        self._fill(message, drive, indices, states)
         self._publisher.publish(message)
 
 
-def _fill_mecanum(message: Any, drive: Drive, rows: Mapping[str, int], states: JointStates) -> None:
+def _fill_mecanum(message: Any, drive: Drive, indices: Indices, states: JointStates) -> None:
     """Write the measured velocities of the first wheel at each corner, and the command, limited."""
     wheels = drive.wheels
     assert isinstance(wheels, MecanumWheels)
     corners = "front_left", "front_right", "back_right", "back_left"
     for corner, [name, *_] in zip(corners, wheels.corners, strict=True):
-        velocity = wheels.directions[name] * states.velocities[rows[name]]
+        velocity = wheels.directions[name] * states.velocities[indices[name]]
         setattr(message, f"{corner}_wheel_velocity", velocity)
     twist = message.reference_velocity
     twist.linear.x, twist.linear.y, twist.angular.z = drive.command[:3]
 
 
-def _fill_steering(
-    message: Any, drive: Drive, rows: Mapping[str, int], states: JointStates
-) -> None:
+def _fill_steering(message: Any, drive: Drive, indices: Indices, states: JointStates) -> None:
     """Write the measured states of the wheels and of the steering, and their commands."""
     wheels = drive.wheels
-    traction = [(rows[name], wheels.directions[name]) for name in wheels.names]
-    message.traction_wheels_position = [sign * states.positions[row] for row, sign in traction]
-    message.traction_wheels_velocity = [sign * states.velocities[row] for row, sign in traction]
-    message.steer_positions = [states.positions[rows[name]] for name in wheels.steering]
+    traction = [(indices[name], wheels.directions[name]) for name in wheels.names]
+    message.traction_wheels_position = [sign * states.positions[index] for index, sign in traction]
+    message.traction_wheels_velocity = [sign * states.velocities[index] for index, sign in traction]
+    message.steer_positions = [states.positions[indices[name]] for name in wheels.steering]
     message.linear_velocity_command = [*drive.command.wheels]
     message.steering_angle_command = drive.steering
 
 
-Fill = Callable[[Any, Drive, Mapping[str, int], JointStates], None]
+Fill = Callable[[Any, Drive, Indices, JointStates], None]
 _STATES: Mapping[type, tuple[str, Fill]] = {
     MecanumParameters: ("control_msgs/msg/MecanumDriveControllerState", _fill_mecanum),
     SteeringControllerParameters: ("control_msgs/msg/SteeringControllerStatus", _fill_steering),

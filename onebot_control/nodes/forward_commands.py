@@ -14,19 +14,19 @@ class ForwardCommands:
 
     def __init__(self, place: ControllerPlace) -> None:
         """Subscribe to the topic, and declare parameters."""
-        self._own = ControllerNode[PositionForwarder](place)
-        self._own.subscribe(Float64MultiArray, "~/commands", self._prepare)
+        self._host = ControllerNode[PositionForwarder](place)
+        self._host.subscribe(Float64MultiArray, "~/commands", self._prepare)
 
     def _prepare(self, message: Float64MultiArray) -> Callable[[], None] | None:
-        follower, positions = self._own.follower, list(message.data)
+        follower, positions = self._host.follower, list(message.data)
         if problems := follower.problems(positions):
-            self._own.error("refused", f"~/commands is ignored: {first_of(problems)}")
+            self._host.error("refused", f"~/commands is ignored: {first_of(problems)}")
             return None
         return lambda: self._command(follower, positions)
 
     def _command(self, follower: PositionForwarder, positions: Sequence[float]) -> None:
         """Command checked positions; runs in the control thread."""
-        if refused := self._own.place.refused():
-            self._own.error("locked", f"~/commands is ignored: {refused}")
+        if refused := self._host.place.refused():
+            self._host.error("locked", f"~/commands is ignored: {refused}")
         else:
             follower.command(positions)

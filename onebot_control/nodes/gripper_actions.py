@@ -21,8 +21,8 @@ class GripperAction(NamedTuple):
     """A type of the action, with its ways to write a goal and the measured state of the joint."""
 
     kind: str
-    goal: Callable[[Any], GripperGoal]  # of a request
-    fill_state: Callable[[Any, JointState], None]  # of a feedback or a result
+    goal: Callable[[Any], GripperGoal]  # converts a request
+    fill_state: Callable[[Any, JointState], None]  # fills a feedback or a result
 
 
 def _parallel_goal(request: Any) -> GripperGoal:
@@ -57,30 +57,30 @@ class GripperActions:
 
     def __init__(self, place: ControllerPlace, action: GripperAction) -> None:
         """Offer the action, and declare parameters."""
-        self._own, self._fill_state = ControllerNode[GripperFollower](place), action.fill_state
+        self._host, self._fill_state = ControllerNode[GripperFollower](place), action.fill_state
         functions = GoalFunctions(
             action.goal, self._problems, self._follow, self._fill, self._fill_result
         )
-        GoalAction(self._own, action.kind, "~/gripper_cmd", functions)
+        GoalAction(self._host, action.kind, "~/gripper_cmd", functions)
 
     def _problems(self, goal: GripperGoal) -> list[str]:
-        return self._own.follower.goal_problems(goal)
+        return self._host.follower.goal_problems(goal)
 
     def _follow(self, goal: GripperGoal, handle: Any) -> Outcome | None:
-        return self._own.follower.start(goal, handle)
+        return self._host.follower.start(goal, handle)
 
     def _fill_result(self, result: Any, ended: Outcome | Cancelled) -> None:
         self._fill(result)
 
     def _fill(self, message: Any) -> None:
         """Fill a feedback or a result: the measured state, rad and Nm, or m and N, and flags."""
-        own = self._own
-        follower, name = own.follower, own.controller.name
-        positions, velocities, efforts = own.place.slot.robot.states(name)
+        host = self._host
+        follower, name = host.follower, host.controller.name
+        positions, velocities, efforts = host.place.slot.robot.states(name)
         state = JointState(
             name=list(follower.names), position=positions, velocity=velocities, effort=efforts
         )
-        state.header.stamp = time_message(own.place.stamp())
+        state.header.stamp = time_message(host.place.stamp())
         self._fill_state(message, state)
         if hasattr(message, "stalled"):  # ParallelGripperCommand's feedback has the state only
             message.stalled, message.reached_goal = follower.stalled, follower.reached

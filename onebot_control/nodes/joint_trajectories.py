@@ -58,7 +58,7 @@ class JointTrajectories:
         """Offer topics, action, service and parameters."""
         node = place.node
         names = place.slot.robot.followers[place.controller.name].names
-        self._own = own = ControllerNode[TrajectoryFollower](
+        self._host = host = ControllerNode[TrajectoryFollower](
             place, _declared(place, names), partial(_own_values, place)
         )
         functions = GoalFunctions(
@@ -72,13 +72,13 @@ class JointTrajectories:
             accepted=self._report_tolerances,
         )
         kind = "control_msgs/action/FollowJointTrajectory"
-        self._action = GoalAction(own, kind, "~/follow_joint_trajectory", functions)
+        self._action = GoalAction(host, kind, "~/follow_joint_trajectory", functions)
         state = load_interface("control_msgs/msg/JointTrajectoryControllerState")
         query = load_interface("control_msgs/srv/QueryTrajectoryState")
         self._state = node.create_publisher(state, "~/controller_state", _LATCHED)
         self._message = state()
         place.publishers.append(self._publish)
-        own.subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
+        host.subscribe(JointTrajectory, "~/joint_trajectory", self._prepare)
         scaling = load_interface("control_msgs/msg/SpeedScalingFactor")
         topic = "~/speed_scaling_input"
         node.create_subscription(scaling, topic, self._on_scaling, _LATCHED_BY_ANY)
@@ -88,9 +88,9 @@ class JointTrajectories:
         """Publish ~/controller_state, if it is subscribed to."""
         if not self._state.get_subscription_count():
             return
-        follower, message = self._own.follower, self._message
+        follower, message = self._host.follower, self._message
         self._fill_state(message, message.reference, message.feedback)
-        _fill(message.output, follower.reference(self._own.place.slot.robot.period))
+        _fill(message.output, follower.reference(self._host.place.slot.robot.period))
         message.speed_scaling_factor = follower.scaling
         self._state.publish(message)
 
@@ -100,8 +100,8 @@ class JointTrajectories:
         As joint_trajectory_controller's, measured motion and error have the derivatives that
         state_interfaces name, and errors of derivatives are 0 while positions are commanded.
         """
-        follower = self._own.follower
-        message.header.stamp = time_message(self._own.place.stamp())
+        follower = self._host.follower
+        message.header.stamp = time_message(self._host.place.stamp())
         message.joint_names = list(follower.names)
         _fill(desired, *follower.desired)
         state = follower.state
@@ -113,7 +113,7 @@ class JointTrajectories:
     # Goals -------------------------------------------------------------------------------------
 
     def _prepare(self, message: JointTrajectory) -> Callable[[], None] | None:
-        follower, goal = self._own.follower, (_trajectory_goal(message), None)
+        follower, goal = self._host.follower, (_trajectory_goal(message), None)
         if fault := self._action.refusal(goal):
             self._ignore(fault)
             return None
@@ -128,35 +128,35 @@ class JointTrajectories:
             self._ignore(str(error))
 
     def _ignore(self, fault: str) -> None:
-        self._own.error("topic", f"~/joint_trajectory is ignored: {fault}")
+        self._host.error("topic", f"~/joint_trajectory is ignored: {fault}")
 
     def _report_tolerances(self, goal: _Goal) -> None:
         """Report tolerances that cannot be used; the follower uses the defaults."""
-        if problems := tolerance_problems(goal[1] or TolerancesGiven(), self._own.follower.names):
-            self._own.node.get_logger().error(first_of(problems))
+        if problems := tolerance_problems(goal[1] or TolerancesGiven(), self._host.follower.names):
+            self._host.node.get_logger().error(first_of(problems))
 
     def _on_scaling(self, message: Any) -> None:
         def scale() -> None:
-            self._own.follower.scaling = message.factor
+            self._host.follower.scaling = message.factor
 
-        if fault := self._own.fault(scale):
-            self._own.error("scaling", f"~/speed_scaling_input is ignored: {fault}")
+        if fault := self._host.fault(scale):
+            self._host.error("scaling", f"~/speed_scaling_input is ignored: {fault}")
 
     def _problems(self, goal: _Goal) -> list[str]:
-        loop = self._own.loop
+        loop = self._host.loop
         # Only the control thread may ask for the system's time.
-        now = loop.now_ns() if loop.simulated else self._own.place.stamp()
-        return self._own.follower.problems(goal[0], now)
+        now = loop.now_ns() if loop.simulated else self._host.place.stamp()
+        return self._host.follower.problems(goal[0], now)
 
     def _follow(self, goal: _Goal, handle: Any) -> Outcome | None:
         trajectory, tolerances = goal
-        return self._own.follower.start(trajectory, handle, tolerances)
+        return self._host.follower.start(trajectory, handle, tolerances)
 
     def _on_query(self, request: Any, answer: Any) -> Any:
         at = nanoseconds(request.time)
-        follower = self._own.follower
+        follower = self._host.follower
         try:
-            motion = self._own.loop.call(lambda: follower.query(at))
+            motion = self._host.loop.call(lambda: follower.query(at))
         except OneBotError as error:
             answer.message = str(error)
             return answer

@@ -31,17 +31,18 @@ from rclpy.validate_topic_name import validate_topic_name
 from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
 from onebot_control.fleet import Divider, Fleet
 from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_parameters import ControlParameters
-from onebot_control.nodes.stepped_executor import SteppedExecutor, is_alive
+from onebot_control.nodes.stepped_executor import TF_TOPICS, SteppedExecutor, is_alive
 from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.pacing import wake_exactly
 from onebot_control.runtime.sensing import Sensing
 from onebot_control.simulated_world import SimulatedWorld
 from onebot_description.errors import OneBotError, alike, listing
+from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
 from onebot_description.ros.run_node import ros_errors
@@ -248,6 +249,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 return
             self._executor.changed = False
             self._warn_of_wall_timers()
+            self._publish_links()
             self._await_latched(timeout)
 
     def close(self) -> None:
@@ -292,6 +294,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         if not is_alive(node.handle):
             raise OneBotError("a node that has been destroyed cannot be in lockstep")
         executor = node.executor
+        if _only_listens(executor):
+            executor.shutdown()  # the node's callbacks run here instead
         if executor not in (None, self._executor) and node in executor.get_nodes():
             text = f"runs in a {type(executor).__name__} of its own, so cannot be in lockstep"
             raise OneBotError(f"{_named(node)} {text}; simulation.run runs its callbacks")
@@ -321,8 +325,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 _publishers(publishing), _subscriptions(subscribed)
             ):
                 if (topic := publisher.topic_name) == subscription.topic_name:
-                    offered, wanted = publisher.qos_profile, subscription.qos_profile
-                    compatibility, reason = qos_check_compatible(offered, wanted)
+                    offered, requested = publisher.qos_profile, subscription.qos_profile
+                    compatibility, reason = qos_check_compatible(offered, requested)
                     if compatibility == QoSCompatibility.ERROR:
                         yield f"{topic}, as QoS differ: {reason.strip('; ')}"
 
@@ -336,16 +340,38 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Log topics without a publisher or a subscription, with the robots' most similar topic."""
         robots = self._robot_nodes
         for node in nodes:
-            for ends, others, count, text in (
+            for ends, robot_ends, count, text in (
                 (node.subscriptions, _publishers(robots), node.count_publishers, "publishes"),
                 (node.publishers, _subscriptions(robots), node.count_subscribers, "subscribes to"),
             ):
-                known = {end.topic_name for end in others} - {"/clock", *_OWN_TOPICS}
+                topics = {end.topic_name for end in robot_ends} - {"/clock", *_OWN_TOPICS}
                 for topic in sorted({end.topic_name for end in ends} - _OWN_TOPICS):
                     if not count(topic):
-                        guesses = [f'did you mean "{name}"? ' for name in alike(topic, known)[:1]]
-                        hint = f"({''.join(guesses)}the robot's: {listing(known)})"
+                        guesses = [f'did you mean "{name}"? ' for name in alike(topic, topics)[:1]]
+                        hint = f"({''.join(guesses)}the robot's: {listing(topics)})"
                         node.get_logger().warning(f"nobody {text} {topic} {hint}")
+
+    def _publish_links(self) -> None:
+        """Publish the robots' links on TF once a node listens, unless a node does that already."""
+        added, first = self._added, self._executor.first
+        publishers = {node for node in added if _describes(node)}
+        if publishers - first:
+            first |= publishers
+            self._executor.wake()
+        if first or all(end.topic_name not in TF_TOPICS for end in _subscriptions(added)):
+            return
+        assert self._interface is not None
+        for robot in self._interface.robots:
+            space = robot.node.get_namespace()
+            config = robot.settings.config
+            prefix = prefixed("", config.tf_frame_prefix_enable, config.tf_frame_prefix, space)
+            words = ["-r", f"__ns:={space}", "-p", "hold_floating_joints:=false"]
+            words += ["-p", f"frame_prefix:={prefix}"] if prefix else []
+            node = RobotStatePublisher(robot.description, words)
+            first.add(node)
+            self._robot_nodes.append(node)
+            self._follow_time(node)
+            self._executor.add_node(node)
 
     def _warn_of_wall_timers(self) -> None:
         for node in self._added:
@@ -366,6 +392,9 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         executor = Node.executor
 
         def set_executor(node: Node, new: Executor | None) -> None:
+            if new is not None and _only_listens(new) and node in self._executor.nodes:
+                new.remove_node(node)  # it has just added the node, which runs here
+                return
             self._check_executor(node, new)
             executor.fset(node, new)
 
@@ -379,6 +408,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def _check_executor(self, node: Node, executor: Executor | None) -> None:
         """Keep a node that is in lockstep from another executor; log one of another node."""
         if executor in (None, self._executor) or node.context is not self._context:
+            return
+        if _only_listens(executor):
             return
         kind = type(executor).__name__
         if node in self._executor.nodes:
@@ -420,8 +451,9 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             if (commands := robot.commands.subscription) is not None:
                 commands.adopt(topic, kind)
         ends = (*_publishers(self._robot_nodes), *_subscriptions(self._robot_nodes))
-        for other in {type_name(end.msg_type) for end in ends if end.topic_name == topic} - {kind}:
-            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {other}"
+        robot_types = {type_name(end.msg_type) for end in ends if end.topic_name == topic}
+        for robot_type in robot_types - {kind}:
+            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {robot_type}"
             raise OneBotError(f"{text}; in one process, a topic has one type")
 
 
@@ -453,6 +485,16 @@ def _subscriptions(nodes: Sequence[Node]) -> Iterator[Subscription]:
 
 def _named(node: Node) -> str:
     return f'node "{node.get_name()}"'
+
+
+def _describes(node: Node) -> bool:
+    """Return whether a node publishes a robot's description, as robot_state_publisher does."""
+    return any(end.topic_name.endswith("/robot_description") for end in node.publishers)
+
+
+def _only_listens(executor: Any) -> bool:
+    """Return whether an executor is the thread of a TransformListener, which lockstep replaces."""
+    return getattr(executor, "only_listens", False)
 
 
 def _place(function: Any) -> str:

@@ -24,7 +24,7 @@ from onebot_control.fleet import Divider
 from onebot_control.nodes.drive_state import DriveStatePublisher
 from onebot_control.physics import SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
-from onebot_control.runtime.frames import Frames
+from onebot_control.runtime.frames import RobotFrames
 from onebot_description.description import Description
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
@@ -76,7 +76,7 @@ class Publishers:
             self._clock = node.create_publisher(Clock, "/clock", DEPTH)
             OnlyPublisher(node, "/clock", _TWO_CLOCKS, own=True)
 
-    def use(self, robot: ControlledRobot, frames: Frames) -> None:
+    def use(self, robot: ControlledRobot, frames: RobotFrames) -> None:
         """Publish this robot from now on, with its current parameters and ``frames``."""
         self._robot, config = robot, robot.config
         drive = config.drive

@@ -19,7 +19,7 @@ from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
 from onebot_control.nodes.step_topics import StepTopics
 from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
-from onebot_control.runtime.frames import Frames
+from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.sensing import Channel, Sensing
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation_parameters import SimulationConfig
@@ -52,7 +52,7 @@ class SharedWorld(Protocol):
     def start_described(self) -> None:
         """Start the control loop if all robots are described."""
 
-    def check_frames(self, row: int, frames: Frames) -> None:
+    def check_frames(self, row: int, frames: RobotFrames) -> None:
         """Check the frames that the robot in ``row`` would have, as ``frames.check_frames``."""
 
     def set_factor(self, factor: float) -> None:
@@ -118,11 +118,11 @@ class RobotInterface:
 
     def frames(
         self, config: SimulationConfig | None = None, description: Description | None = None
-    ) -> Frames:
+    ) -> RobotFrames:
         """Return the robot's frames, now or with another config or description."""
         robot = description or self.description
         assert robot is not None
-        return Frames.from_parameters(
+        return RobotFrames.from_parameters(
             config or self.settings.config,
             robot,
             self.node.get_namespace(),

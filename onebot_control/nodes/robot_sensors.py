@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from onebot_control.conventions import prefixed
-from onebot_control.nodes.sensor_messages import MESSAGES, SensorPublisher
+from onebot_control.nodes.sensor_messages import SensorPublisher, message_type
 from onebot_control.runtime.sensing import Channel
 from onebot_control.sensing.rays import HAS_EMBREE
 from onebot_control.sensing.sensors import INSTRUMENTS
@@ -89,7 +89,7 @@ class RobotSensors:
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         frame = prefixed(sensor.frame, enabled, prefix, space)
         publishers = {
-            output: self._publishers[MESSAGES[output][0], topic]
+            output: self._publishers[message_type(output), topic]
             for output, topic in sensor.topics.items()
         }
         return Channel(instrument, SensorPublisher(instrument, frame, publishers), cycles)
@@ -117,7 +117,7 @@ class RobotSensors:
     def _announce(self) -> None:
         """Create publishers for new topics, and destroy those no longer needed."""
         keys = {
-            (MESSAGES[output][0], topic)
+            (message_type(output), topic)
             for sensor in self._sensors
             for output, topic in sensor.topics.items()
         }

@@ -1,11 +1,11 @@
 """Converts what sensors measure to their messages, and publishes these."""
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point32
+from geometry_msgs.msg import Point32, Vector3, Wrench
 from numpy.typing import NDArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
@@ -20,10 +20,11 @@ from sensor_msgs.msg import (
     Range,
 )
 from sensor_msgs.msg import Imu as ImuMessage
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
 from onebot_control.sensing.camera import calibration
 from onebot_control.sensing.clouds import finite
+from onebot_control.sensing.contact import LinkContact
 from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import angles
 from onebot_description.description.sensors.camera import Camera
@@ -31,6 +32,7 @@ from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.kind_table import MESSAGE_TYPES
 from onebot_description.description.sensors.lidar import RADIATIONS, Lidar
 from onebot_description.description.sensors.noise import Noise
+from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
 
 InvalidHandle = rclpy_implementation.InvalidHandle
@@ -130,19 +132,60 @@ def _points(header: Header, model: object, rate: float, points: NDArray[np.void]
     )
 
 
+def _contacts(header: Header, model: object, rate: float, contacts: Sequence[LinkContact]) -> Any:
+    """Return what ros_gz_bridge publishes, but in the frame of the header, and empty ones, too."""
+    names = "Contacts", "Contact", "Entity", "JointWrench"
+    contacts_type, contact_type, entity, wrench = (
+        load_interface(f"ros_gz_interfaces/msg/{name}") for name in names
+    )
+    message = contacts_type(header=header)
+    message.contacts = [
+        contact_type(
+            collision1=entity(name=contact.link, type=entity.LINK),
+            collision2=entity(name=contact.other, type=entity.LINK),
+            positions=_vectors(contact.points),
+            normals=_vectors(contact.normals),
+            depths=[0.0] * len(contact.points),
+            wrenches=[
+                wrench(
+                    header=header,
+                    body_1_name=String(data=contact.link),
+                    body_2_name=String(data=contact.other),
+                    body_1_wrench=Wrench(force=force),
+                    body_2_wrench=Wrench(force=Vector3(x=-force.x, y=-force.y, z=-force.z)),
+                )
+                for force in _vectors(contact.forces[:, None] * contact.normals)
+            ],
+        )
+        for contact in contacts
+    ]
+    return message
+
+
+def _vectors(rows: NDArray[np.float64]) -> list[Vector3]:
+    return [Vector3(x=x, y=y, z=z) for x, y, z in rows.tolist()]
+
+
 Converter = Callable[[Header, Any, float, Any], Any]
-_CONVERTERS: Mapping[str, tuple[type, Converter]] = {
-    "sensor_msgs/msg/LaserScan": (LaserScan, _scan),
-    "sensor_msgs/msg/Range": (Range, _range),
-    "sensor_msgs/msg/PointCloud": (PointCloud, _point_cloud),
-    "sensor_msgs/msg/PointCloud2": (PointCloud2, _points),
-    "sensor_msgs/msg/Imu": (ImuMessage, _imu),
-    "sensor_msgs/msg/Image": (Image, _image),
-    "sensor_msgs/msg/CameraInfo": (CameraInfo, _camera_info),
+_CONVERTERS: Mapping[str, Converter] = {
+    "sensor_msgs/msg/LaserScan": _scan,
+    "sensor_msgs/msg/Range": _range,
+    "sensor_msgs/msg/PointCloud": _point_cloud,
+    "sensor_msgs/msg/PointCloud2": _points,
+    "sensor_msgs/msg/Imu": _imu,
+    "sensor_msgs/msg/Image": _image,
+    "sensor_msgs/msg/CameraInfo": _camera_info,
+    "ros_gz_interfaces/msg/Contacts": _contacts,
 }
 MESSAGES = {output: _CONVERTERS[message] for output, message in MESSAGE_TYPES.items()}
-"""By output: the message type, and the function that makes the message of a header,
-the sensor's model, its rate (Hz) and what it measures."""
+"""By output, the function that makes the message of a header, the sensor's model, its rate (Hz) and
+what it measures."""
+
+
+def message_type(output: str) -> type:
+    """Return the type of the messages of an output."""
+    kind: type = load_interface(MESSAGE_TYPES[output])
+    return kind
 
 
 class SensorPublisher:
@@ -181,7 +224,7 @@ class SensorPublisher:
         header = Header(stamp=time_message(stamp), frame_id=self._frame)
         model, rate = self._instrument.model, self._instrument.rate
         for output, values in outputs.items():
-            message = MESSAGES[output][1](header, model, rate, values)
+            message = MESSAGES[output](header, model, rate, values)
             try:
                 self._publishers[output].publish(message)
             except InvalidHandle:

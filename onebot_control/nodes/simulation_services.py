@@ -63,11 +63,11 @@ class SimulationServices:
 
     def _do(self, answer: Any, action: Callable[[], object]) -> Any:
         """Run ``action`` in the control thread; return the answer with its result."""
-        answer.result.result = self._result.OK
+        answer.result.result = self._result.RESULT_OK
         try:
             self._loop.call(action)
         except OneBotError as error:
-            return self._failed(answer, self._result.OPERATION_FAILED, str(error))
+            return self._failed(answer, self._result.RESULT_OPERATION_FAILED, str(error))
         return answer
 
     def _failed(self, answer: Any, code: int, text: str) -> Any:
@@ -85,11 +85,11 @@ class SimulationServices:
         if scope in (state | time, request.SCOPE_ALL & ~request.SCOPE_SPAWNED):
             return self._do(answer, self._restart)
         text = f"scope {request.scope} is not supported: only the state is reset, or all with time"
-        return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
+        return self._failed(answer, self._result.RESULT_FEATURE_UNSUPPORTED, text)
 
     def _get_state(self, _: Any, answer: Any) -> Any:
         answer.state.state = self._state
-        answer.result.result = self._result.OK
+        answer.result.result = self._result.RESULT_OK
         return answer
 
     @property
@@ -104,7 +104,7 @@ class SimulationServices:
         target, states = request.state.state, self._states
         if target not in (states.STATE_STOPPED, states.STATE_PLAYING, states.STATE_PAUSED):
             text = f"state {target} is not supported; there are 0 stopped, 1 playing, 2 paused"
-            return self._failed(answer, self._result.FEATURE_UNSUPPORTED, text)
+            return self._failed(answer, self._result.RESULT_FEATURE_UNSUPPORTED, text)
         if target == self._state:
             return self._failed(answer, answer.ALREADY_IN_TARGET_STATE, "it is in this state")
         stopped = target == states.STATE_STOPPED
@@ -115,7 +115,7 @@ class SimulationServices:
             self._loop.pause(target != states.STATE_PLAYING)
 
         self._do(answer, change)
-        self._reset_paused = stopped and answer.result.result == self._result.OK
+        self._reset_paused = stopped and answer.result.result == self._result.RESULT_OK
         return answer
 
     def _get_features(self, _: Any, answer: Any) -> Any:

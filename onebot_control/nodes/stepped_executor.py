@@ -20,10 +20,11 @@ from onebot_control.nodes.callback_watch import CallbackWatch
 
 _WAITABLE, _TIMER, _SUBSCRIPTION = "waitable", "timer", "subscription"
 _KINDS = (_SUBSCRIPTION, "guard_condition", _TIMER, "client", "service")  # a wait set's names
+TF_TOPICS = ("/tf", "/tf_static")
 RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
 
 
-class _Row(NamedTuple):
+class _Entry(NamedTuple):
     """An entity of a node: something that a wait set waits for."""
 
     kind: str
@@ -32,6 +33,7 @@ class _Row(NamedTuple):
     add: Callable[[Any], object]  # adds ``argument`` to the wait set
     argument: Any
     pointer: int  # the wait set names it by this when it is ready; 0 for a waitable
+    is_first: bool  # whether other callbacks run only when none of these is ready
 
 
 class SteppedExecutor(Executor):
@@ -45,22 +47,27 @@ class SteppedExecutor(Executor):
     Half of all entities are events, such as the log of a QoS that does not match. They have
     callbacks only when entities have changed, or when ``look_for_events`` was set to true.
 
+    Subscriptions to /tf and /tf_static, and the nodes that publish there what they receive, run
+    before all others: a transform is known when the callback of another message asks for it.
+
     Attributes:
         nodes: the nodes, in the order in which they were added.
         changed: whether entities have changed since somebody set this to false.
         look_for_events: whether events count as ready in the next run.
+        first: nodes whose callbacks run before those of the others.
     """
 
     def __init__(self, context: Context, watch: CallbackWatch) -> None:
         """Begin without nodes; ``watch`` ends callbacks that block."""
         self.nodes: list[Node] = []
+        self.first: set[Node] = set()
         self.changed = self._is_stale = self.look_for_events = True
         super().__init__(context=context)
         self._watch = watch
         self._tasks: list[tuple[Task, Any, Node | None]] = []  # rclpy's executors have it, too
         self._suspended: set[Task] = set()
-        self._rows: list[_Row] = []
-        self._rows_without_events: list[_Row] = []
+        self._entries: list[_Entry] = []
+        self._entries_without_events: list[_Entry] = []
         self._wait_set: Any = None
 
     def add_node(self, node: Node) -> bool:
@@ -94,10 +101,10 @@ class SteppedExecutor(Executor):
         """
         while self._context.ok():
             ran = self._run_tasks()
-            for row in self._ready():
+            for entry in self._ready():
                 ran = True
-                with self._watch.running(row.node):
-                    self._run(row.kind, row.entity, row.node)
+                with self._watch.running(entry.node):
+                    self._run(entry.kind, entry.entity, entry.node)
                 if not self._context.ok():
                     return  # a callback has shut it down
             if not ran:
@@ -112,7 +119,7 @@ class SteppedExecutor(Executor):
                 with self._watch.running(node):
                     _run_task(task)
                 ran |= not _is_pending(task) or task not in self._suspended
-        self._tasks = [row for row in self._tasks if _is_pending(row[0])]
+        self._tasks = [entry for entry in self._tasks if _is_pending(entry[0])]
         self._suspended = {task for task, _, _ in self._tasks}
         return ran
 
@@ -130,16 +137,16 @@ class SteppedExecutor(Executor):
                     if not handle.is_timer_ready():
                         return  # a callback has just cancelled or reset it
                     handle.call_timer()
-                elif taken := handle.take_message(entity.msg_type, entity.raw):
+                elif received := handle.take_message(entity.msg_type, entity.raw):
                     is_short = entity._callback_type is Subscription.CallbackType.MessageOnly
-                    arguments = taken[:1] if is_short else taken
+                    arguments = received[:1] if is_short else received
                 else:
                     return
         except InvalidHandle:
             return
         entity.callback(*arguments)
 
-    def _ready(self) -> list[_Row]:
+    def _ready(self) -> list[_Entry]:
         """Return the entities that are ready now."""
         with suppress(InvalidHandle, RCLError):
             return self._wait()
@@ -147,45 +154,47 @@ class SteppedExecutor(Executor):
         self._is_stale = True
         return self._wait() if self._context.ok() else []
 
-    def _wait(self) -> list[_Row]:
+    def _wait(self) -> list[_Entry]:
         if self._is_stale:
             self._collect()
-        rows = self._rows if self.look_for_events else self._rows_without_events
+        entries = self._entries if self.look_for_events else self._entries_without_events
         if self._tasks:  # a coroutine may hold its callback group
-            rows = [row for row in rows if self.can_execute(row.entity)]
+            entries = [entry for entry in entries if self.can_execute(entry.entity)]
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for row in rows:
-            row.add(row.argument)
+        for entry in entries:
+            entry.add(entry.argument)
         wait_set.wait(0)
         ready = {pointer for kind in _KINDS for pointer in wait_set.get_ready_entities(kind)}
-        return [
-            row
-            for row in rows
-            if row.pointer in ready or (not row.pointer and row.entity.is_ready(wait_set))
+        found = [
+            entry
+            for entry in entries
+            if entry.pointer in ready or (not entry.pointer and entry.entity.is_ready(wait_set))
         ]
+        return [entry for entry in found if entry.is_first] or found
 
     def _collect(self) -> None:
         """Make a wait set for the entities that the nodes have now."""
         self._is_stale = False
         self.nodes = [node for node in self.nodes if is_alive(node.handle)]
-        entities = [row for node in self.nodes for row in _entities(node)]
+        entities = [entry for node in self.nodes for entry in _entities(node)]
         counts = Counter(kind for kind, _, _ in entities)
-        numbers_of = (each.get_num_entities() for kind, each, _ in entities if kind == _WAITABLE)
-        waitables = sum(numbers_of, NumberOfEntities())
+        numbers = (item.get_num_entities() for kind, item, _ in entities if kind == _WAITABLE)
+        waitables = sum(numbers, NumberOfEntities())
         numbers = (getattr(waitables, f"num_{kind}s") + counts[kind] for kind in (*_KINDS, "event"))
         self._wait_set = wait_set = WaitSet(*numbers, self._context.handle)
-        self._rows = [_row(wait_set, *entity) for entity in entities]
-        self._rows_without_events = [
-            row for row in self._rows if not isinstance(row.entity, EventHandler)
+        self._entries = [_entry(wait_set, *entity, entity[2] in self.first) for entity in entities]
+        self._entries_without_events = [
+            entry for entry in self._entries if not isinstance(entry.entity, EventHandler)
         ]
 
 
-def _row(wait_set: Any, kind: str, entity: Any, node: Node) -> _Row:
+def _entry(wait_set: Any, kind: str, entity: Any, node: Node, is_first: bool) -> _Entry:
     if kind == _WAITABLE:
-        return _Row(kind, entity, node, entity.add_to_wait_set, wait_set, 0)
-    handle = entity.handle
-    return _Row(kind, entity, node, getattr(wait_set, f"add_{kind}"), handle, handle.pointer)
+        return _Entry(kind, entity, node, entity.add_to_wait_set, wait_set, 0, is_first)
+    handle, add = entity.handle, getattr(wait_set, f"add_{kind}")
+    is_first |= kind == _SUBSCRIPTION and entity.topic_name in TF_TOPICS
+    return _Entry(kind, entity, node, add, handle, handle.pointer, is_first)
 
 
 def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:

@@ -23,7 +23,7 @@ from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
-from onebot_control.runtime.frames import Frames, check_frames
+from onebot_control.runtime.frames import RobotFrames, check_frames
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import SimulationConfig
@@ -108,13 +108,14 @@ class WorldInterface:
             OneBotError: a parameter, the world or a given description cannot be used.
         """
         described = [
-            _described(file, node, own) for node, own in zip(nodes, arguments, strict=True)
+            _described(file, node, node_arguments)
+            for node, node_arguments in zip(nodes, arguments, strict=True)
         ]
         settings = [
-            ControlParameters(node, own, _declared(parameters, description))
-            for node, own, description in zip(nodes, arguments, described, strict=True)
+            ControlParameters(node, node_arguments, _declared(parameters, description))
+            for node, node_arguments, description in zip(nodes, arguments, described, strict=True)
         ]
-        config = settings[0].config  # what concerns the world is the first robot's
+        config = settings[0].config  # the first robot's counts for the world
         simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
@@ -159,13 +160,13 @@ class WorldInterface:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # results are sent while paused, too
         self.start(loop, sensing, steady)
         if self.controller_nodes:
-            self._controllers_thread = NodeThread(self.controller_nodes, "arms", self._fail)
+            self._controllers_thread = NodeThread(self.controller_nodes, "controllers", self._fail)
         # After the start, because rclpy's first log call takes 20 ms.
         warnings = [*self.scene.notices] if self.scene else []
         warnings += [warning for robot in self.robots for warning in robot.warnings]
         foreign = [robot.settings.foreign_sections for robot in self.robots]
         warnings += [
-            text for key, text in foreign[0].items() if all(key in other for other in foreign)
+            text for key, text in foreign[0].items() if all(key in sections for sections in foreign)
         ]
         for warning in dict.fromkeys(warnings):
             self._node.get_logger().warning(warning)
@@ -181,7 +182,7 @@ class WorldInterface:
                 self.check_frames(robot.slot.row, robot.frames())
         return Fleet.from_members(members, scene=self.scene)
 
-    def check_frames(self, row: int, frames: Frames) -> None:
+    def check_frames(self, row: int, frames: RobotFrames) -> None:
         """Check the frames that the robot in ``row`` would have; all robots must be described.
 
         Raises:
@@ -250,7 +251,7 @@ class WorldInterface:
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp, poses)
-        sensing.take(stamp, snapshots, poses)
+        sensing.take(stamp, snapshots, poses, lambda row: world.contacts.contacts(row))
 
     def poll(self) -> None:
         """Look for publishers of commands and localizers; call it several times a second.

@@ -13,7 +13,7 @@ Example:
     True
 """
 
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.robot_body import JointStates, MassVelocity, Pose, RobotBody, Twist
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn
@@ -26,7 +26,7 @@ __all__ = [
     "RobotBody",
     "RobotSpawn",
     "SceneBodies",
-    "Settings",
+    "PhysicsSettings",
     "Twist",
     "World",
 ]

@@ -78,6 +78,7 @@ class ContactRecorder:
         collided: whether each robot has touched something other than what it stands on, since
             it was placed.
         always: whether anything may touch in any cycle, as there are arms or pushes.
+        wanted: whether contacts have been asked for; then each cycle records them.
     """
 
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
@@ -118,7 +119,7 @@ class ContactRecorder:
         self._listed: list[_Listed] | None = []
         self._moved = {*range(len(self._robots))}  # robots that were placed since then
         self._poses: dict[_Place, Transform] = {}
-        self.collided = [False] * len(self._robots)
+        self.collided, self.wanted = [False] * len(self._robots), False
         self.always = any(robot.spawn.starts for robot in self._robots)
         self._is_near, self._valid = False, 0  # whether robots are near anything; cycles left
 
@@ -161,7 +162,7 @@ class ContactRecorder:
             (left - reach, back - reach, bottom - reach),
             (right + reach, front + reach, top + reach),
         )
-        return any(other not in (body, self._ground) for other, _ in near or ())
+        return any(neighbour not in (body, self._ground) for neighbour, _ in near or ())
 
     def begin(self, *, recorded: bool) -> None:
         """Begin a control cycle."""
@@ -186,53 +187,56 @@ class ContactRecorder:
         self._listed.append((points, poses))
         merged, ground, always = self._merged, self._ground, bool(self._arms)
         for point in points:
-            body, other = point[1], point[2]
-            for place in ((body, point[3]), (other, point[4])):
+            body, other_body = point[1], point[2]
+            for place in ((body, point[3]), (other_body, point[4])):
                 if place in merged and place not in self._poses:
                     self._poses[place] = self._loaded[place[0]].link_pose(place[1])
-            if always or (other != ground and body != ground):
+            if always or (other_body != ground and body != ground):
                 for touch in self._touches(point):
                     self._judge(touch)
 
     def _touches(self, point: Sequence[Any]) -> Iterator[_Touch]:
         """Yield a point of PyBullet's list as each robot that is part of it has it."""
-        _, body, other, index, other_index, at, on, normal, apart, force, *_ = point
+        _, body, other_body, index, other_index, at, on, normal, apart, force, *_ = point
         # The solver skips points that are farther apart, and leaves an old force there.
         if force > 0.0 and apart <= TOUCHING:
-            one, two, (x, y, z) = (body, index), (other, other_index), normal
+            first, second, (x, y, z) = (body, index), (other_body, other_index), normal
             if body in self._rows:
-                yield _Touch(one, two, (at, on), normal, force)
-            if other in self._rows:
-                yield _Touch(two, one, (on, at), (-x, -y, -z), force)
+                yield _Touch(first, second, (at, on), normal, force)
+            if other_body in self._rows:
+                yield _Touch(second, first, (on, at), (-x, -y, -z), force)
 
     def _judge(self, touch: _Touch) -> None:
         """Decide whether a contact is a collision."""
-        row, other = self._rows[touch.own[0]], touch.other[0]
-        if other in self._sleepers and touch.own[1] < 0 and self._robots[row].spawn.fixed_base:
+        row, other_body = self._rows[touch.own[0]], touch.other[0]
+        if other_body in self._sleepers and touch.own[1] < 0 and self._robots[row].spawn.fixed_base:
             # PyBullet would keep the forces of the step in which a body fell asleep: without
             # gravity. Beside what moves it does not sleep.
-            self._sleepers.remove(other)
+            self._sleepers.remove(other_body)
             state = engine.ACTIVATION_STATE_DISABLE_SLEEPING
-            self._bullet.changeDynamics(other, -1, activationState=state)
-        stands = other not in self._rows and touch.normal[2] > _BELOW
+            self._bullet.changeDynamics(other_body, -1, activationState=state)
+        stands = other_body not in self._rows and touch.normal[2] > _BELOW
         if not stands or touch.own in self._arms:
             self.collided[row] = True
 
     def contacts(self, row: int) -> list[Contact]:
         """Return the contacts of a robot in the last cycle, where it was last touched.
 
+        They are recorded in each cycle from now on.
+
         If that was not recorded, they are those of its last physics step.
         """
+        self.wanted = True
         if row in self._moved:
             return []
         if self._listed is None:
             self.record()
         listed = self._listed or []
         sums = defaultdict[_Names, float](float)
-        last: dict[_Names, list[_Touch]] = {}  # in the last step in which they touched
+        last: dict[_Names, list[_Touch]] = {}  # touches of the last step that had any
         for points, poses in listed:
             touches = defaultdict[_Names, list[_Touch]](list)
-            for touch in (each for point in points for each in self._touches(point)):
+            for touch in (item for point in points for item in self._touches(point)):
                 if self._rows[touch.own[0]] == row:
                     names = self._names(touch, poses)
                     touches[names].append(touch)
@@ -275,11 +279,11 @@ def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:
     shapes = {}
     written = merged_bodies(replace(spawn.description, links=spawn.links)) if spawn.links else {}
     for first, body in merged_bodies(spawn.description).items():
-        own = [link.name for _, _, link in body.collisions]
-        given = written[first].collisions if first in written else body.collisions
-        differs = given and {*own} != {link.name for _, _, link in given}
-        if own:
-            shapes[first] = given if differs else body.collisions
+        names = [link.name for _, _, link in body.collisions]
+        collisions = written[first].collisions if first in written else body.collisions
+        differs = collisions and {*names} != {link.name for _, _, link in collisions}
+        if names:
+            shapes[first] = collisions if differs else body.collisions
     return shapes
 
 

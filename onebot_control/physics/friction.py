@@ -2,8 +2,8 @@
 
 URDF does not specify all that a simulation needs, and PyBullet's defaults are unsuitable:
 
-- Wheels, driven ones and those of casters, have the friction of ``Settings``, unless the URDF has a
-  <lateral_friction>.
+- Wheels, driven ones and those of casters, have the friction of ``PhysicsSettings``, unless the
+  URDF has a <lateral_friction>.
 - A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
   cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
 - More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.
@@ -19,7 +19,7 @@ import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
 from onebot_control.physics.engine import Bullet, logger
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_description.elements.urdf import (
     Box,
     Capsule,
@@ -39,8 +39,8 @@ from onebot_description.model.rigid_bodies import Body, rigid_frames
 _THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
 # The width for a robot that steers. Here, PyBullet's margin of 1 mm rounds the whole rim, which
-# therefore touches the ground in its middle. A wider one whose axle is not exactly level touches it
-# with one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels would fight.
+# therefore touches the ground in its middle. On an axle that is not exactly level, a wider one has
+# contact by one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels fight.
 _DISC = 0.002
 _GLIDING = 0.01  # coefficient of friction of parts that glide
 # Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:
@@ -222,7 +222,7 @@ def set_contact(
     robot: int,
     index: int,
     body: Body,
-    settings: Settings,
+    settings: PhysicsSettings,
     *,
     grasps: bool = False,
 ) -> None:
@@ -250,7 +250,7 @@ def set_contact(
 
 
 def soften(
-    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: Settings
+    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: PhysicsSettings
 ) -> None:
     """Let wheels share the weight of ``mass``, kg, as tyres do: by critically damped springs."""
     for index in wheels:

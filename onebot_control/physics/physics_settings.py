@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
-class Settings:
+class PhysicsSettings:
     """Settings of the simulated physics; the defaults were determined by measurements.
 
     Attributes:
@@ -28,7 +28,7 @@ class Settings:
     friction: float = 1.0
     settling: float = 2.0
 
-    def fitted(self, cycles: float) -> "Settings":
+    def fitted(self, cycles: float) -> "PhysicsSettings":
         """Return these settings for ``cycles`` control periods per second.
 
         The rate becomes the smallest multiple of ``cycles`` that is not below the current rate.

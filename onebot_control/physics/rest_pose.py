@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from onebot_control.conventions import WORLD_FRAME
 from onebot_control.physics.engine import Bullet, logger
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import (
     LoadedBody,
@@ -54,7 +54,7 @@ class RestPose(NamedTuple):
 
 
 def settle(
-    robot: LoadedBody, spawn: RobotSpawn, starts: Sequence[float], settings: Settings
+    robot: LoadedBody, spawn: RobotSpawn, starts: Sequence[float], settings: PhysicsSettings
 ) -> RestPose:
     """Let a robot come to rest on its wheels at the origin, and return its pose.
 
@@ -140,7 +140,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
             logger.warning("%s", text)  # a rail, for example
 
 
-def _come_to_rest(robot: LoadedBody, settings: Settings) -> None:
+def _come_to_rest(robot: LoadedBody, settings: PhysicsSettings) -> None:
     """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
@@ -192,7 +192,7 @@ def _is_upright(rotation: Quaternion) -> bool:
 def pose_on(
     scene: Description,
     spawn: RobotSpawn,
-    settings: Settings,
+    settings: PhysicsSettings,
     rest: RestPose,
     where: SpawnPose,
     positions: Sequence[float],

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
     RobotSpawn,
@@ -74,7 +74,7 @@ class _World(Protocol):
     """What a robot needs of its world; see ``World``."""
 
     bullet: Bullet
-    settings: Settings
+    settings: PhysicsSettings
 
     @property
     def robots(self) -> Sequence["RobotBody"]: ...
@@ -145,6 +145,15 @@ class RobotBody:
             [spawn.starts.get(name, 0.0) for name in self.commanded]
         ]
         self.finite = True
+
+    def start_at(self, x: float, y: float, yaw: float) -> None:
+        """Change where the robot starts, from the world's next restart on.
+
+        Raises:
+            OneBotError: the pose is not finite, or too far from the origin.
+        """
+        self.start = checked_spawn_pose(x, y, yaw)
+        self.spawn = self.spawn._replace(x=x, y=y, yaw=yaw)
 
     def load(self, ground: int) -> None:
         """Add the robot to its world, at the origin."""

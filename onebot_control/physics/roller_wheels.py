@@ -74,8 +74,8 @@ def with_rollers(description: Description, rollers: Mapping[str, RollerWheel]) -
             axle, turn = _axle(joint, wheel, places[joint.parent])
             moment = float(np.array(joint.axis) @ body.inertia @ np.array(joint.axis))
             moment = max(moment, mass * wheel.radius**2)
-            rest = body.inertia - moment * turn @ _RING @ turn.T
-            links[joint.parent] = _loaded(links[joint.parent], joint, body, mass, rest)
+            hub_inertia = body.inertia - moment * turn @ _RING @ turn.T
+            links[joint.parent] = _loaded(links[joint.parent], joint, body, mass, hub_inertia)
             for name, (first, _) in frames.items():
                 if first == joint.child:
                     links[name] = replace(links[name], collisions=(), inertial=None)

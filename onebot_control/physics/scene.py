@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,
@@ -54,7 +54,7 @@ def load_scene(world: str) -> Description | None:
         return None
     description = load_world(world)
     with closing(Bullet()) as bullet:
-        settings = Settings()
+        settings = PhysicsSettings()
         SceneBodies(description).enter(bullet, make_world(bullet, settings), settings)
     return description
 
@@ -116,7 +116,9 @@ class SceneBodies:
         joints = tuple(joint for joint in description.joints if joint.child in names)
         return replace(description, root_link=first, links=links, joints=joints)
 
-    def enter(self, bullet: Bullet, ground: int, settings: Settings, *, free: bool = True) -> None:
+    def enter(
+        self, bullet: Bullet, ground: int, settings: PhysicsSettings, *, free: bool = True
+    ) -> None:
         """Load the bodies into a world.
 
         Args:

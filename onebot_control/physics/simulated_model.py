@@ -141,7 +141,7 @@ def _roller_wheels(wheels: Wheels, tyres: Mapping[str, Tyre | None]) -> dict[str
     Raises:
         OneBotError: one has no round shape.
     """
-    found = {}
+    roller_wheels = {}
     for name, angle in wheels.rollers.items():
         tyre = tyres[name]
         if tyre is None:
@@ -149,8 +149,8 @@ def _roller_wheels(wheels: Wheels, tyres: Mapping[str, Tyre | None]) -> dict[str
                 f'{wheels.description.source}: joint "{name}": the link that it moves has no '
                 "sphere, cylinder or round mesh to roll on"
             )
-        found[name] = RollerWheel(tyre.radius, angle, tyre.offset)
-    return found
+        roller_wheels[name] = RollerWheel(tyre.radius, angle, tyre.offset)
+    return roller_wheels
 
 
 def independent(description: Description) -> Description:
@@ -191,15 +191,15 @@ def check_interfaces(description: Description, commanded: Collection[str], *, st
     Raises:
         OneBotError: a joint has others only, or the robot stands and all of its joints have.
     """
-    others = {
+    other_commands = {
         name: listed.commands
         for name, listed in description.interfaces.items()
         if listed.commands and "position" not in listed.commands
     }
     none = stands and not _positioned_names(description)
-    joints = [name for name in others if name in commanded or none]
+    joints = [name for name in other_commands if name in commanded or none]
     if joints:
-        kinds = listing(kind for name in joints for kind in others[name])
+        kinds = listing(kind for name in joints for kind in other_commands[name])
         raise OneBotError(
             f"{description.source}: joint {listing(joints)}: <ros2_control> has only the command "
             f"interface {kinds}, which cannot be simulated yet; add position"

@@ -11,7 +11,7 @@ import numpy as np
 
 from onebot_control.physics.engine import Bullet, captured, engine, log, scratch_file
 from onebot_control.physics.friction import set_contact, soften
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.physics.roller_wheels import RollerAxle
 from onebot_description.elements.meshes import read_mesh
@@ -144,7 +144,7 @@ class LoadedBody(NamedTuple):
                 bullet.resetJointState(body, index, position, 0.0)
 
 
-def make_world(bullet: Bullet, settings: Settings, residual: float = 0.0) -> int:
+def make_world(bullet: Bullet, settings: PhysicsSettings, residual: float = 0.0) -> int:
     """Set up the physics and the ground of an empty world.
 
     Args:
@@ -178,7 +178,7 @@ def load_robot(
     bullet: Bullet,
     ground: int,
     spawn: RobotSpawn,
-    settings: Settings,
+    settings: PhysicsSettings,
 ) -> LoadedBody:
     """Load a robot into a world, with its root link's frame at the origin.
 
@@ -244,7 +244,15 @@ def load_robot(
         if mass > 0.0
     ]
     return LoadedBody(
-        bullet, ground, robot, joints, hubs, mass_frame, inverse(mass_frame), weightless, rollers
+        bullet=bullet,
+        ground=ground,
+        body=robot,
+        joints=joints,
+        hubs=hubs,
+        mass_frame=mass_frame,
+        link_frame=inverse(mass_frame),
+        weightless=weightless,
+        rollers=rollers,
     )
 
 
@@ -269,7 +277,9 @@ def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mim
     )
 
 
-def load_fixed(bullet: Bullet, description: Description, body: Body, settings: Settings) -> int:
+def load_fixed(
+    bullet: Bullet, description: Description, body: Body, settings: PhysicsSettings
+) -> int:
     """Load a fixed body of a scene, with its frame at the origin; return PyBullet's index."""
     index = _load(bullet, description, {body.link: body}, fixed=True)
     set_contact(bullet, index, -1, body, settings)

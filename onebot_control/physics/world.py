@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from onebot_control.physics.contacts import ContactRecorder
 from onebot_control.physics.engine import Bullet
-from onebot_control.physics.physics_settings import Settings
+from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import has_rollers
@@ -22,8 +22,8 @@ from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms or rollers, the solver stops once an iteration changes no velocity by more than the
 # square root of this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a
-# fifth, and joints are off by 1e-8 rad. OneBot with an arm drifts by 60 nm/s at rest; 0.4 nm/s
-# without arms.
+# fifth, and joints are off by 1e-8 rad. At rest, OneBot drifts by 60 nm/s with an arm, by 0.4 nm/s
+# otherwise.
 _RESIDUAL = 1e-12
 
 
@@ -58,7 +58,7 @@ class World(AbstractContextManager["World"]):
     def __init__(
         self,
         spawns: Sequence[RobotSpawn],
-        settings: Settings = Settings(),  # noqa: B008 - it is frozen
+        settings: PhysicsSettings = PhysicsSettings(),  # noqa: B008 - it is frozen
         scene: Description | None = None,
         *,
         at_start: bool = True,
@@ -109,7 +109,8 @@ class World(AbstractContextManager["World"]):
 
         Args:
             duration: s.
-            recorded: record ``contacts``, too; None: if there may be a collision.
+            recorded: record ``contacts``, too; None: if there may be a collision. If they have been
+                asked for once, they always are.
 
         Raises:
             OneBotError: the world is closed, or its state is no longer finite.
@@ -122,7 +123,9 @@ class World(AbstractContextManager["World"]):
             self._commanded,
             self._weightless,
         )
-        if recorded is None:
+        if self._contacts is not None and self._contacts.wanted:
+            recorded = True
+        elif recorded is None:
             recorded = self._has_obstacles and self.contacts.may_collide(duration)
         contacts = self.contacts if recorded else self._contacts
         if contacts is not None:
@@ -150,16 +153,27 @@ class World(AbstractContextManager["World"]):
             self.scene.read()
         self._check_finite()
 
-    def restart(self) -> None:
+    def restart(self, starts: Sequence[SpawnPose] = ()) -> None:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
 
         Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
 
+        Args:
+            starts: new start poses of all robots; empty for the present ones.
+
         Raises:
             OneBotError: the robots cannot stand there together; then nothing has changed.
         """
-        with self._undone_if_refused():
-            self._place_at_starts()
+        present = [robot.start for robot in self.robots]
+        try:
+            with self._undone_if_refused():
+                for robot, start in zip(self.robots, starts or present, strict=True):
+                    robot.start_at(*start)
+                self._place_at_starts()
+        except OneBotError:
+            for robot, start in zip(self.robots, present, strict=True):
+                robot.start_at(*start)
+            raise
         self.bullet.resetSimulation()
         self._build()
         self._start()
@@ -274,7 +288,7 @@ class World(AbstractContextManager["World"]):
         finally:
             self.bullet.removeState(present)
 
-    def replaced(self, row: int, spawn: RobotSpawn, settings: Settings) -> "World":
+    def replaced(self, row: int, spawn: RobotSpawn, settings: PhysicsSettings) -> "World":
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
         The other robots continue from their current state, the new one from the joint positions of

@@ -9,7 +9,7 @@ from onebot_description.description import Description
 from onebot_description.parameters.reader import ConfigError, Problem
 
 
-class Frames(NamedTuple):
+class RobotFrames(NamedTuple):
     """The names of a robot's frames, with prefix."""
 
     world: str  # frame of true poses; "" if there is none
@@ -25,7 +25,7 @@ class Frames(NamedTuple):
         namespace: str,
         *,
         in_scene: bool,
-    ) -> "Frames":
+    ) -> "RobotFrames":
         """Return the frames of a robot; one that stands has no odometry.
 
         Then its root link may be the world's frame.
@@ -49,7 +49,7 @@ class Frames(NamedTuple):
         return cls(world, name(config.drive.odom_frame_id), base, links)
 
     def problems(
-        self, others: Mapping[str, "Frames"], scene: Description | None = None
+        self, others: Mapping[str, "RobotFrames"], scene: Description | None = None
     ) -> Iterator[Problem]:
         """Report names that two frames share, because in TF each frame has one parent.
 
@@ -81,7 +81,10 @@ class Frames(NamedTuple):
 
 
 def check_frames(
-    frames: Frames, present: Frames, others: Mapping[str, Frames], scene: Description | None
+    frames: RobotFrames,
+    present: RobotFrames,
+    others: Mapping[str, RobotFrames],
+    scene: Description | None,
 ) -> None:
     """Check the frames that a robot would have.
 

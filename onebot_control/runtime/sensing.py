@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Divider
+from onebot_control.physics.contacts import Contact
 from onebot_control.sensing.instrument import Frame, Instrument
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot
@@ -141,15 +142,24 @@ class Sensing:
                         self._due.append((channel, topics))
         return frozenset(channel.instrument.row for channel, _ in self._due)
 
-    def take(self, stamp: int, snapshots: Sequence[Snapshot], boxes: Sequence[Transform]) -> None:
+    def take(
+        self,
+        stamp: int,
+        snapshots: Sequence[Snapshot],
+        boxes: Sequence[Transform],
+        contacts: Callable[[int], Sequence[Contact]] = lambda row: (),
+    ) -> None:
         """Make, or queue, every measurement due in this cycle.
 
         Args:
             stamp: stamp of the cycle, ns.
             snapshots: snapshots of the robots.
             boxes: poses of movable boxes in the world.
+            contacts: returns the contacts of a robot in the last cycle.
         """
-        frame = self._sensors.frame(stamp, snapshots, self._last, boxes)
+        instruments = [channel.instrument for channel, _ in self._due]
+        touching = {item.row: contacts(item.row) for item in instruments if item.needs_contacts}
+        frame = self._sensors.frame(stamp, snapshots, self._last, boxes, touching)
         for channel, topics in self._due:
             self._measure(channel, topics, frame)
         self._last, self._tick = snapshots, snapshots[0].tick

@@ -18,7 +18,7 @@ from onebot_description.geometry.poses import Quaternion, multiply, rotate, scal
 _STEP = 1e-5  # s; poses this much before and after a moment give the velocity in it
 
 
-class Motion(NamedTuple):
+class ImuMotion(NamedTuple):
     """Pose and velocity of a sensor in simulated time."""
 
     rotation: Floats  # (3, 3), of the sensor in the world
@@ -27,7 +27,7 @@ class Motion(NamedTuple):
     angular: Floats  # (3,), angular velocity in its own axes, rad/s
 
     @classmethod
-    def through(cls, rotations: Floats, positions: Floats, step: float) -> "Motion":
+    def through(cls, rotations: Floats, positions: Floats, step: float) -> "ImuMotion":
         """Return the motion in the middle of three poses, which are ``step`` seconds apart.
 
         Args:
@@ -46,7 +46,9 @@ def _spin(turned: Floats, seconds: float) -> Floats:
     return np.array([x, y, z]) / (2.0 * seconds)
 
 
-def measure(before: Motion, now: Motion, period: float, gravity: float) -> tuple[Floats, Floats]:
+def measure(
+    before: ImuMotion, now: ImuMotion, period: float, gravity: float
+) -> tuple[Floats, Floats]:
     """Return angular velocity (3,), rad/s, and linear acceleration (3,), m/s^2, in a sensor's axes.
 
     An accelerometer also measures the reaction to gravity (REP-145): R^T (a - g). The acceleration
@@ -97,8 +99,8 @@ class ImuInstrument(Instrument[Imu]):
         frame, row = world.frame, self.row
         snapshot = frame.snapshots[row]
         last_snapshot = frame.before[row] if frame.before else snapshot
-        before, now = self._motions(world, [last_snapshot, snapshot])
-        angular, linear = measure(before, now, world.period, world.gravity)
+        last_motion, now = self._motions(world, [last_snapshot, snapshot])
+        angular, linear = measure(last_motion, now, world.period, world.gravity)
         # As all velocities, it is per second of the clock; the acceleration is the one simulated.
         values = np.concatenate([angular * snapshot.pace, linear])
         if generator := self.generator(frame):
@@ -108,14 +110,14 @@ class ImuInstrument(Instrument[Imu]):
         turn = orientation(self.model, now.rotation, frame.starts[self.row])
         return {"imu": (turn, values[:3], values[3:])}
 
-    def _motions(self, world: SensedWorld, snapshots: Sequence[Snapshot]) -> list[Motion]:
+    def _motions(self, world: SensedWorld, snapshots: Sequence[Snapshot]) -> list[ImuMotion]:
         """Return the sensor's motions: those of its link against the base, too."""
         states = [state for snapshot in snapshots for state in _around(snapshot)]
         link = world.placed.surroundings.link(self.row, self.sensor.link, states)
         assert link is not None
         rotations, positions = self.mounted(link)
         parts = [slice(start, start + 3) for start in range(0, len(states), 3)]
-        return [Motion.through(rotations[part], positions[part], _STEP) for part in parts]
+        return [ImuMotion.through(rotations[part], positions[part], _STEP) for part in parts]
 
 
 def _around(snapshot: Snapshot) -> list[RobotState]:

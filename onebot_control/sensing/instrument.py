@@ -1,13 +1,14 @@
 """What measures with one sensor of one robot, and the world that it measures in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from onebot_control.controlled_robot import Snapshot
+from onebot_control.physics.contacts import Contact
 from onebot_control.sensing.noise import bias, noise_generator
 from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.rays import Hits, Rays, cast
@@ -34,6 +35,8 @@ class Frame(NamedTuple):
     boxes: Sequence[Transform]  # poses of movable boxes
     robots: Sequence[SensedRobot]
     starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
+    # In the last cycle, by the robot's index; of those with an instrument that ``needs_contacts``.
+    contacts: Mapping[int, Sequence[Contact]]
 
 
 class SensedWorld(NamedTuple):
@@ -52,6 +55,7 @@ class Instrument(ABC, Generic[M]):
     Attributes:
         waiting: how many measurements may wait; those of which more may wait are made first.
         needs_embree: whether it cannot measure without Embree.
+        needs_contacts: whether it needs the robot's contacts in a frame.
         sensor: the sensor's description.
         model: what it measures.
         row: index of the robot in its fleet.
@@ -60,6 +64,7 @@ class Instrument(ABC, Generic[M]):
 
     waiting: ClassVar[int]
     needs_embree: ClassVar[bool] = False
+    needs_contacts: ClassVar[bool] = False
 
     def __init__(
         self,

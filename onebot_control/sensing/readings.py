@@ -152,6 +152,6 @@ class ByName(dict[str, V]):
         self._error = error
 
     def __missing__(self, name: str) -> V:
-        names = [known or "the only one, simulation.robot" for known in self]
+        names = [key or "the only one, simulation.robot" for key in self]
         text = self._error.format(f'"{name}"')
         raise OneBotError(f"{text}{did_you_mean(str(name), names)}")

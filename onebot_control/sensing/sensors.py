@@ -1,10 +1,13 @@
 """Measures with the sensors of a world's robots, one measurement per call."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from onebot_control.controlled_robot import Snapshot
+from onebot_control.physics.contacts import Contact
 from onebot_control.sensing.camera import CameraInstrument
+from onebot_control.sensing.contact import ContactInstrument
 from onebot_control.sensing.imu import ImuInstrument
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.lidar import LidarInstrument
@@ -17,6 +20,7 @@ from onebot_control.sensing.surroundings import (
 )
 from onebot_description.description import Description
 from onebot_description.description.sensors.camera import Camera
+from onebot_description.description.sensors.contact import ContactSensor
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.lidar import Lidar
 from onebot_description.elements.sensor import SensorModel
@@ -26,6 +30,7 @@ INSTRUMENTS: Mapping[type[SensorModel], type[Instrument[Any]]] = {
     Lidar: LidarInstrument,
     Camera: CameraInstrument,
     Imu: ImuInstrument,
+    ContactSensor: ContactInstrument,
 }
 """What measures with a sensor, by its model."""
 
@@ -68,6 +73,7 @@ class Sensors:
         snapshots: Sequence[Snapshot],
         last: Sequence[Snapshot] | None,
         boxes: Sequence[Transform],
+        contacts: Mapping[int, Sequence[Contact]] = MappingProxyType({}),
     ) -> Frame:
         """Return the frame of a control cycle.
 
@@ -76,11 +82,22 @@ class Sensors:
             snapshots: snapshots of the robots in this cycle.
             last: the last snapshots before; used if they are from one cycle ago.
             boxes: poses of movable boxes in the world.
+            contacts: contacts of robots in the last cycle, by their indices in the fleet.
         """
         self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
         tick = snapshots[0].tick
         last_snapshots = last if last and last[0].tick == tick - 1 else None
-        return Frame(tick, stamp, snapshots, last_snapshots, boxes, self._robots, self._starts)
+        robots, starts = self._robots, self._starts
+        return Frame(
+            tick=tick,
+            stamp=stamp,
+            snapshots=snapshots,
+            before=last_snapshots,
+            boxes=boxes,
+            robots=robots,
+            starts=starts,
+            contacts=contacts,
+        )
 
     def prepare(self) -> None:
         """Build the surroundings now, because reading meshes takes long."""

@@ -154,8 +154,8 @@ def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
     from trimesh import creation
 
     if isinstance(shape, Sphere):
-        wanted = math.ceil(math.log(max(_ICOSAHEDRON * shape.radius / _HIGH, 1.0), 4.0))
-        ball = creation.icosphere(min(wanted, _LARGEST_BALL))
+        subdivisions = math.ceil(math.log(max(_ICOSAHEDRON * shape.radius / _HIGH, 1.0), 4.0))
+        ball = creation.icosphere(min(subdivisions, _LARGEST_BALL))
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
         return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
     sections = min(max(64, math.ceil(_SECTIONS * shape.radius)), _MOST_SECTIONS[type(shape)])

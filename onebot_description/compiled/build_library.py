@@ -25,6 +25,7 @@ SOURCES = (
     _WIRE / "_schema.c",
     _WIRE / "_state_converter.c",
     _MODEL / "_kinematics.c",
+    _PACKAGE / "ros" / "_transform_buffer.c",
 )
 _HEADERS = (_WIRE / "_program.h", _MODEL / "_joint.h")
 LIBRARY = Path(__file__).with_name("_library.so")

@@ -14,12 +14,16 @@ from onebot_description.geometry.poses import Triple, from_rpy, rotate
 # Gazebo moves the base of a "planar" robot as a whole, so its wheels may look like any others.
 _KINDS: dict[DriveKind, tuple[str, str]] = {
     "mecanum": (r"mec+anum.?drive", r"((?:front|back)_(?:left|right))_joint"),
-    "ackermann": (r"ackerman+", r"(?:front_|rear_)?((?:left|right)(?:_steering)?)_joint"),
+    "ackermann": (
+        r"ackerman+",
+        r"(?:front_|rear_)?((?:left|right)(?:_steering)?)(?:_front|_rear)?_joint",
+    ),
     "planar": (r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", ""),
 }
 _CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
 _LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "steering_limit")
-_SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit"}
+_SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit", "command_topic": "topic"}
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")  # some plugins write leftHingeJoint
 _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
 # The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
@@ -49,22 +53,27 @@ def _read_plugin(
 ) -> DrivePlugin:
     named: dict[str, tuple[str, ...]] = {}
     lengths: dict[str, float] = {}
+    topic = ""
     for element in plugin:
         text = (element.text or "").strip()
-        if match := re.fullmatch(_KINDS[kind][1], element.tag):
+        tag = _HUMP.sub("_", element.tag).lower().replace("_hinge_", "_steering_")
+        tag = _SPELLINGS.get(tag, tag)
+        if match := re.fullmatch(_KINDS[kind][1], tag):
             role = match[1].replace("back", "rear")
             if text in joints:
                 named[role] = (*named.get(role, ()), text)
             else:
                 hint = findings.hint(text, joints, "joints")
                 findings.warning(element, f'the robot has no joint "{text}"{hint}')
-        elif (length := _SPELLINGS.get(element.tag, element.tag)) in _LENGTHS:
+        elif tag == "topic":
+            topic = topic or text
+        elif tag in _LENGTHS:
             if (fault := number_fault(text)) or float(text) <= 0.0:
                 findings.problem(element, fault or f'"{text}" is not positive; it must be')
             else:
-                lengths[length] = float(text)
+                lengths[tag] = float(text)
     where = f"{findings.where(plugin)}: plugin {plugin.get('filename', '')}"
-    return DrivePlugin(kind, where, named, lengths, (plugin.findtext("topic") or "").strip())
+    return DrivePlugin(kind, where, named, lengths, topic)
 
 
 class Rollers(NamedTuple):

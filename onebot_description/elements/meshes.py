@@ -187,9 +187,9 @@ class _PlainCollada:
     def _corners(self, part: ElementTree.Element) -> "NDArray[np.float64]":
         import numpy as np
 
-        inputs = {each.get("semantic"): each for each in self._all("input", part)}
+        inputs = {element.get("semantic"): element for element in self._all("input", part)}
         offset = int(inputs["VERTEX"].get("offset", "0"))
-        stride = 1 + max(int(each.get("offset", "0")) for each in inputs.values())
+        stride = 1 + max(int(element.get("offset", "0")) for element in inputs.values())
         (position,) = self._all("input", self._named[inputs["VERTEX"].get("source", "")])
         numbers, common = self._named[position.get("source", "")]
         (accessor,) = common
@@ -199,7 +199,7 @@ class _PlainCollada:
         rows = np.fromstring(indices.text or "", int, sep=" ")
         _require(
             "COLOR" not in inputs
-            and [each.get("name") for each in accessor] == ["X", "Y", "Z"]
+            and [element.get("name") for element in accessor] == ["X", "Y", "Z"]
             and (accessor.get("stride"), accessor.get("offset", "0")) == ("3", "0")
             and places.size == int(numbers.get("count", ""))
             and rows.size == int(part.get("count", "")) * 3 * stride

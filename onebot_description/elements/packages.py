@@ -14,6 +14,7 @@ checkout itself, through a prefix of symbolic links, comes first, so an edit tak
 """
 
 import contextlib
+import functools
 import os
 import re
 import sys
@@ -126,7 +127,7 @@ class Resources:
         """
         above = (folder, *folder.parents)
         for source in (source for parent in above for source in (parent, parent / name)):
-            if _package_name(source) == name:
+            if package_name(source) == name:
                 return source
         # The nearest first: a tree may hold several robots.
         folders = [*above, folder / name, folder.parent / name]
@@ -139,7 +140,7 @@ class Resources:
             folders = [top]
             for _ in range(_LEVELS + 1):
                 for folder in folders:
-                    packages.setdefault(_package_name(folder), folder)
+                    packages.setdefault(package_name(folder), folder)
                 folders = [child for folder in folders for child in _folders_in(folder)]
             packages.pop("", None)
             self._below[top] = packages
@@ -202,6 +203,24 @@ def use_environment_prefix() -> None:
     os.environ[_AMENT_PATH] = os.pathsep.join(other_entries + ours)
 
 
+def packages_on_ros_path() -> dict[str, Path]:
+    """Return the packages in and below the folders of ``ROS_PACKAGE_PATH``, by name.
+
+    A folder there, or directly in one, that has no package.xml is a package of its own name.
+    """
+    return _packages_below_all(tuple(_entries(_ROS_PATH)))
+
+
+@functools.cache
+def _packages_below_all(tops: tuple[str, ...]) -> dict[str, Path]:
+    resources = Resources(None)
+    found: dict[str, Path] = {}
+    for top in reversed([Path(top) for top in tops]):
+        found |= {folder.name: folder for folder in (*_folders_in(top), top)}
+        found |= resources._packages_below(top)
+    return found
+
+
 def package_share(name: str) -> Path:
     """Return the share folder of the installed ROS package ``name``."""
     share = _in_index(name)
@@ -257,7 +276,7 @@ def _folders_in(folder: Path) -> list[Path]:
         return []
 
 
-def _package_name(folder: Path) -> str:
+def package_name(folder: Path) -> str:
     """The package's name in the package.xml in ``folder``; "" if there is none."""
     from xml.etree import ElementTree  # slow to import
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from onebot_description.elements.sensor import Sensor
 from onebot_description.errors import DescriptionError, listing
@@ -281,6 +281,11 @@ class Description:
                     f"{listing(self.roots)}; connect them by joints"
                 ]
             )
+
+    @cached_property
+    def derived(self) -> dict[type, Any]:
+        """What others have derived of it, by class, so that it is done once."""
+        return {}
 
     @cached_property
     def roots(self) -> tuple[str, ...]:

@@ -43,8 +43,12 @@ def normalized(rotation: Floats) -> Floats:
 
 def to_matrix(rotation: ArrayLike) -> Floats:
     """Return the rotation matrices (..., 3, 3) of quaternions (..., 4); the identity for 0."""
-    rows = poses.rows_of(_parts(normalized(np.asarray(rotation, float))))
-    return np.stack([_stacked(row) for row in rows], axis=-2)
+    unit = normalized(np.asarray(rotation, float))
+    matrices = np.empty((*unit.shape[:-1], 3, 3))
+    for row, values in enumerate(poses.rows_of(_parts(unit))):
+        for column, value in enumerate(values):
+            matrices[..., row, column] = value
+    return matrices
 
 
 def slerp(first: Floats, second: Floats, part: float) -> Floats:

@@ -81,6 +81,7 @@ class JointArrays:
     Attributes, none of which may be changed:
         parents: parent link of each joint.
         children: child link of each joint.
+        axes: (M, 3), unit vectors in the child's frame.
         half_turns: (M,), 1/2 for rotating joints, 0 for prismatic ones.
         constant: (M, 7): the transform at position 0 (translation x y z, rotation x y z w).
         sine: (M, 4): the factor of sin(q/2) in the rotation.
@@ -94,7 +95,7 @@ class JointArrays:
         self.children = tuple(joint.child for joint in joints)
         rpy = np.array([joint.origin.rpy for joint in joints], float).reshape(count, 3)
         rotation = quaternions.from_rpy(rpy)
-        axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
+        self.axes = axis = np.array([joint.axis for joint in joints], float).reshape(count, 3)
         slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
         turns = np.array([joint.kind in ("revolute", "continuous") for joint in joints], bool)
         pure = np.concatenate((axis, np.zeros((count, 1))), axis=1)
@@ -300,6 +301,49 @@ class RobotModel:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
         """
         return self._tree.poses(self._checked(positions))
+
+    def jacobian(self, link: str, positions: ArrayLike | Mapping[str, float]) -> Floats:
+        """Return the geometric Jacobian of a link's origin, in the root link's frame.
+
+        Times the velocities (M,) of the joints, rad/s or m/s, it gives the linear velocity of the
+        origin, m/s, above the angular velocity of the link, rad/s. The columns are those of
+        Siciliano et al., "Robotics: Modelling, Planning and Control", 2009, eq. 3.30. Joints that
+        do not carry the link have columns of zeros; a mimic joint has a column of its own.
+
+        Args:
+            link: name of the link.
+            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
+
+        Returns:
+            (..., 6, M).
+
+        Raises:
+            OneBotError: there is no such link.
+        """
+        if link not in self.links:
+            hint = did_you_mean(link, self.links, "links")
+            raise OneBotError(f'robot "{self.name}" has no link "{link}"{hint}')
+        poses = self.link_poses(positions)
+        rows = {name: row for row, name in enumerate(self.links)}
+        children = poses[..., [rows[child] for child in self.moving.children], :]
+        axes = quaternions.rotate(children[..., 3:], self.moving.axes)
+        levers = poses[..., rows[link], None, :3] - children[..., :3]
+        turns = self.moving.half_turns[:, None] > 0.0
+        linear = np.where(turns, np.cross(axes, levers), axes)
+        columns = np.concatenate((linear, np.where(turns, axes, 0.0)), axis=-1)
+        carrying = np.isin(self.moving.children, self._chain(link))
+        return np.swapaxes(np.where(carrying[:, None], columns, 0.0), -1, -2)
+
+    def _chain(self, link: str) -> list[str]:
+        """Return a link and those between it and the root, from the link up."""
+        joints = (self.moving, self.fixed)
+        parents = {
+            c: p for each in joints for c, p in zip(each.children, each.parents, strict=True)
+        }
+        chain = [link]
+        while chain[-1] in parents:
+            chain.append(parents[chain[-1]])
+        return chain
 
     def link_matrices(self, positions: ArrayLike | Mapping[str, float]) -> dict[str, Floats]:
         """Return the pose (4, 4) of each link in the root link's frame, by name.

@@ -143,12 +143,12 @@ def _instance(kinds: Sequence[Any], rule: Rule) -> _Check:
     if any(typing.get_origin(kind) or kind is Any or not isinstance(kind, type) for kind in kinds):
         return lambda name, value, problems: value
     accepted = tuple(type_ for kind in kinds for type_ in _ACCEPTED.get(kind, (kind,)))
-    wanted = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
+    remedy = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
 
     def check(name: str, value: Any, problems: list[Problem]) -> Any:
         value = plain(value)
         if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
-            problems.append(Problem(name, f"{shown(value)}; write {wanted}"))
+            problems.append(Problem(name, f"{shown(value)}; write {remedy}"))
         return value
 
     return check

@@ -130,8 +130,8 @@ class ValueType:
             beyond = f"beyond {LARGEST:g}" if math.isfinite(value) else "not finite"
             raise ValueError(f"{value:g} is {beyond}; write {self.wanted(value)}")
         if beyond := self.rule.beyond(value):
-            wanted = self.rule.write or f"a number {self.rule.range}{self._unset}"
-            raise ValueError(f"{value:g} {beyond}; write {wanted}")
+            remedy = self.rule.write or f"a number {self.rule.range}{self._unset}"
+            raise ValueError(f"{value:g} {beyond}; write {remedy}")
 
     def _check_text(self, value: str) -> None:
         rule = self.rule

@@ -1,31 +1,31 @@
-"""The TF tree: stores transforms over time, and computes the pose of any frame in another.
+"""The TF tree of our nodes: the latest transforms, and the pose of any frame in another.
 
-Rules and error messages are tf2's.
+It is the buffer of tf2 (``TransformBuffer``) with other rules for what is shown live: a clock that
+is set back, or another parent, begins a frame's history anew, and a pose at a time beyond the
+history is the nearest known.
 """
 
-from bisect import bisect_right
-from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.errors import did_you_mean
 from onebot_description.geometry.matrices import of_transform
-from onebot_description.geometry.poses import of_arrays
-from onebot_description.geometry.quaternions import UNIT_TOLERANCE, slerp
+from onebot_description.geometry.quaternions import UNIT_TOLERANCE
+from onebot_description.ros.transform_buffer import (
+    CACHE_NS,
+    ROW,
+    Found,
+    LookupException,
+    TransformBuffer,
+)
 from onebot_description.ros.wire.message_arrays import TfArrays
-from onebot_description.timing import NS_PER_S
 
-_MOST_ROWS = 100_000  # limit of rows in all blocks, since each new set of frames adds some
-_HISTORY_NS, _HISTORY_ROWS = 10_000_000_000, 1_000_000  # ten seconds, as in tf2
-_FOR_EVER = np.iinfo(np.int64).max
-_LATE_NS = 1_000_000_000  # if a message is older than the latest by more, the clock was set back
-
-
-class TransformError(OneBotError):
-    """There is no transform between two frames (yet)."""
+_MOST_ROWS = 100_000  # limit of known rows, since each new set of frames adds some
+_MOST_TRANSFORMS = 1_000_000
+_LATE_NS = 1_000_000_000  # if a transform is older than the latest by more, the clock was set back
 
 
 class Edge(NamedTuple):
@@ -43,59 +43,16 @@ class StampedPose(NamedTuple):
     matrix: Floats  # (4, 4)
 
 
-def _stamp_ns(message: TfArrays) -> int:
-    return int(message.stamps_ns[0])
+class _Rows:
+    """Rows for the messages with the same frames, most of which come again."""
 
-
-class _Block:
-    """Frames that came in one message and are likely to come together again, with a history."""
-
-    def __init__(self, message: TfArrays) -> None:
-        self.parents, self.children = message.parents, message.children
-        self.whole = False  # whether it has the latest transform of each of its frames
-        self.latest = message
-        # Empty for static transforms.
-        self.history: deque[TfArrays] = deque(maxlen=_HISTORY_ROWS // max(1, len(self.children)))
-
-    def record(self, message: TfArrays) -> None:
-        """Insert a message into the history, which is ordered by stamps."""
-        history = self.history
-        late_ns = _stamp_ns(history[-1]) - _stamp_ns(message) if history else 0
-        if late_ns > _LATE_NS:
-            history.clear()  # the clock was set back
-        history.append(message)
-        if 0 < late_ns <= _LATE_NS:
-            self.history = history = deque(sorted(history, key=_stamp_ns), history.maxlen)
-        while _stamp_ns(history[-1]) - _stamp_ns(history[0]) > _HISTORY_NS:
-            history.popleft()
-        self.latest = history[-1]
-
-    def edge(self, row: int) -> "Edge":
-        """Return the latest transform of a frame."""
-        latest = self.latest
-        return Edge(self.parents[row], latest.translations[row], latest.rotations[row])
-
-    def span(self, row: int) -> tuple[int, int]:
-        """Return the first and the last stamp of a moving frame, nanoseconds."""
-        return int(self.history[0].stamps_ns[row]), int(self.history[-1].stamps_ns[row])
-
-    def at(self, row: int, time_ns: int) -> tuple[Floats, Floats]:
-        """Return translation and rotation, interpolated at a time; for 0, the latest.
-
-        A time before the history gets its first transform, or the latest if the time is so early
-        that it seems to be of another clock; a time after the history gets the latest.
-        """
-        history = self.history
-        first, last = self.span(row) if history else (0, 0)
-        if time_ns == 0 or not first - _HISTORY_NS < time_ns < last:
-            return self.latest.translations[row], self.latest.rotations[row]
-        number = bisect_right(history, time_ns, key=lambda message: message.stamps_ns[row])
-        earlier, later = history[max(0, number - 1)], history[number]
-        start, end = earlier.stamps_ns[row], later.stamps_ns[row]
-        part = min(1.0, max(0.0, (time_ns - start) / max(1, end - start)))
-        shift = earlier.translations[row]
-        shift = shift + part * (later.translations[row] - shift)
-        return shift, slerp(earlier.rotations[row], later.rotations[row], part)
+    def __init__(self, buffer: TransformBuffer, message: TfArrays) -> None:
+        self._rows = rows = np.zeros(len(message.children), ROW)
+        rows["parent"] = [buffer.number(name) for name in message.parents]
+        rows["child"] = [buffer.number(name) for name in message.children]
+        self.stamps_ns, pose = rows["stamp_ns"], rows["pose"]
+        self.translations, self.rotations = pose[:, :3], pose[:, 3:]
+        self.address, self.count = rows.ctypes.data, len(rows)
 
 
 class FrameTree:
@@ -103,16 +60,17 @@ class FrameTree:
 
     def __init__(self) -> None:
         self.version = 0  # changes whenever a frame's parent changes
-        self._places: dict[str, tuple[_Block, int]] = {}
-        self._blocks: dict[tuple[tuple[str, ...], tuple[str, ...]], _Block] = {}
-        self._rows = 0  # number of rows in all blocks
+        self._buffer = TransformBuffer(CACHE_NS, live_ns=_LATE_NS, most=_MOST_TRANSFORMS)
+        self._known: dict[tuple[tuple[str, ...], tuple[str, ...]], _Rows] = {}
+        self._count = 0  # number of known rows
+        self._parents: dict[str, str] | None = None
         self._tops: dict[str, str] = {}
         self._names: frozenset[str] | None = None
 
     # --- input ----------------------------------------------------------------------------------
 
     def add(self, message: TfArrays, *, static: bool) -> list[str]:
-        """Add a message, with a separate history for each frame.
+        """Add the valid transforms of a message.
 
         Returns:
             One sentence per transform that is ignored.
@@ -130,64 +88,58 @@ class FrameTree:
         return ignored
 
     def update(self, message: TfArrays, *, static: bool = False) -> None:
-        """Add a message whose transforms are valid; the last row of a child wins.
-
-        Its history is that of the messages with the same names.
-        """
-        key = message.parents, message.children
-        block = self._blocks.get(key)
-        if block is None:
-            self._rows += len(message.children)
-            if self._rows > _MOST_ROWS:
-                self._blocks.clear()
-                self._rows = len(message.children)
-            block = self._blocks[key] = _Block(message)
-        if not block.whole:
-            self._place(block)
-        if static:
-            block.history.clear()
-            block.latest = message
-        else:
-            block.record(message)
-
-    def _place(self, block: _Block) -> None:
-        """Make a block the current one of its frames."""
-        block.whole = True
-        for row, child in enumerate(block.children):
-            place = self._places.get(child)
-            if place is None or place[0].parents[place[1]] != block.parents[row]:
-                self._changed()
-            if place is not None and place[0] is not block:
-                place[0].whole = False
-            self._places[child] = (block, row)
+        """Add a message whose transforms are valid; the last row of a child wins."""
+        rows = self._known.get((message.parents, message.children))
+        if rows is None:
+            self._count += len(message.children)
+            if self._count > _MOST_ROWS:
+                self._known.clear()
+                self._count = len(message.children)
+            rows = _Rows(self._buffer, message)
+            self._known[message.parents, message.children] = rows
+        rows.stamps_ns[:] = message.stamps_ns
+        rows.translations[:] = message.translations
+        rows.rotations[:] = message.rotations
+        if self._buffer.add_rows(rows.address, rows.count, static) >> 32:
+            self._changed()
 
     def forget(self, frames: Iterable[str]) -> None:
         """Drop ``frames`` until they are received again."""
         for frame in frames:
-            place = self._places.pop(frame, None)
-            if place is not None:
-                place[0].whole = False
+            if frame in self._parent_of:
+                self._buffer.drop(frame)
                 self._changed()
 
     def _changed(self) -> None:
         self.version += 1
         self._tops.clear()
-        self._names = None
+        self._parents = self._names = None
 
     # --- the tree -------------------------------------------------------------------------------
+
+    @property
+    def _parent_of(self) -> Mapping[str, str]:
+        """The parent of each child frame."""
+        if self._parents is None:
+            states = self._buffer.states()
+            self._parents = {name: state.parent for name, state in states.items()}
+        return self._parents
 
     @property
     def names(self) -> frozenset[str]:
         """All frames, both children and parents."""
         if self._names is None:
-            parents = (block.parents[row] for block, row in self._places.values())
-            self._names = frozenset(self._places).union(parents)
+            self._names = frozenset(self._parent_of).union(self._parent_of.values())
         return self._names
 
     @property
     def edges(self) -> Mapping[str, Edge]:
         """The latest transform of each child frame."""
-        return {child: block.edge(row) for child, (block, row) in self._places.items()}
+        poses = self._buffer.latest_poses()
+        return {
+            child: Edge(parent, poses[child][:3], poses[child][3:])
+            for child, parent in self._parent_of.items()
+        }
 
     @property
     def roots(self) -> list[str]:
@@ -199,9 +151,7 @@ class FrameTree:
         way: dict[str, None] = {}
         while frame not in way:
             way[frame] = None
-            place = self._places.get(frame)
-            if place is not None:
-                frame = place[0].parents[place[1]]
+            frame = self._parent_of.get(frame, frame)
         return list(way)
 
     def top(self, frame: str) -> str:
@@ -217,11 +167,11 @@ class FrameTree:
                 self._tops.update(zip(circle, circle, strict=True))
                 break
             way[name] = len(way)
-            place = self._places.get(name)
-            if place is None:
+            parent = self._parent_of.get(name)
+            if parent is None:
                 self._tops[name] = name
             else:
-                name = place[0].parents[place[1]]
+                name = parent
         top = self._tops[name]
         for below in way:
             self._tops.setdefault(below, top)
@@ -232,6 +182,10 @@ class FrameTree:
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
         """Return the (4, 4) pose of ``frame`` in ``fixed``; None if they are not connected.
 
+        It is interpolated at the time. A time before a frame's history gets its first transform, or
+        the latest if the time is so early that it seems to be of another clock; a time after the
+        history gets the latest.
+
         Args:
             frame: a frame.
             fixed: the frame to express the pose in.
@@ -240,11 +194,9 @@ class FrameTree:
         top = self.top(fixed)
         if self.top(frame) != top:
             return None
-        if fixed == top:
-            return self._from_top(frame, time_ns)
-        ways = self._from_top(fixed, time_ns), self._from_top(frame, time_ns)
-        pose: Floats = np.linalg.solve(*ways).astype(float)
-        return pose
+        if frame == fixed:
+            return np.eye(4)
+        return _matrix(self._buffer.find(fixed, frame, time_ns, top))
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
         """Return the latest poses (4, 4) in ``fixed`` of all ``frames`` connected to it."""
@@ -256,59 +208,35 @@ class FrameTree:
 
         Static transforms are always known.
         """
-        until, top = _FOR_EVER, self.top(frame)
-        while frame != top:
-            block, row = self._places[frame]
-            if block.history:
-                until = min(until, block.span(row)[1])
-            frame = block.parents[row]
-        return until
-
-    def _from_top(self, frame: str, time_ns: int) -> Floats:
-        pose, top = np.eye(4), self.top(frame)
-        while frame != top:
-            block, row = self._places[frame]
-            pose = of_transform(of_arrays(*block.at(row, time_ns))) @ pose
-            frame = block.parents[row]
-        return pose
+        return self._buffer.known_until(frame, self.top(frame))
 
     def span(self, frame: str) -> tuple[int, int] | None:
         """Return the first and the last stamp (ns) of a moving frame; None if static."""
-        block, row = self._places.get(frame, (None, 0))
-        return block.span(row) if block is not None and block.history else None
+        state = self._buffer.state(frame)
+        return (state.oldest_ns, state.latest_ns) if state and not state.is_static else None
 
     def lookup(self, target: str, source: str) -> StampedPose:
         """Return the pose of ``source`` in ``target`` at the latest common time.
 
         Raises:
-            TransformError: a frame does not exist, they are not connected, or there is no common
-                time.
+            TransformException: a frame does not exist, they are not connected, or there is no
+                common time.
         """
         for name, role in ((target, "target_frame"), (source, "source_frame")):
             if name not in self.names:
-                raise TransformError(
+                raise LookupException(
                     f'Invalid frame ID "{name}" passed to lookupTransform argument {role} - '
                     f"frame does not exist{did_you_mean(name, self.names, 'frames')}"
                 )
         if self.top(target) != self.top(source):
-            raise TransformError(
-                f"Could not find a connection between '{target}' and '{source}' because they are "
-                "not part of the same tree. Tf has two or more unconnected trees."
-            )
-        between = {*self.above(target)} ^ {*self.above(source)}  # below their common ancestor
-        spans = [span for child in between if (span := self.span(child)) is not None]
-        time_ns = min((newest for _, newest in spans), default=0)
-        oldest = max((oldest for oldest, _ in spans), default=0)
-        if oldest > time_ns:
-            raise TransformError(
-                f"Lookup would require extrapolation into the past.  Requested time "
-                f"{time_ns / NS_PER_S:.6f} but the earliest data is at time "
-                f"{oldest / NS_PER_S:.6f}, "
-                f"when looking up transform from frame [{source}] to frame [{target}]"
-            )
-        pose = self.pose(source, target, time_ns)
-        assert pose is not None
-        return StampedPose(time_ns, pose)
+            raise self._buffer.unconnected(target, source)
+        found = self._buffer.find(target, source, 0)
+        return StampedPose(found.stamp_ns, _matrix(found))
+
+
+def _matrix(found: Found) -> Floats:
+    x, y, z, *turn = found.pose
+    return of_transform(((x, y, z), (turn[0], turn[1], turn[2], turn[3])))
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -16,7 +16,8 @@ from tests.orphans import end_with_this_process
 # ``WrongAnswer`` where an answer is wrong, and stops all that it has started however it ends.
 BENCHMARKS = (
     *("state_publisher", "simulation", "drives", "arms", "from_python", "lockstep", "stepping"),
-    *("fleet", "startup", "control_loop", "viewer", "sensing", "navigation"),
+    *("fleet", "startup", "control_loop", "viewer", "sensing", "tf2", "evaluation"),
+    "navigation",
 )
 
 

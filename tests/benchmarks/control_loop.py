@@ -18,8 +18,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, LaserScan
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_description.description import load_description
+from onebot_description.ros.domains import used_domain
 from tests.benchmarks.measuring import (
     MODEL,
     WrongAnswer,

@@ -20,8 +20,8 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState, LaserScan
 
 from onebot_bringup.launcher.orphans import die_with_this_thread
-from onebot_bringup.testing.domains import used_domain
 from onebot_control import Simulation
+from onebot_description.ros.domains import used_domain
 from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest
 from tests.benchmarks.report import Report, Result
 

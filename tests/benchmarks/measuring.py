@@ -12,10 +12,10 @@ import pytest
 from geometry_msgs.msg import Twist
 from numpy.typing import ArrayLike
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_control import Simulation
 from onebot_control.physics.engine import engine
 from onebot_description.errors import OneBotError
+from onebot_description.ros.domains import used_domain
 from tests.ros_support import NodeProcess
 
 T = TypeVar("T")

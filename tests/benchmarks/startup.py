@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from nav_msgs.msg import Odometry
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.benchmarks.measuring import WrongAnswer, in_turn, median, over, rss_mb
 from tests.benchmarks.report import Report, Result

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.messages import transforms_message
 from tests.benchmarks.chains import Chain
 from tests.benchmarks.load import Load, Window

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 
 if TYPE_CHECKING:
     from tests.onebot_bringup.steering_support import Steering

@@ -44,6 +44,7 @@ from onebot_description.description_files import Source
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.parameters.reader import leaves
 from onebot_description.parameters.values import plain
+from tests.onebot_control.drive_models import car, mecanum
 from tests.readme_tables import PARAMETERS
 
 _MODULE = 3  # where a command names the node's module, after python -m interpreter
@@ -592,6 +593,27 @@ def test_names_that_no_node_declares_are_a_line_each(
     assert [line for line in printed.splitlines() if text in line] == [
         f'warning: all.yaml:{line}: {name} in section "/**": {text}' for line, name in names.items()
     ]
+
+
+def test_parameters_are_those_of_the_drive_that_the_urdf_shows(
+    driven: Bringup, launches: list[Launch], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file names no type; each robot of a fleet has its own drive."""
+    for description in (mecanum(), car()):
+        Path(f"{description.robot_name}.urdf").write_text(description.urdf)
+    Path("all.yaml").write_text("/**: {ros__parameters: {wheel_separation_x: 0.3, wheelbase: 0.3}}")
+    entry = "{{x: {}, y: 0.0, model: {}.urdf, params_file: all.yaml}}"
+    both = f"robots: {{a: {entry.format(0.0, 'mecanum')}, b: {entry.format(9.0, 'car')}}}"
+    Path("both.yaml").write_text(both)
+    for words, unknown in (
+        ("model:=mecanum.urdf params_file:=all.yaml", ["wheelbase"]),
+        ("model:=car.urdf params_file:=all.yaml", ["wheel_separation_x"]),
+        ("robots:=both.yaml", []),
+    ):
+        assert refused(driven, *words.split()) == "no node is started"
+        printed = capsys.readouterr().err
+        lines = [line for line in printed.splitlines() if "declares it" in line]
+        assert [line.split(": ")[2].split(" in ")[0] for line in lines] == unknown, words
 
 
 @pytest.mark.parametrize("word", ["--help", "-s"])

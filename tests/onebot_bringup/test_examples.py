@@ -15,13 +15,15 @@ from rclpy.serialization import deserialize_message
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_control.navigation.map_files import load_map
 from tests.readme import CHECKOUT
-from tests.support import PATIENCE, run_to_end
+from tests.ros_support import NodeProcess, Peer
+from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 from tests.support_rendering import require_renderer
 
 EXAMPLES = sorted((CHECKOUT / "onebot_bringup/examples").iterdir())
 SCRIPTS = [path for path in EXAMPLES if path.suffix == ".py"]
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 _MOST_LINES = 30
+BRINGUP = "onebot_bringup.launch.onebot_bringup"
 
 
 def _command(path: Path) -> list[str]:
@@ -65,7 +67,8 @@ def test_each_example_is_in_the_table_and_is_tested_here() -> None:
     assert rows == [(name, name) for name in names]
     assert all(len(path.read_text().splitlines()) <= _MOST_LINES for path in SCRIPTS)
     source = Path(__file__).read_text()
-    assert re.findall(r'run\("(\w+)"\)', source) == [name.removesuffix(".py") for name in names]
+    tested = re.findall(r'run\("(\w+)"\)|== "(\w+)\.py"', source)
+    assert ["".join(each) for each in tested] == [name.removesuffix(".py") for name in names]
 
 
 @pytest.mark.slow
@@ -157,9 +160,42 @@ def test_grasp_lifts_the_box(run) -> None:
     assert _numbers(box) == pytest.approx([125.0], abs=0.2)  # half of its edge, and 100 mm
 
 
+def test_panda_reaches_the_point(run) -> None:
+    [line] = run("10_panda")
+    assert _numbers(line)[1:] == pytest.approx([0.4, 0.2, 0.5], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_node_drives_a_circle_beside_the_robot(ros_domain: int) -> None:
+    """It is the one that runs until Ctrl-C."""
+    file = next(str(path) for path in SCRIPTS if path.name == "11_node.py")
+    with Peer(ros_domain) as peer, NodeProcess(BRINGUP, "viewer:=none"):
+        truth = peer.hear(Odometry, "/velocity_controller/ground_truth")
+        with RunningProcess([sys.executable, file]) as node:
+            wait_for(lambda: truth and truth[-1].pose.pose.position.y > 1.0, "half a circle")
+            wait_for(lambda: re.search(r"at -?\d\.\d\d, -?\d\.\d\d m", node.output), "its log")
+    places = np.array([[t.pose.pose.position.x, t.pose.pose.position.y - 1.0] for t in truth])
+    # On a circle of 1 m radius, but for the start, where it speeds up
+    assert np.hypot(*places.T) == pytest.approx(1.0, abs=0.1)
+
+
+def test_learn_plays_an_episode(run) -> None:
+    [line] = run("12_learn")
+    steps, nearer, left = _numbers(line)
+    assert 10 < steps <= 100 and nearer + left == pytest.approx(1.6, abs=0.002)
+
+
+def test_study_finds_the_better_gain(run) -> None:
+    """It is a study for ``onebot evaluate``, too: the README's commands."""
+    lines = run("13_study")
+    shares = {line.split()[1]: line for line in lines if line.startswith("  gain")}
+    assert "20 of 20" in shares["1.0"] and int(shares["0.2"].split()[2]) < 10
+    assert lines[0] == "episode: 40 episodes, 0 with an error"
+
+
 def test_go_to(run: Callable[[str], list[str]], tmp_path: Path) -> None:
     """It arrives within the tolerance, and its map can be read."""
-    *way, goal, belief = run("10_go_to")
+    *way, goal, belief = run("14_go_to")
     assert "arrived" in way[-1] and "driving" in way[0]
     assert _numbers(goal)[0] <= 50.0 and _numbers(belief)[0] <= 30.0
     data = load_map(tmp_path / "maze.yaml").data

@@ -19,13 +19,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_bringup.viewer.live_view import LiveView
 from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError, read
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.drive_support import chunks, while_written

@@ -11,7 +11,7 @@ from onebot_bringup.steering.arbiter import COMMAND_TIMEOUT, MAX_AGE, STEP, ZERO
 from onebot_bringup.steering.command_limits import Bound, Limits
 from onebot_bringup.steering.protocol import (
     Command,
-    Drive,
+    DriveMessage,
     Parts,
     Release,
     SetLimits,
@@ -56,7 +56,7 @@ class Steered:
         """Have a page send a command whose stamp is ``age`` seconds old, for an arm, too."""
         linear, angular, lateral = velocity
         arm = {"arm": linear} if linear else {}
-        self.arbiter.handle(page, Drive(linear, angular, self.now - age, arm, lateral))
+        self.arbiter.handle(page, DriveMessage(linear, angular, self.now - age, arm, lateral))
 
     def release(self, page: str) -> None:
         """Have a page let go, later than a tap."""
@@ -223,13 +223,13 @@ def test_a_stop_locks_the_robot_until_a_page_presses_anew(steered: Steered) -> N
 @pytest.mark.parametrize(
     ("push", "moves", "rests"),
     [
-        (Drive(0.5, 0.0, 100.0, {}), Parts.WHEELS, Parts.JOINTS),
-        (Drive(0.0, 0.0, 100.0, {}, -0.5), Parts.WHEELS, Parts.JOINTS),
-        (Drive(0.0, 0.0, 100.0, {"arm": 9.0}), Parts.JOINTS, Parts.WHEELS),
+        (DriveMessage(0.5, 0.0, 100.0, {}), Parts.WHEELS, Parts.JOINTS),
+        (DriveMessage(0.0, 0.0, 100.0, {}, -0.5), Parts.WHEELS, Parts.JOINTS),
+        (DriveMessage(0.0, 0.0, 100.0, {"arm": 9.0}), Parts.JOINTS, Parts.WHEELS),
     ],
 )
 def test_only_what_moves_is_unlocked(
-    steered: Steered, push: Drive, moves: Parts, rests: Parts
+    steered: Steered, push: DriveMessage, moves: Parts, rests: Parts
 ) -> None:
     """Whoever holds 0 wants a robot that stands, which another node may drive; so do its parts."""
     steered.stop("b")
@@ -431,7 +431,7 @@ def test_the_first_drive_counts_however_long_nobody_drove(idle: float) -> None:
         for _ in range(round(idle / 0.05)):
             now[0] += 0.05
             check()
-        arbiter.handle("a", Drive(0.5, 0.1, now[0] - 0.02, {}))
+        arbiter.handle("a", DriveMessage(0.5, 0.1, now[0] - 0.02, {}))
         assert published[-1] == FORWARD and not arbiter.state.late
         now[0] += 0.05
         arbiter.handle("a", Release())

@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 
 from onebot_bringup.steering.command_limits import (
     DEFAULT,
-    NAMES,
     UNKNOWN,
     Braking,
-    Controller,
     braking_of,
     limits_of,
 )
 from onebot_bringup.steering.protocol import SetLimits, Velocity
+from onebot_control.drive.controller_limits import NAMES, Controller
 from onebot_control.drive.speed_limiter import SpeedLimits
 
 FAST = Controller("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0))

@@ -9,7 +9,7 @@ from selenium.webdriver.support.select import Select
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 from tests.onebot_bringup.steering_support import Steering, steering
 from tests.onebot_bringup.viewer_support import ARM
 from tests.ros_support import LATCHED, Peer

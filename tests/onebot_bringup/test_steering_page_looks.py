@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 
-from onebot_bringup.testing.domains import used_domain
+from onebot_description.ros.domains import used_domain
 from tests.onebot_bringup.steering_support import PageClient, Steering, steering
 from tests.ros_support import Peer
 from tests.steering_browser_support import Page

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from onebot_bringup.steering.protocol import (
     MESSAGES,
     ChooseTopic,
-    Drive,
+    DriveMessage,
     ProtocolError,
     Release,
     SetLimits,
@@ -28,7 +28,7 @@ from onebot_bringup.steering.protocol import (
         (
             '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1,"lateral":0.25,'
             '"joints":{"a":1,"b":0}}',
-            Drive(0.5, -1.0, 1.5, {"a": 1.0}, 0.25),
+            DriveMessage(0.5, -1.0, 1.5, {"a": 1.0}, 0.25),
         ),
         ('{"type":"release"}', Release()),
         ('{"type":"stop"}', Stop()),
@@ -104,7 +104,7 @@ def test_whatever_comes_is_a_finite_command_or_refused(text):
         message = parse(text)
     except ProtocolError:
         return
-    if isinstance(message, Drive):
+    if isinstance(message, DriveMessage):
         velocity, joints = message.command.velocity, message.joints
         assert all(map(math.isfinite, (*velocity, *joints.values())))
 

@@ -15,9 +15,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from onebot_bringup.steering.command_topic import named_robots
-from onebot_bringup.steering.controllers import Controllers
 from onebot_bringup.steering.followed_topics import FollowedTopics
 from onebot_bringup.steering.odometry_topic import choose_odometry
+from onebot_control.nodes.command_controllers import Controllers
 from tests.onebot_bringup.steering_support import (
     BAD,
     TOPIC,
@@ -249,7 +249,7 @@ def test_a_robot_that_dies_before_it_answers_is_asked_again(peer, ros_domain, mo
 
     Others that never answer, that have no limits, or are no ROS nodes, change nothing.
     """
-    monkeypatch.setattr("onebot_bringup.steering.controllers._PERIOD", 0.5)
+    monkeypatch.setattr("onebot_control.nodes.command_controllers._PERIOD", 0.5)
     changes: list[None] = []
     controllers = Controllers(peer.node, lambda: changes.append(None))
     with _mute(ros_domain, "robot"):

@@ -13,11 +13,12 @@ from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
 from onebot_bringup.cli.running_robots import chosen_commands, commanded_robots
 from onebot_bringup.cli.session import Session
-from onebot_bringup.cli.teleop import STILL, Driver, split_keys
+from onebot_bringup.cli.teleop import STILL, KeyDriver, split_keys
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.cli_support import MODULE, onebot
 from tests.ros_support import LATCHED, Peer
@@ -36,7 +37,7 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
         "t": (0, 0, 1, 0), "b": (0, 0, -1, 0), "up": (1, 0, 0, 0), "left": (0, 0, 0, 1),
     }  # fmt: skip
     for key, (x, y, z, turn) in expected.items():
-        driver = Driver(0.5, 2.0, 0.7)
+        driver = KeyDriver(0.5, 2.0, 0.7)
         driver.press(key, 0.0)
         assert driver.velocity(0.0) == (0.5 * x, 0.5 * y, 0.5 * z, 2.0 * turn), key
 
@@ -47,7 +48,7 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
 )
 def test_speed_keys(key: str, speed: float, turn: float) -> None:
     """They change the speeds by 10 %, and the motion goes on at the new ones."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("u", 0.0)
     driver.press(key, 0.1)
     assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
@@ -56,7 +57,7 @@ def test_speed_keys(key: str, speed: float, turn: float) -> None:
 
 @pytest.mark.parametrize("key", ["k", " ", "K", "5", ""])
 def test_any_other_key_stops(key: str) -> None:
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     driver.press(key, 0.1)
     assert driver.velocity(0.1) == STILL
@@ -66,7 +67,7 @@ def test_any_other_key_stops(key: str) -> None:
 @pytest.mark.parametrize("interval", [0.02, 0.033, 0.1])
 def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: float) -> None:
     """No gap while the key repeats; after it is let go, stopped within a few of its repeats."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     moment = delay
     for _ in range(30):
@@ -79,7 +80,7 @@ def test_a_held_key_moves_throughout_and_stops_soon(delay: float, interval: floa
 
 def test_another_key_takes_over() -> None:
     """The latest key counts, as long as a first press may wait for its first repeat."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     for moment in (0.0, 0.5, 0.53):
         driver.press("i", moment)
     driver.press("j", 0.6)
@@ -88,7 +89,7 @@ def test_another_key_takes_over() -> None:
 
 def test_no_key_moves_a_locked_robot() -> None:
     """However long ago the last one was: a repeat after a hitch looks like a press."""
-    driver = Driver(0.5, 1.0, 0.7)
+    driver = KeyDriver(0.5, 1.0, 0.7)
     driver.press("i", 0.0)
     driver.lock()
     for key, moment in (("i", 0.1), ("i", 9.0), ("o", 9.1)):
@@ -348,6 +349,17 @@ def test_a_robot_that_wants_the_other_type_is_said(peer: Peer) -> None:
         terminal.says(
             "no subscriber of Twist, but of geometry_msgs/msg/TwistStamped: see --stamped"
         )
+
+
+def test_a_car_turns_in_curves_of_a_least_radius(peer: Peer) -> None:
+    """Beside the speeds, as its controller's parameters have it; they may change."""
+    peer.node.declare_parameter("steering_joints_names", ["right", "left"])
+    peer.node.declare_parameter("minimum_turning_radius", 0.468)
+    peer.hear(Twist, TOPIC)
+    with teleop() as terminal:
+        terminal.says("turn 1 \tleast radius 0.468 m")
+        peer.node.set_parameters([Parameter("minimum_turning_radius", value=2.0)])
+        terminal.says("least radius 2 m")
 
 
 def test_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

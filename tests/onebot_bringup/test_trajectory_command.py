@@ -14,8 +14,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from onebot_bringup.cli import session
 from onebot_bringup.cli.running_controllers import controller_of, running_controllers
 from onebot_bringup.cli.session import Session
-from onebot_bringup.testing.domains import used_domain
 from onebot_description.errors import OneBotError
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_bringup.cli_support import onebot, output_of, running

@@ -35,7 +35,7 @@ from tests.onebot_control.arm_support import (
     goal,
     point,
 )
-from tests.onebot_description.test_interfaces import OWN
+from tests.onebot_description.test_interfaces import HASHES
 from tests.ros_support import Peer
 from tests.support import wait_for
 
@@ -116,7 +116,7 @@ def test_the_types_are_the_generated_ones(arm: Arm) -> None:
     """Those of this file and of arm_support.py, and none of them is made of a definition."""
     folder = Path(os.environ["GENUINE_CONTROL_MSGS"])
     assert Path(control_msgs.__file__).is_relative_to(folder)
-    names = [name for name in OWN if name.startswith("control_msgs/")]
+    names = [name for name in HASHES if name.startswith("control_msgs/")]
     assert len(names) > 5
     for name in names:
         _, kind, short = name.split("/")

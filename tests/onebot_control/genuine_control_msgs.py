@@ -6,10 +6,11 @@ the generators, and the headers and libraries that generated code needs: this mo
 CMake would for somebody who builds the package. It takes 30 s of processor time; CMake would need
 more wheels, and corrections of what they say about the machine on which they were made.
 
-    python -m tests.onebot_control.genuine_control_msgs FOLDER PACKAGE
+    python -m tests.onebot_control.genuine_control_msgs FOLDER TYPE ...
 
-needs a C and a C++ compiler and Python's headers. FOLDER belongs on PYTHONPATH and its folder
-``lib`` on LD_LIBRARY_PATH before the process starts that is to have the package.
+builds these types of one package, with those in them, and needs a C and a C++ compiler and
+Python's headers. FOLDER belongs on PYTHONPATH and its folder ``lib`` on LD_LIBRARY_PATH before the
+process starts that is to have the package.
 """
 
 import os
@@ -17,7 +18,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from unittest.mock import patch
 
@@ -30,9 +31,8 @@ from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
 from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
 
-from onebot_description.ros.wire import interface_text
+from onebot_description.ros.wire.interface_text import own_package
 
-_DEFINITIONS = Path(interface_text.__file__).with_name("definitions")
 _PREFIX = Path(sys.prefix)
 # A library of each one's code, in this order: each is linked to those before it.
 _GENERATORS = {
@@ -45,11 +45,12 @@ _GENERATORS = {
 _FLAGS = "-O0 -g0 -w -fPIC -shared -Wl,--as-needed".split()
 
 
-def build(folder: Path, package: str) -> None:
+def build(folder: Path, types: Sequence[str]) -> None:
     """Generate, compile and link a package in an empty folder."""
+    package = types[0].partition("/")[0]
     (folder / "lib").mkdir(parents=True)
     with patch.dict(os.environ, AMENT_PREFIX_PATH=sys.prefix):  # for the generators' templates
-        _generate(folder, package)
+        _generate(folder, package, types)
     for name in _GENERATORS:
         sources = folder / "src" / name / package
         _link(folder, f"lib/lib{package}__{name}.so", sources.glob("*/**/*.c*"))
@@ -61,10 +62,10 @@ def build(folder: Path, package: str) -> None:
     _link(folder, f"{package}/{package}_s__rosidl_typesupport_c.so", [source])
 
 
-def _generate(folder: Path, package: str) -> None:
+def _generate(folder: Path, package: str, types: Sequence[str]) -> None:
     """Write the code, and beside that of C each type's description and hash as a .json file."""
-    definitions = _DEFINITIONS / package
-    files = [path.relative_to(definitions) for path in sorted(definitions.glob("*/*"))]
+    definitions = own_package(package)
+    files = [f"{kind}/{name}.{kind}" for _, kind, name in (type_.split("/") for type_ in types)]
     translated = translate(
         package_name=package,
         interface_files=[f"{definitions}:{file}" for file in files],
@@ -109,4 +110,4 @@ def _link(folder: Path, library: str, sources: Iterable[Path]) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(sys.argv[1]), sys.argv[2])
+    build(Path(sys.argv[1]), sys.argv[2:])

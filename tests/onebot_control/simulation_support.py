@@ -6,7 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from onebot_control.physics import JointStates, Pose, RobotBody, RobotSpawn, Settings, Twist, World
+from onebot_control.physics import (
+    JointStates,
+    PhysicsSettings,
+    Pose,
+    RobotBody,
+    RobotSpawn,
+    Twist,
+    World,
+)
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import yaw_of
 
@@ -50,7 +58,7 @@ class Simulation(World):
 def simulate(
     description: Description | None = None,
     driven: Sequence[str] = DRIVEN,
-    settings: Settings = Settings(),  # noqa: B008 - it is frozen
+    settings: PhysicsSettings = PhysicsSettings(),  # noqa: B008 - it is frozen
     scene: Description | None = None,
     **place: float,
 ) -> Simulation:

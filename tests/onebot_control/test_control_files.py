@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
+    declared_parameters,
     default_control_file,
     drive_node,
     foreign_sections,
@@ -19,7 +20,7 @@ from onebot_control.control_files import (
     unknown_by_node,
 )
 from onebot_control.conventions import MANAGER
-from onebot_control.drive_kinds import ControlConfig
+from onebot_control.drive_kinds import ControlConfig, MecanumConfig, TricycleConfig
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
@@ -489,6 +490,20 @@ def test_the_managers_limits_are_the_controllers_default(file: Path, enforced: b
     assert read_joint_controllers([file], "/").controllers[0].config.enforce_command_limits
 
 
+def test_joints_that_a_section_without_a_type_names_say_which_drive_it_is(file: Path) -> None:
+    """Whatever the description shows; empty names are none."""
+    section = "velocity_controller: {ros__parameters: {%s}}"
+    for named, kind in (
+        ("traction_joint_name: front, wheelbase: 0.5", TricycleConfig),
+        ("front_left_wheel_command_joint_name: fl, wheel_separation_x: 0.3", MecanumConfig),
+        ("traction_joint_name: '', wheel_radius: 0.1", ControlConfig),
+    ):
+        file.write_text(section % named)
+        assert declared_parameters([file], "/", "velocity_controller", ControlConfig) is kind
+        warnings = read_control_files([file], "/", "velocity_controller").warnings
+        assert bool(warnings) == (kind is ControlConfig)
+
+
 def test_the_nodes_that_a_file_is_for(file: Path) -> None:
     """Each with the parameters of its kind."""
     file.write_text(JOINTS)
@@ -503,7 +518,7 @@ def test_the_nodes_that_a_file_is_for(file: Path) -> None:
         "head": ["interface_name"],
         "neck": ["interface_name"],
         "hand": ["stall_timeout"],
-        "velocity_controller": ["wheel_radius"],
+        "/velocity_controller": ["wheel_radius"],
         "controller_manager": [],
         "joint_state_broadcaster": [],
     }

@@ -14,6 +14,7 @@ from tests.support import skip_for
 if find_spec("gymnasium") is None:  # as in a workspace of colcon: it is an extra
     skip_for("gymnasium: pip install 'gymnasium>=1.0'")
 
+import gymnasium  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from onebot_control import environment  # noqa: E402
@@ -31,9 +32,28 @@ def test_gymnasium_s_own_check() -> None:
     made = OneBotEnv(render_mode="rgb_array", world="maze")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=".*(spec|infinity).*")
+        warnings.filterwarnings("ignore", message=".*spec.*")
         check_env(made)
     made.close()
+
+
+def test_environments_are_registered() -> None:
+    """Several at once, each in a process of its own, and each like one of its own."""
+    name = "onebot_control.environment:OneBot-Maze-v0"
+    several = gymnasium.make_vec(name, num_envs=2, vectorization_mode="async", y=0.8)
+    observations, _ = several.reset(seed=[1, 2])
+    assert all(np.isfinite(space.high).all() for space in several.single_observation_space.values())
+    for _ in range(3):
+        observations, rewards, *_ = several.step(np.array([[0.5, 0.0], [0.5, 0.2]]))
+    several.close()
+    alone = gymnasium.make("OneBot-Maze-v0", y=0.8)
+    alone.reset(seed=2)
+    for _ in range(3):
+        observation, reward, *_ = alone.step(np.array([0.5, 0.2]))
+    alone.close()
+    assert reward == rewards[1] != rewards[0]
+    for key, values in observation.items():
+        assert np.array_equal(values, observations[key][1])
 
 
 def test_an_episode_repeats_by_its_seed_and_ends_near_a_wall() -> None:

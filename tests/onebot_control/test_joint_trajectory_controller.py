@@ -15,10 +15,10 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_control import Simulation
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.description import parse_description
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
+from nav2_msgs.msg import SpeedLimit
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -13,11 +14,11 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState, LaserScan
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from tf2_msgs.msg import TFMessage
 
 from onebot_control import OneBotError, Simulation
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_description.ros.topic_qos import LATCHED
-from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.arm_support import ArmClient, goal, point
 from tests.onebot_control.node_support import NODE, Stepped
 
@@ -112,6 +113,49 @@ def test_each_measurement_that_is_due_is_published() -> None:
         assert stamps == pytest.approx([0.01 + 0.1 * count for count in range(20)], abs=1e-9)
 
 
+class SpeedLimiter(Node):
+    """Limits the speed by how far the robot has come, as its transforms say."""
+
+    def __init__(self) -> None:
+        super().__init__("speed_limiter")
+        self.received: list[tuple[float, float]] = []
+        self.limits = self.create_publisher(SpeedLimit, "speed_limit", 10)
+        self.create_subscription(TFMessage, "/tf", self.on_transforms, 100)
+        self.commands = self.create_publisher(Twist, COMMANDS, 10)
+        self.create_subscription(SpeedLimit, "speed_limit", self.on_limit, 10)
+
+    def on_transforms(self, message: Any) -> None:
+        for transform in message.transforms:
+            if transform.child_frame_id == "base_link":
+                x = transform.transform.translation.x
+                stamp = transform.header.stamp
+                limit = SpeedLimit(speed_limit=max(0.0, 0.4 - x))
+                limit.header.stamp = stamp
+                self.limits.publish(limit)
+
+    def on_limit(self, limit: Any) -> None:
+        stamp = limit.header.stamp
+        self.received.append((stamp.sec + 1e-9 * stamp.nanosec, limit.speed_limit))
+        twist = Twist()
+        twist.linear.x = limit.speed_limit
+        self.commands.publish(twist)
+
+
+def test_types_that_no_wheel_has() -> None:
+    """A user's node imports them by name; they meet this project's own transforms on /tf."""
+
+    def driven() -> tuple[Any, ...]:
+        with Simulation() as simulation, simulation.ros() as ros:
+            node = SpeedLimiter()
+            ros.add(node)
+            simulation.run(2.0)
+            return simulation.robot.pose, node.received
+
+    pose, received = driven()
+    assert len(received) > 50 and 0.2 < pose.x < 0.4
+    assert driven() == (pose, received)
+
+
 def test_latched_messages_are_there_when_a_node_is_added() -> None:
     """Else it would be left to chance in which cycle they are received."""
     with Simulation(**MAZE) as simulation, simulation.ros() as ros:
@@ -151,7 +195,9 @@ def test_topics_and_services_are_those_of_the_controller() -> None:
         robot.drive(0.5)
         simulation.run(1.0)
         assert (len(joints), len(odom)) == (100, 50)
-        assert tf[-1].transforms[0].child_frame_id == "base_link"
+        # That of the odometry, and since somebody listens, of robot_state_publisher.
+        children = {one.child_frame_id for message in tf for one in message.transforms}
+        assert {"base_link", "left_wheel"} <= children
         assert stepped.call(Trigger, f"{NODE}/reset_odometry").success
         assert robot.odometry.x == 0.0 < robot.pose.x
         refused = stepped.call(SetBool, f"{NODE}/pause", data=True)

@@ -1,6 +1,7 @@
 """Cars, tricycles and omni drives as makers describe them drive by their descriptions alone."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -287,3 +288,31 @@ def test_steering_limits_of_tricycle_controller(
     config = read(DRIVES[TRICYCLE], values.values)
     geometry = config.geometry(config.wheels(tricycle()))
     assert (geometry.limit, geometry.speed) == (limit, speed)
+
+
+def test_traction_limits_of_tricycle_controller_keep_its_wheels_on_the_ground() -> None:
+    """A heavy front wheel whose speed jumps as the robot reverses in a turn lifts those behind."""
+    limits = {"max_velocity": 1.9, "max_acceleration": 5.0, "max_deceleration": 8.0}
+    parameters = {
+        "type": TRICYCLE,
+        "linear.x.max_acceleration": math.nan,
+        **{f"traction.{name}": limit for name, limit in limits.items()},
+    }
+    with Simulation(tricycle(), parameters=parameters) as simulation:
+        robot, tilts, speeds = simulation.robot, list[float](), list[float]()
+
+        def watch() -> None:
+            tilts.append(max(abs(robot.pose.roll), abs(robot.pose.pitch)))
+            speeds.extend(robot._controlled.drive.command.wheels)
+            turned = math.hypot(robot.command.linear, robot.command.angular * BASE)
+            assert turned == pytest.approx(abs(speeds[-1]) * RADIUS)
+
+        simulation.on_step(watch)
+        for linear in (0.5, -0.5, 0.5):
+            robot.drive(linear, 0.2)
+            simulation.run(4.0)
+        changes = [abs(after) - abs(before) for before, after in pairwise(speeds)]
+        assert max(tilts) < 2e-3
+        assert max(map(abs, speeds)) == pytest.approx(1.9)
+        assert max(changes) == pytest.approx(5.0 * simulation.period)
+        assert min(changes) == pytest.approx(-8.0 * simulation.period)

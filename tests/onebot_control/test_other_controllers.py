@@ -16,7 +16,6 @@ from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_control import robot_setup
 from onebot_control.control_files import read_joint_controllers
 from onebot_control.fleet import Member
@@ -26,6 +25,7 @@ from onebot_control.nodes.joint_controller_nodes import controller_interfaces
 from onebot_control.nodes.lockstep import Lockstep
 from onebot_control.simulation import Simulation
 from onebot_description.description import Description
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from tests.onebot_control.arm_models import arm, box, joint, link

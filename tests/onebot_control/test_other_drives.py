@@ -11,12 +11,14 @@ from nav_msgs.msg import Odometry
 
 from onebot_control import RobotSetup, Simulation
 from onebot_control.control_files import default_control_file, drive_node, read_control_files
+from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive_kinds import (
     DRIVES,
     ControlConfig,
     MecanumConfig,
     OmniConfig,
     SteeringConfig,
+    TricycleConfig,
     found_drive,
 )
 from onebot_description.description import Description, load_description, parse_description
@@ -142,6 +144,51 @@ _FDIR = "".join(
 )
 def test_the_description_says_which_drive_it_is(description: Description, kind: type) -> None:
     assert DRIVES[found_drive(description)] is kind
+
+
+@pytest.mark.parametrize(
+    ("description", "parameters", "kind"),
+    [
+        (
+            _plain(),
+            {f"{corner}_wheel_command_joint_name": f"{corner}_joint" for corner in CORNERS},
+            MecanumConfig,
+        ),
+        (
+            tricycle(),
+            {"traction_joint_name": "front_joint", "steering_joint_name": "front_steering"},
+            TricycleConfig,
+        ),
+        (_plain(), {"right_wheel_names": ["rear_right_joint"]}, None),
+    ],
+)
+def test_named_joints_say_which_drive_it_is(
+    description: Description, parameters: dict[str, Any], kind: type | None
+) -> None:
+    """By the parameters of that drive, whatever the description shows."""
+    if kind is None:
+        with pytest.raises(OneBotError, match="1 wheels, but left_wheel_names has 0"):
+            Simulation(description, parameters=parameters)
+        return
+    with Simulation(description, parameters=parameters) as simulation:
+        assert type(drive_of(simulation).config) is kind
+
+
+def test_the_wheels_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read, places = list[str](), RunningGear.__init__
+
+    def reads(gear: RunningGear, description: Description) -> None:
+        read.append(description.robot_name)
+        places(gear, description)
+
+    monkeypatch.setattr(RunningGear, "__init__", reads)
+    descriptions = {made.robot_name: made for made in (mecanum(), omni(), car(), tricycle())}
+    robots = {
+        name: RobotSetup(y=2.0 * row, model=description)
+        for row, (name, description) in enumerate(descriptions.items())
+    }
+    with Simulation(robots=robots):
+        assert read == [*descriptions]
 
 
 def test_lengths_are_those_of_the_description() -> None:

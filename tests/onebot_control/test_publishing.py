@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.physics import MassVelocity
-from onebot_control.runtime.frames import Frames
+from onebot_control.runtime.frames import RobotFrames
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -89,7 +89,7 @@ class Subscriptions:
             wait_for(lambda name=name, count=count: count(name), f"{name} to be found")
 
     def use(self, drive: ControlledRobot) -> None:
-        frames = Frames.from_parameters(drive.config, drive.description, "/", in_scene=False)
+        frames = RobotFrames.from_parameters(drive.config, drive.description, "/", in_scene=False)
         self.publishers.use(drive, frames)
 
     def last(self, drive: ControlledRobot, snapshot: Snapshot) -> dict[str, Any]:
@@ -200,9 +200,9 @@ def frame_problems(
     """What is wrong with the frames of a robot of the namespace /a, as messages."""
     around = parse_description(f'<robot name="w">{scene}</robot>', "w.urdf") if scene else None
 
-    def frames(namespace: str, chosen: Mapping[str, Any]) -> Frames:
+    def frames(namespace: str, chosen: Mapping[str, Any]) -> RobotFrames:
         in_scene = around is not None
-        return Frames.from_parameters(config(**chosen), robot(), namespace, in_scene=in_scene)
+        return RobotFrames.from_parameters(config(**chosen), robot(), namespace, in_scene=in_scene)
 
     beside = {name: frames(name, chosen) for name, chosen in others.items()}
     return [each.message() for each in frames("/a", values).problems(beside, around)]

@@ -362,7 +362,7 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
 
     def motion(t: float, h: float = 1e-5):
         turns, places = map(np.array, zip(*map(pose, (t - h, t, t + h)), strict=True))
-        return imu.Motion.through(turns, places, h)
+        return imu.ImuMotion.through(turns, places, h)
 
     def sensor(t: float):
         return pose(t)[1]
@@ -375,7 +375,7 @@ def test_an_imu_measures_the_derivatives_of_any_motion():
     np.testing.assert_allclose(linear, true, atol=1e-3)
     skew = pose(t)[0].T @ (pose(t + h)[0] - pose(t - h)[0]) / (2 * h)
     np.testing.assert_allclose(angular, [skew[2, 1], skew[0, 2], skew[1, 0]], atol=1e-4)
-    resting = imu.Motion(*pose(t), np.zeros(3), np.zeros(3))
+    resting = imu.ImuMotion(*pose(t), np.zeros(3), np.zeros(3))
     angular, linear = imu.measure(resting, resting, dt, 9.81)
     assert not angular.any()
     np.testing.assert_allclose(linear, pose(t)[0].T @ (0, 0, 9.81), atol=1e-12)

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from onebot_control import RobotSetup
 from onebot_description.description import parse_description
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage, load_interface
 from tests.onebot_control.control_support import CASTER, SEPARATION, urdf, wheel
 from tests.onebot_control.node_support import (
     MODULE,
@@ -170,6 +170,47 @@ def test_a_robot_senses_its_room(ros_simulation: RosSimulation, tmp_path: Path) 
     floats = np.frombuffer(cloud.data, np.float32).reshape(48, 64, cloud.point_step // 4)
     middle = floats[24, 32, :3]  # right ahead: z of the optical frame
     np.testing.assert_allclose(middle, [0, 0, HALF + 0.4], atol=2e-3)
+
+
+BUMPER = """
+  <link name="bumper"><collision><geometry><box size="0.02 0.2 0.04"/></geometry></collision></link>
+  <joint name="to_bumper" type="fixed"><parent link="base_link"/><child link="bumper"/>
+    <origin xyz="0.3 0 0.1" rpy="0 0 0.5"/></joint>
+  <gazebo reference="bumper"><sensor name="bump" type="contact"><update_rate>20</update_rate>
+    <contact><collision>bumper_collision</collision><topic>/bumped</topic></contact>
+    </sensor></gazebo>"""
+
+
+def test_a_bumper_measures_what_it_touches(ros_simulation: RosSimulation, tmp_path: Path) -> None:
+    """Where, along which normal, by which force, in its own frame, turned; nothing once away."""
+    kind = load_interface("ros_gz_interfaces/msg/Contacts")
+    simulation = ros_simulation(
+        parse_description(bot(BUMPER)), world=room(tmp_path), x=1.4, noise=False
+    )
+    stepped = Stepped(simulation)
+    messages, robot = stepped.hear(kind, "/bumped"), stepped.simulation.robot
+    robot.drive(0.3)
+    stepped.simulation.run(0.2)
+    assert len(messages) == 4 and not any(message.contacts for message in messages)
+    stepped.simulation.run(until=lambda: messages[-1].contacts)
+    assert robot.collided and messages[-1].header.frame_id == "bumper"
+    [contact] = messages[-1].contacts
+    names = contact.collision1.name, contact.collision2.name
+    assert names == ("bumper", "world::wall0") and contact.collision1.type == 3
+    assert len(contact.positions) == len(contact.normals) == len(contact.wrenches) > 0
+    for place, normal, wrench in zip(
+        contact.positions, contact.normals, contact.wrenches, strict=True
+    ):
+        # The front right edge, since the bumper is turned to the left.
+        assert (place.x, place.y) == pytest.approx((0.01, -0.1), abs=5e-3)
+        assert (normal.x, normal.y) == pytest.approx((-math.cos(0.5), math.sin(0.5)), abs=0.05)
+        action, reaction = wrench.body_1_wrench.force, wrench.body_2_wrench.force
+        assert action.x == -reaction.x == pytest.approx(normal.x / normal.y * action.y)
+        assert action.x < 0.0
+        assert wrench.header.frame_id == "bumper" and wrench.body_2_name.data == names[1]
+    robot.drive(-0.3)
+    stepped.simulation.run(2.0)
+    assert messages[-1].contacts == []
 
 
 def plugin(name: str, kind: str, to: str, inside: str = "") -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.physics import Settings
+from onebot_control.physics import PhysicsSettings
 from onebot_control.physics.engine import engine
 from onebot_control.physics.physics_urdf import rigid_bodies
 from onebot_control.physics.spawning import converted_meshes
@@ -150,6 +150,6 @@ def test_robots_of_the_description_tests_load_or_are_refused():
             continue
         moving = [joint.name for joint in description.joints if joint.kind != "fixed"]
         try:
-            simulate(description, moving[:1], Settings(settling=0.1)).close()
+            simulate(description, moving[:1], PhysicsSettings(settling=0.1)).close()
         except OneBotError as error:
             assert file.name in str(error) or "mesh" in str(error), error

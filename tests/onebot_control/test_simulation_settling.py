@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from onebot_control.physics import RobotSpawn, Settings
+from onebot_control.physics import PhysicsSettings, RobotSpawn
 from onebot_control.physics.engine import Bullet, engine
 from onebot_control.physics.spawning import make_world
 from onebot_description.description import parse_description
@@ -18,7 +18,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import yaw_of
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, Simulation, robot, simulate
 
-_QUICK = Settings(settling=1.0, iterations=50)
+_QUICK = PhysicsSettings(settling=1.0, iterations=50)
 _INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 _LIMIT = '<limit lower="-9" upper="9" effort="1" velocity="1"/>'
 
@@ -117,7 +117,7 @@ def test_a_robot_that_does_not_stay_on_the_ground_is_refused():
     with pytest.raises(
         OneBotError, match=r"^block.urdf: the robot does not stay on the ground .*z = "
     ):
-        _stand(description, Settings(settling=0.1))
+        _stand(description, PhysicsSettings(settling=0.1))
 
 
 @pytest.mark.parametrize(("mass", "arm"), [("1e300", "1"), ("1e-160", "1e-160")])
@@ -155,7 +155,9 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
 def test_the_ground_is_level_at_zero_with_friction_and_gravity():
     """As the settings say, once and downwards; the time step is that of the rate."""
     with closing(Bullet()) as bullet:
-        ground = make_world(bullet, Settings(rate=500, gravity=3.5, friction=0.25, iterations=30))
+        ground = make_world(
+            bullet, PhysicsSettings(rate=500, gravity=3.5, friction=0.25, iterations=30)
+        )
         parameters = bullet.getPhysicsEngineParameters()
         found = [parameters["gravityAcceleration" + axis] for axis in "XYZ"]
         assert found == [0.0, 0.0, -3.5]
@@ -175,7 +177,7 @@ def test_each_body_gets_its_friction_and_no_damping():
         ('<child link="caster_wheel" />', '<child link="caster_wheel" /><dynamics damping="0.5"/>'),
     ):
         text = text.replace(old, new)
-    settings = Settings(friction=0.75, settling=0.01)
+    settings = PhysicsSettings(friction=0.75, settling=0.01)
     with simulate(parse_description(text), settings=settings) as simulation:
         body, bullet = simulation.parts.body, simulation.bullet
         rows = [-1, *simulation.parts.joints.values()]

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from onebot_control.physics import RobotSpawn, Settings, World
+from onebot_control.physics import PhysicsSettings, RobotSpawn, World
 from onebot_control.physics.engine import engine
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
@@ -126,7 +126,7 @@ def test_closed_simulation_says_so():
 def test_forgotten_simulations_free_their_worlds():
     """PyBullet has room for a limited number of them."""
     description = robot()
-    first = simulate(description, settings=Settings(settling=0.01))
+    first = simulate(description, settings=PhysicsSettings(settling=0.01))
     client = first.bullet.client
     del first
     gc.collect()

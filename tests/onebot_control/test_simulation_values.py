@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.physics import RobotBody, RobotSpawn, Settings, World
+from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
 from onebot_control.physics.spawning import checked_spawn_pose
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
@@ -16,9 +16,9 @@ from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 
 def test_settings_are_what_was_measured():
     """At 100 Hz two physics steps fit into a control period."""
-    assert Settings() == Settings(200, 200, 9.81, 1.0, 2.0)
-    assert Settings().steps(0.01) == 2
-    assert Settings(rate=1000).steps(0.01) == 10
+    assert PhysicsSettings() == PhysicsSettings(200, 200, 9.81, 1.0, 2.0)
+    assert PhysicsSettings().steps(0.01) == 2
+    assert PhysicsSettings(rate=1000).steps(0.01) == 10
 
 
 @pytest.mark.parametrize(
@@ -34,8 +34,8 @@ def test_settings_are_what_was_measured():
 )
 def test_settings_fitted_to_a_control_rate(cycles, rate, steps):
     """The least rate of at least 200 Hz of which a control period has a whole number of steps."""
-    fitted = Settings(gravity=3.0).fitted(cycles)
-    assert fitted == Settings(rate=fitted.rate, gravity=3.0)
+    fitted = PhysicsSettings(gravity=3.0).fitted(cycles)
+    assert fitted == PhysicsSettings(rate=fitted.rate, gravity=3.0)
     assert fitted.rate == pytest.approx(rate)
     assert fitted.steps(1.0 / cycles) == steps
 
@@ -43,7 +43,7 @@ def test_settings_fitted_to_a_control_rate(cycles, rate, steps):
 @given(st.floats(0.001, 1000.0))
 def test_any_control_rate_has_whole_steps(cycles):
     """Of 1 to 5 ms."""
-    fitted = Settings().fitted(cycles)
+    fitted = PhysicsSettings().fitted(cycles)
     assert fitted.steps(1.0 / cycles) >= 1
     assert 200.0 <= fitted.rate * (1.0 + 1e-8) and fitted.rate <= 1000.0 * (1.0 + 1e-9)
 
@@ -52,7 +52,7 @@ def test_any_control_rate_has_whole_steps(cycles):
     ("duration", "steps"), [(0.005, 1), (0.01, 2), (1.0, 200), (0.01 + 1e-9, 2), (0.1 * 3, 60)]
 )
 def test_steps_of_a_duration(duration, steps):
-    assert Settings().steps(duration) == steps
+    assert PhysicsSettings().steps(duration) == steps
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -68,7 +68,7 @@ def call(peer: Peer, kind: Any, name: str, **request: Any) -> Any:
 
 
 def ok(answer: Any) -> bool:
-    assert answer.result.result == RESULT.OK, answer
+    assert answer.result.result == RESULT.RESULT_OK, answer
     return True
 
 
@@ -94,7 +94,7 @@ def test_states_of_the_simulation(peer: Peer) -> None:
         assert ok(set_state(STATE.STATE_PLAYING)) and state() == STATE.STATE_PLAYING
         wait_for(lambda: len(clocks) > 50, "time to pass")
         refused = step(peer, 1)
-        assert refused.result.result == RESULT.OPERATION_FAILED
+        assert refused.result.result == RESULT.RESULT_OPERATION_FAILED
         assert "pause it first" in refused.result.error_message
         assert ok(set_state(STATE.STATE_STOPPED)) and state() == STATE.STATE_STOPPED
         count = len(wait_for(lambda: clocks[-1:] == settled(clocks) and clocks, "silence"))
@@ -104,7 +104,7 @@ def test_states_of_the_simulation(peer: Peer) -> None:
         assert peer.call(SetBool, f"{NODE}/pause", data=False).success
         assert state() == STATE.STATE_PLAYING
         unknown = set_state(3)
-        assert unknown.result.result == RESULT.FEATURE_UNSUPPORTED
+        assert unknown.result.result == RESULT.RESULT_FEATURE_UNSUPPORTED
         assert "state 3 is not supported" in unknown.result.error_message
         features = call(peer, FEATURES, "/get_simulator_features").features
         assert list(features.features) == [20, 21, 22, 24, 25, 26, 31, 32]
@@ -129,7 +129,7 @@ def test_what_follows_a_reset_is_as_after_the_start(peer: Peer, sensors: str) ->
             wait_for(lambda: len(scans) >= 10 and len(odoms) >= 50, "a second of messages")
             runs.append(([bytes(scan.ranges) for scan in scans], list(map(pose_of, odoms))))
             refused = call(peer, RESET, "/reset_simulation", scope=1)
-            assert refused.result.result == RESULT.FEATURE_UNSUPPORTED
+            assert refused.result.result == RESULT.RESULT_FEATURE_UNSUPPORTED
             scans.clear()
             odoms.clear()
             answerer.restart()
@@ -169,7 +169,7 @@ def test_a_command_that_does_not_come_is_named(peer: Peer, sensors: str) -> None
     topics = {"step_topics": "[scan]", "sensors": sensors, "step_timeout": 0.5}
     with paused(**topics):
         unheard = step(peer, 5)
-        assert unheard.result.result == RESULT.OPERATION_FAILED
+        assert unheard.result.result == RESULT.RESULT_OPERATION_FAILED
         assert unheard.result.error_message == (
             "nobody subscribed to /scan within 0.5 s (step_timeout)"
         )

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from onebot_control.drive.wheels import rolling_shapes
-from onebot_control.drive.wheels.finding import has_wheels
+from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive.wheels.geometry import SideWheels
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.physics.simulated_model import casters_of, commandable, simulated_model
@@ -158,8 +158,9 @@ def test_a_round_housing_of_an_arm_is_no_wheel() -> None:
     stand = part("stand", "0 0 0.1", "<box size='0.2 0.2 0.2'/>", kind="fixed")
     shoulder = part("shoulder", "0 0 0.2", "<box size='0.1 0.1 0.1'/>", axis="0 0 1")
     upper = part("upper", "0 0 0.2", WIDE[1], origin=WIDE[0], parent="shoulder")
-    assert not has_wheels(base(stand, shoulder, upper))
-    assert has_wheels(base(*TWO, stand, shoulder, upper)) and has_wheels(base(*TWO, *BALLS))
+    assert not RunningGear(base(stand, shoulder, upper)).drives
+    for parts in ((*TWO, stand, shoulder, upper), (*TWO, *BALLS)):
+        assert RunningGear(base(*parts)).drives
 
 
 def mesh_wheels(folder: Path) -> Description:

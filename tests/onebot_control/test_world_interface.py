@@ -29,7 +29,7 @@ def test_ctrl_c_while_it_starts_leaves_no_thread(
         with pytest.raises(KeyboardInterrupt):
             simulation_nodes(MANAGER, SimulationConfig, file=MRM)
         left = {thread.name for thread in threading.enumerate()}
-        assert {"control", "arms"} <= running
-        assert not {"control", "arms", "sensing"} & left
+        assert {"control", "controllers"} <= running
+        assert not {"control", "controllers", "sensing"} & left
     finally:
         rclpy.try_shutdown()

@@ -44,7 +44,8 @@ PUBLIC_ROBOTS = {
     "create3": """
         cliff_front_left cliff_front_left 62 cliff_front_left scan=scan points=scan/points
         cliff_front_right cliff_front_right 62 cliff_front_right
-            scan=_internal/cliff_front_right/event""",
+            scan=_internal/cliff_front_right/event
+        bumper_contact_sensor bumper 62 bumper contacts=contacts""",
     "husky": f"""
         front_laser base_laser 50 base_laser scan=front/scan
         camera camera_link 20 camera_frame_optical image=camera/rgb/image_raw
@@ -105,11 +106,11 @@ def test_models_of_public_robots():
 
 
 def test_what_is_not_simulated_is_one_warning():
-    for robot in ("andino", "linorobot2_classic", "articubot_one", "turtlebot4"):
+    for robot in ("andino", "linorobot2_classic", "articubot_one", "turtlebot4", "create3"):
         assert load_description(BLOCKS / f"{robot}.urdf").notices == ()
-    (contact,) = load_description(BLOCKS / "create3.urdf").warnings
-    assert 'create3.urdf:39: <gazebo> sensor "bumper_contact_sensor"' in contact
-    assert 'sensors of type "contact" are not simulated' in contact
+    sonar = '<gazebo reference="base"><sensor name="s" type="sonar"/></gazebo>'
+    (sound,) = parse_description(f'<robot name="r"><link name="base"/>{sonar}</robot>').warnings
+    assert 'sensor "s": sensors of type "sonar" are not simulated' in sound
     lens, frame = load_description(BLOCKS / "clearpath.urdf").warnings
     assert "<lens>: is not simulated" in lens
     assert 'no link is called "camera_0_color_optical_frame"' in frame
@@ -310,3 +311,24 @@ def test_onebot_has_sensors_if_asked_for(prefix):
         CAMERA,
     ]
     assert "gazebo" not in plain.urdf
+
+
+def test_contact_sensors() -> None:
+    """The topic may be in <contact>; without one, several have their names before it."""
+    inside = "<contact><collision>c</collision>{}</contact>"
+    blocks = "".join(
+        f'<gazebo reference="base_link"><sensor name="{name}" type="contact">'
+        f"<update_rate>62</update_rate>{inside.format(topic)}</sensor></gazebo>"
+        for name, topic in (
+            ("front", "<topic>/bumped</topic>"),
+            ("left", ""),
+            ("right", "<topic>__default_topic__</topic>"),
+        )
+    )
+    description = parse_description(f'<robot name="r"><link name="base_link"/>{blocks}</robot>')
+    assert description.notices == ()
+    assert [sensor.topics["contacts"] for sensor in description.sensors] == [
+        "bumped", "left/contacts", "right/contacts",
+    ]  # fmt: skip
+    assert {sensor.rate for sensor in description.sensors} == {62.0}
+    assert description.sensors[0].model.summary == "contacts of its link"

@@ -167,6 +167,11 @@ CLASSIC = """<gazebo><plugin name="car" filename="libgazebo_ros_ackermann_drive.
 <rear_left_joint>rl</rear_left_joint><rear_right_joint>rr</rear_right_joint>
 <left_steering_joint>sl</left_steering_joint><right_steering_joint>sr</right_steering_joint>
 <steering_wheel_joint>none</steering_wheel_joint><max_steer>0.6</max_steer></plugin></gazebo>"""
+CAMEL = """<gazebo><plugin name="four_diff_controller" filename="libgazebo_ros_ackerman.so">
+<leftFrontJoint>fl</leftFrontJoint><rightFrontJoint>fr</rightFrontJoint>
+<leftRearJoint>rl</leftRearJoint><rightRearJoint>rr</rightRearJoint>
+<leftHingeJoint>sl</leftHingeJoint><rightHingeJoint>sr</rightHingeJoint>
+<wheelSeparation>0.172</wheelSeparation><commandTopic>cmd_vel</commandTopic></plugin></gazebo>"""
 DRIVEN = {"left": ("fl", "rl"), "right": ("fr", "rr")}
 STEERED = {"left_steering": ("sl",), "right_steering": ("sr",)}
 
@@ -194,6 +199,7 @@ STEERED = {"left_steering": ("sl",), "right_steering": ("sr",)}
             "",
         ),
         (CLASSIC, "ackermann", DRIVEN | STEERED, {"steering_limit": 0.6}, ""),
+        (CAMEL, "ackermann", DRIVEN | STEERED, {"wheel_separation": 0.172}, "cmd_vel"),
     ],
 )
 def test_plugins_are_read(

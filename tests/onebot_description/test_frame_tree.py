@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from onebot_description.ros.frame_tree import FrameTree, TransformError
+from onebot_description.ros.frame_tree import FrameTree
+from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.message_arrays import TfArrays
 from tests.support import assert_time_grows_with_size
 
@@ -65,16 +66,21 @@ def test_errors_in_the_words_of_tf2() -> None:
     tree = FrameTree()
     add(tree, "odom", "base", 1.0)
     add(tree, "map", "marker", 1.0)
-    add(tree, "base", "late", 30.0)
+    add(tree, "base", "once", 30.0)
+    for seconds in (30.0, 31.0):
+        add(tree, "base", "late", seconds)
     for pair, words in {
         ("odom", "bse"): 'Invalid frame ID "bse" passed to lookupTransform argument source_frame - '
         'frame does not exist (did you mean "base"? frames: ',
         ("odom", "marker"): "Could not find a connection between 'odom' and 'marker' because they "
         "are not part of the same tree.",
         ("odom", "late"): "Lookup would require extrapolation into the past.  Requested time "
-        "1.000000 but the earliest data is at time 30.000000",
+        "1.000000 but the earliest data is at time 30.000000, when looking up transform from frame "
+        "[late] to frame [odom]",
+        ("odom", "once"): "Lookup would require extrapolation at time 1.000000, but only time "
+        "30.000000 is in the buffer",
     }.items():
-        with pytest.raises(TransformError) as error:
+        with pytest.raises(TransformException) as error:
             tree.lookup(*pair)
         assert words in str(error.value)
     assert tree.roots == ["map", "odom"]
@@ -134,7 +140,7 @@ def test_each_frame_of_a_circle_is_its_own_top() -> None:
         assert tree.pose("tip", "link")[0, 3] == 1.0 and tree.pose("tip", "b")[0, 3] == 2.0
         assert tree.pose("a", "b") is None and tree.pose("a", "a")[0, 3] == 0.0
         assert tree.roots == ["a", *own_parent]
-        with pytest.raises(TransformError, match="Could not find a connection"):
+        with pytest.raises(TransformException, match="Could not find a connection"):
             tree.lookup("tip", "a")
 
 

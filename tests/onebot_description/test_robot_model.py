@@ -63,6 +63,30 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
 
 
+@settings(deadline=None, max_examples=50)
+@given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
+def test_the_jacobian_is_the_derivative_of_the_link_poses(urdf, data):
+    model = RobotModel.from_description(parse_description(urdf))
+    size, step = len(model.joints), 1e-6
+    values = st.lists(st.floats(-3, 3), min_size=2 * size, max_size=2 * size)
+    batch = np.array(data.draw(values)).reshape(2, size)
+    for row, link in enumerate(model.links):
+        jacobians = model.jacobian(link, batch)
+        assert jacobians.shape == (2, 6, size)
+        for joint, change in enumerate(step * np.eye(size)):
+            after, before = (
+                of_poses(model.link_poses(batch + each))[:, row] for each in (change, -change)
+            )
+            rates = (after - before) / (2.0 * step)
+            linear, angular = jacobians[:, :3, joint], jacobians[:, 3:, joint]
+            np.testing.assert_allclose(rates[:, :3, 3], linear, atol=1e-6)
+            spin = rates[:, :3, :3] @ np.swapaxes(after + before, -1, -2)[:, :3, :3] / 2.0
+            found = np.stack((spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]), axis=-1)
+            np.testing.assert_allclose(found, angular, atol=1e-6)
+    with pytest.raises(OneBotError, match='has no link "nowhere"'):
+        model.jacobian("nowhere", batch)
+
+
 def _formula(joints, q):
     """The transforms as robot_model's docstring has them."""
     half = np.asarray(q * joints.half_turns, np.longdouble)[..., None]

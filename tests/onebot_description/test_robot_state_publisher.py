@@ -13,9 +13,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from onebot_bringup.testing.domains import used_domain
 from onebot_description.description import parse_description
 from onebot_description.robot_state_publisher import RobotStatePublisher
+from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args
 from tests.support import wait_for

@@ -29,7 +29,7 @@ export class GroundMap {
     this.typed = pane.querySelector(".typed");
     this.parts = {};
     for (const part of this.drawing.children) this.parts[part.getAttribute("class")] = part;
-    this.ground = { frame: "", command_topic: "", robot: null, map: null, scans: [] };
+    this.ground = { frame: "", command_topic: "", robot: null, map: null, scans: [], path: [], footprint: [] };
     this.center = { x: 0, y: 0 };
     this.scale = 80;
     this.follows = true; // the robot stays in the middle
@@ -221,9 +221,11 @@ export class GroundMap {
 
   draw() {
     if (!this.isOpen) return;
-    const { robot, map, scans } = this.ground;
+    const { robot, map, scans, path, footprint } = this.ground;
     this.parts.grid.setAttribute("d", this.grid());
     this.parts.scan.setAttribute("d", this.points(scans));
+    this.parts.path.setAttribute("d", this.line(path));
+    this.parts.footprint.setAttribute("d", footprint.length ? `${this.line(footprint)}Z` : "");
     this.arrow(this.parts.robot, robot, Math.max(1, this.scale / 60));
     this.arrow(this.parts.placed, this.place, this.tool === "point" ? 0.4 : 2);
     toggle(this.parts.map, map);
@@ -248,6 +250,12 @@ export class GroundMap {
   points(places) {
     const dots = places.map(([x, y]) => this.pixel({ x, y }));
     return dots.map(({ x, y }) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
+  }
+
+  /** A line through places. */
+  line(places) {
+    const pixels = places.map(([x, y]) => this.pixel({ x, y }));
+    return pixels.map(({ x, y }, n) => `${n ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   }
 
   /** Lines at round numbers of metres. */

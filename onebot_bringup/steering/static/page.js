@@ -175,13 +175,14 @@ function standing() {
   return document.body.classList.contains("stands");
 }
 
-function showDriver({ driver, you, pages, locked, wheels_locked, others }) {
+function showDriver({ driver, you, pages, locked, wheels_locked, others, navigation }) {
   document.body.dataset.driver = you ? "you" : driver ? "other" : "nobody";
   const drives = standing() ? "moves it" : "drives";
   const unlocks = wheels_locked ? "drive" : "move a joint";
   const nobody = locked ? `Locked: ${unlocks} to unlock` : `Nobody ${drives}`;
   const yours = standing() ? "You move it" : "You drive";
-  const words = [you ? yours : driver ? `Another page ${drives}` : nobody];
+  const alone = navigation ? `Navigator: ${navigation}` : nobody;
+  const words = [you ? yours : driver ? `Another page ${drives}` : locked ? nobody : alone];
   if (pages > 1) words.push(`${pages} pages open`);
   if (others.length) words.push(`commands also from ${others.join(", ")}`);
   write(element("driver"), words.join(" · "));

@@ -122,8 +122,8 @@ def _turned(glb: bytes) -> bytes:
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
     sizes = [(len(text) - (end - _HEAD) + len(glb)), len(text)]
-    whole, chunk = (size.to_bytes(4, "little") for size in sizes)
-    return glb[:8] + whole + chunk + glb[_HEAD - 4 : _HEAD] + text + glb[end:]
+    file_size, chunk = (size.to_bytes(4, "little") for size in sizes)
+    return glb[:8] + file_size + chunk + glb[_HEAD - 4 : _HEAD] + text + glb[end:]
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:

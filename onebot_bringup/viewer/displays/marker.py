@@ -32,8 +32,8 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MESH,
     TRIANGLE_LIST,
     Batch,
-    Kind,
     MarkerContent,
+    MarkerKind,
     MeshVariant,
     Piece,
     Rows,
@@ -91,19 +91,19 @@ class Incoming(NamedTuple):
     def from_array(cls, markers: Any) -> "Incoming":
         """Return the markers of a MarkerArray, which is a table."""
         return cls(
-            markers.ns,
-            markers.header.frame_id,
-            markers.id,
-            markers.type,
-            markers.action,
-            markers.frame_locked,
-            _nanoseconds(markers.lifetime),
-            lambda: _nanoseconds(markers.header.stamp),
-            markers.points.counts,
-            markers.pose.array().copy(),  # contiguous, which is faster
-            markers.scale.array().copy(),
-            markers.color.array().copy(),
-            markers,
+            spaces=markers.ns,
+            frames=markers.header.frame_id,
+            ids=markers.id,
+            types=markers.type,
+            actions=markers.action,
+            locked=markers.frame_locked,
+            lifetimes=_nanoseconds(markers.lifetime),
+            stamps_ns=lambda: _nanoseconds(markers.header.stamp),
+            points=markers.points.counts,
+            poses=markers.pose.array().copy(),  # contiguous, which is faster
+            scales=markers.scale.array().copy(),
+            colors=markers.color.array().copy(),
+            messages=markers,
         )
 
     @classmethod
@@ -114,19 +114,19 @@ class Incoming(NamedTuple):
             return np.array([read(marker) for marker in markers])
 
         return cls(
-            [marker.ns for marker in markers],
-            [marker.header.frame_id for marker in markers],
-            column(lambda marker: marker.id),
-            column(lambda marker: marker.type),
-            column(lambda marker: marker.action),
-            column(lambda marker: marker.frame_locked),
-            column(lambda marker: _nanoseconds(marker.lifetime)),
-            lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
-            column(lambda marker: len(marker.points)),
-            column(lambda marker: marker.pose.array()),
-            column(lambda marker: marker.scale.array()),
-            column(lambda marker: marker.color.array()),
-            markers,
+            spaces=[marker.ns for marker in markers],
+            frames=[marker.header.frame_id for marker in markers],
+            ids=column(lambda marker: marker.id),
+            types=column(lambda marker: marker.type),
+            actions=column(lambda marker: marker.action),
+            locked=column(lambda marker: marker.frame_locked),
+            lifetimes=column(lambda marker: _nanoseconds(marker.lifetime)),
+            stamps_ns=lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
+            points=column(lambda marker: len(marker.points)),
+            poses=column(lambda marker: marker.pose.array()),
+            scales=column(lambda marker: marker.scale.array()),
+            colors=column(lambda marker: marker.color.array()),
+            messages=markers,
         )
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
@@ -160,7 +160,7 @@ class LayerKey(NamedTuple):
 class Layer:
     """Markers of one type and namespace, on one entity."""
 
-    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: Kind) -> None:
+    def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: MarkerKind) -> None:
         self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
         if isinstance(key.variant, MeshVariant):
@@ -519,8 +519,8 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
     """Report the problems that RViz warns of."""
     add = incoming.actions == ADD
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
-    known = np.isin(kinds, [*KINDS, _NOT_DRAWN])
-    incoming.report(problems, add & ~known, "its type is unknown: not drawn")
+    has_known_kind = np.isin(kinds, [*KINDS, _NOT_DRAWN])
+    incoming.report(problems, add & ~has_known_kind, "its type is unknown: not drawn")
     for kind in KINDS.keys() & set(kinds[add].tolist()):
         how, rows = KINDS[kind], add & (kinds == kind)
         flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)

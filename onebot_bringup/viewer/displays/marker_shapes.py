@@ -265,7 +265,7 @@ class MeshVariant(NamedTuple):
 # --- all ------------------------------------------------------------------------------------------
 
 
-class Kind(NamedTuple):
+class MarkerKind(NamedTuple):
     """How a type of marker is drawn."""
 
     name: str  # name of the entity
@@ -278,19 +278,19 @@ class Kind(NamedTuple):
         return self.draw(batch) if not self.least or batch.counts.any() else []
 
 
-KINDS: Mapping[int, Kind] = {
-    ARROW: Kind("arrows", _arrows_along_x),
-    CUBE: Kind("cubes", _cubes),
-    SPHERE: Kind("spheres", _spheres),
-    CYLINDER: Kind("cylinders", _cylinders),
-    LINE_STRIP: Kind("lines", _lines, 2, (0,)),
-    LINE_LIST: Kind("lines", _lines, 2, (0,)),
-    CUBE_LIST: Kind("cube_lists", lambda batch: _cubes(batch.vertices()), 1),
-    SPHERE_LIST: Kind("sphere_lists", _points, 1),
-    POINTS: Kind("points", _points, 1, (0, 1)),
-    TEXT: Kind("texts", _texts, 0, (2,)),
-    MESH: Kind("meshes", _poses),
-    TRIANGLE_LIST: Kind("triangles", _triangles, 3),
-    ARROW_STRIP: Kind("arrow_strips", _arrows_of_points, 2, (0,)),
+KINDS: Mapping[int, MarkerKind] = {
+    ARROW: MarkerKind("arrows", _arrows_along_x),
+    CUBE: MarkerKind("cubes", _cubes),
+    SPHERE: MarkerKind("spheres", _spheres),
+    CYLINDER: MarkerKind("cylinders", _cylinders),
+    LINE_STRIP: MarkerKind("lines", _lines, 2, (0,)),
+    LINE_LIST: MarkerKind("lines", _lines, 2, (0,)),
+    CUBE_LIST: MarkerKind("cube_lists", lambda batch: _cubes(batch.vertices()), 1),
+    SPHERE_LIST: MarkerKind("sphere_lists", _points, 1),
+    POINTS: MarkerKind("points", _points, 1, (0, 1)),
+    TEXT: MarkerKind("texts", _texts, 0, (2,)),
+    MESH: MarkerKind("meshes", _poses),
+    TRIANGLE_LIST: MarkerKind("triangles", _triangles, 3),
+    ARROW_STRIP: MarkerKind("arrow_strips", _arrows_of_points, 2, (0,)),
 }
 """The types of markers; an arrow with points counts as ARROW_STRIP, since RViz draws both alike."""

@@ -8,6 +8,7 @@ them. Names decide only if several sets of wheels remain.
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -75,128 +76,191 @@ class Wheel(NamedTuple):
     link: str
 
 
-def axles(description: Description, places: Mapping[str, Floats]) -> dict[str, Axle]:
-    """Return the continuous and revolute joints by name.
+class RunningGear:
+    """What a robot may roll on: its joints that turn, and the round shapes of their links.
 
-    Args:
+    Attributes:
         description: the robot.
+        rigid: for each link the first link of its rigid body, and its pose (4, 4) in that frame.
         places: the pose (4, 4) of each link in the root link's frame, with all joints at 0.
+        tyres: the round shapes of the robot's links.
+        axles: the continuous and revolute joints, by name.
     """
-    return {
-        joint.name: Axle(joint, places[joint.child], places[joint.child][:3, :3] @ joint.axis)
-        for joint in description.joints
-        if joint.kind in ("continuous", "revolute")
-    }
 
+    def __init__(self, description: Description) -> None:
+        """Read the joints; ``of`` does so once for each description."""
+        self.description, self.rigid = description, rigid_frames(description)
+        self.tyres = Tyres(description, self.rigid)
+        self.places = RobotModel.from_description(description).link_matrices({})
+        self.axles = {
+            joint.name: Axle(joint, place, place[:3, :3] @ joint.axis)
+            for joint in description.joints
+            for place in (self.places[joint.child],)
+            if joint.kind in ("continuous", "revolute")
+        }
 
-def find_wheels(
-    description: Description, turning: Mapping[str, Axle], tyres: Tyres, *, rollers: bool = False
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Find the wheels on two sides that drive the robot.
+    @classmethod
+    def of(cls, description: Description) -> "RunningGear":
+        """Return the running gear of a robot, which is found once."""
+        gear = description.derived.get(cls) or cls(description)
+        description.derived[cls] = gear
+        return gear
 
-    Args:
-        description: the robot.
-        turning: its rotating joints; see ``axles``.
-        tyres: the round shapes of its links.
-        rollers: whether its wheels have rollers, as those of a mecanum drive; else that is refused.
+    @cached_property
+    def rolling(self) -> Sequence[Wheel]:
+        """Everything that rolls, at any height: continuous joints with a level axis."""
+        wheels = []
+        for name, axle in self.axles.items():
+            if axle.joint.kind != "continuous" or not axle.level:
+                continue
+            if (tyre := self.tyres.tyre(name)) is not None:
+                x, y, z = axle.middle(tyre).tolist()
+                wheels.append(Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
+        return wheels
 
-    Returns:
-        The wheels' joints on the left, and those on the right, from front to rear.
+    @cached_property
+    def lateral(self) -> Sequence[Wheel]:
+        """Everything that rolls on a lateral axis, at any height."""
+        return [wheel for wheel in self.rolling if self.axles[wheel.name].across]
 
-    Raises:
-        OneBotError: there are no such wheels, or several sets of them, or they are steered or
-            omnidirectional; the text lists the rotating joints.
-    """
-    lateral = _on_ground(_lateral(turning, tyres))
-    swivels = {wheel.name: swivel(description, wheel.name, turning) for wheel in lateral}
-    _check_steering(description, turning, tyres)
-    wheels = [wheel for wheel in lateral if swivels[wheel.name] is None]
-    sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
-    sets = [group for group in sets if not any(map(_is_passive, group))] or sets
-    if len(sets) != 1:
-        raise _not_driven(description, turning, _why_not_one_set(sets))
-    [drive] = sets
-    if not rollers and (reason := rollers_reason(description, drive)):
-        text = f"it is no differential drive: {reason}; let the control file name the type of its"
-        raise _not_driven(description, turning, f"{text} drive, or none")
-    drive.sort(key=lambda wheel: -wheel.x)
-    left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
-    return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
+    @cached_property
+    def on_ground(self) -> Sequence[Wheel]:
+        """Everything that rolls on the ground and that no joint swivels."""
+        return [wheel for wheel in _on_ground(self.rolling) if self.swivel(wheel.name) is None]
 
+    @cached_property
+    def omni(self) -> Sequence[Wheel]:
+        """Three or more alike wheels of which at least two do not drive forward; or none."""
+        groups = [
+            group
+            for group in _alike(self.on_ground)
+            if len(group) >= _FEWEST_OMNI
+            and sum(not self.axles[wheel.name].across for wheel in group) >= _FEWEST_OBLIQUE
+        ]
+        return groups[-1] if groups else ()
 
-def steered_wheels(
-    description: Description, turning: Mapping[str, Axle], tyres: Tyres
-) -> dict[str, str]:
-    """Return the joints that steer wheels on the ground, by the wheels' joints."""
-    steered = {}
-    for wheel in _on_ground(_lateral(turning, tyres)):
-        joint = swivel(description, wheel.name, turning)
-        if joint and _is_steered(wheel, turning[wheel.name], turning[joint.name]):
-            steered[wheel.name] = joint.name
-    return steered
+    @cached_property
+    def steered(self) -> Mapping[str, str]:
+        """The joint that steers each steered wheel on the ground, by the wheel's joint."""
+        steered = {}
+        for wheel in _on_ground(self.lateral):
+            joint = self.swivel(wheel.name)
+            if joint and _is_steered(wheel, self.axles[wheel.name], self.axles[joint.name]):
+                steered[wheel.name] = joint.name
+        return steered
 
+    @cached_property
+    def front_driven(self) -> bool:
+        """Whether it is the steered wheels that ``<ros2_control>`` commands by velocity."""
+        commanded = {
+            name
+            for name, listed in self.description.interfaces.items()
+            if "velocity" in listed.commands
+        }
+        free = {wheel.name for wheel in self.on_ground}
+        return not commanded.isdisjoint(self.steered) and commanded.isdisjoint(free)
 
-def rollers_reason(description: Description, wheels: Sequence[Wheel]) -> str:
-    """Return why wheels have rollers by which they drive sideways, too; "" if they have not."""
-    if len(wheels) <= 2:
-        return ""
-    if all(_has_rollers(description, wheel) for wheel in wheels):
-        return "by their names, its wheels are omnidirectional, with rollers around them"
-    plugin = description.drive_plugin
-    if plugin is not None and plugin.kind in ("mecanum", "planar"):
-        return f"it drives sideways, too ({plugin.where})"
-    oblique = [link for link, angle in description.rollers.items() if abs(math.sin(angle)) > _SKEW]
-    if oblique:
-        return f"<fdir1> says that its wheels have rollers ({', '.join(oblique)})"
-    return ""
+    @property
+    def has_rollers(self) -> bool:
+        """Whether the wheels that no joint swivels have rollers, as those of a mecanum drive."""
+        return bool(self._rollers_reason(self.on_ground))
 
+    @cached_property
+    def drives(self) -> bool:
+        """Whether the robot has wheels on the ground; otherwise it stands still.
 
-def ground_wheels(
-    description: Description, turning: Mapping[str, Axle], tyres: Tyres
-) -> list[Wheel]:
-    """Return all that rolls on the ground on a level axis and that no joint swivels."""
-    wheels = _on_ground(_rolling(turning, tyres))
-    return [wheel for wheel in wheels if swivel(description, wheel.name, turning) is None]
+        What rolls counts as a wheel if its lowest point is at most its radius above the robot's;
+        higher up it belongs to an arm. A robot whose root link is ``world`` stands still.
 
-
-def omni_wheels(
-    description: Description, turning: Mapping[str, Axle], tyres: Tyres
-) -> Sequence[Wheel]:
-    """Return three or more alike wheels of which at least two do not drive forward; or none."""
-    groups = [
-        group
-        for group in _alike(ground_wheels(description, turning, tyres))
-        if len(group) >= _FEWEST_OMNI
-        and sum(not turning[wheel.name].across for wheel in group) >= _FEWEST_OBLIQUE
-    ]
-    return groups[-1] if groups else ()
-
-
-def has_wheels(description: Description) -> bool:
-    """Return whether a robot has wheels on the ground; otherwise it stands still.
-
-    What rolls counts as a wheel if its lowest point is at most its radius above the robot's;
-    higher up it belongs to an arm. A robot whose root link is ``world`` stands still.
-
-    Raises:
-        OneBotError: the mesh of a collision shape cannot be read.
-    """
-    if description.root_link == WORLD_FRAME:
-        return False
-    tyres = Tyres(description, rigid_frames(description))
-    places = RobotModel.from_description(description).link_matrices({})
-    turning = axles(description, places)
-    if not (wheels := _lateral(turning, tyres)):
-        wheels = ground_wheels(description, turning, tyres)
-        if len(wheels) < _FEWEST_OMNI:
+        Raises:
+            OneBotError: the mesh of a collision shape cannot be read.
+        """
+        if self.description.root_link == WORLD_FRAME:
             return False
-    bottoms = [
-        lowest_point(collision.shape, places[link.name] @ matrices.of_origin(collision.origin))
-        for link in description.links
-        for collision in link.collisions
-    ]
-    lowest = min(bottoms, default=math.inf)
-    return any(wheel.bottom - wheel.radius <= lowest for wheel in wheels)
+        wheels = self.lateral or self.on_ground
+        if not self.lateral and len(wheels) < _FEWEST_OMNI:
+            return False
+        bottoms = [
+            lowest_point(shape.shape, self.places[link.name] @ matrices.of_origin(shape.origin))
+            for link in self.description.links
+            for shape in link.collisions
+        ]
+        lowest = min(bottoms, default=math.inf)
+        return any(wheel.bottom - wheel.radius <= lowest for wheel in wheels)
+
+    def swivel(self, name: str) -> Joint | None:
+        """Return the vertical joint that swivels the wheel of a joint; None if there is none."""
+        above = {joint.child: joint for joint in self.description.joints}
+        link = self.axles[name].joint.parent
+        while joint := above.get(link):
+            if joint.name in self.axles and abs(self.axles[joint.name].axis[2]) > _VERTICAL:
+                return joint
+            link = joint.parent
+        return None
+
+    def sides(self, *, rollers: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Find the wheels on two sides that drive the robot.
+
+        Args:
+            rollers: whether they have rollers, as those of a mecanum drive; else that is refused.
+
+        Returns:
+            The wheels' joints on the left, and those on the right, from front to rear.
+
+        Raises:
+            OneBotError: there are no such wheels, or several sets of them, or they are steered or
+                omnidirectional; the text lists the rotating joints.
+        """
+        self._check_steering()
+        wheels = [wheel for wheel in _on_ground(self.lateral) if self.swivel(wheel.name) is None]
+        sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
+        sets = [group for group in sets if not any(map(_is_passive, group))] or sets
+        if len(sets) != 1:
+            raise self._not_driven(_why_not_one_set(sets))
+        [drive] = sets
+        if not rollers and (reason := self._rollers_reason(drive)):
+            text = f"it is no differential drive: {reason}; let the control file name the type of"
+            raise self._not_driven(f"{text} its drive, or none")
+        drive.sort(key=lambda wheel: -wheel.x)
+        left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
+        return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
+
+    def _rollers_reason(self, wheels: Sequence[Wheel]) -> str:
+        """Return why wheels have rollers by which they drive sideways, too; "" if they have not."""
+        description = self.description
+        if len(wheels) <= 2:
+            return ""
+        if all(_has_rollers(description, wheel) for wheel in wheels):
+            return "by their names, its wheels are omnidirectional, with rollers around them"
+        plugin = description.drive_plugin
+        if plugin is not None and plugin.kind in ("mecanum", "planar"):
+            return f"it drives sideways, too ({plugin.where})"
+        angles = description.rollers.items()
+        if oblique := [link for link, angle in angles if abs(math.sin(angle)) > _SKEW]:
+            return f"<fdir1> says that its wheels have rollers ({', '.join(oblique)})"
+        return ""
+
+    def _check_steering(self) -> None:
+        """Raise OneBotError if a wheel is steered, as a car's are."""
+        for wheel, joint in self.steered.items():
+            raise OneBotError(
+                f'robot "{self.description.robot_name}" cannot be driven: it is no differential '
+                f'drive: joint "{joint}" steers the wheel of "{wheel}". Let the control file name '
+                "the type of its drive, such as ackermann_steering_controller/"
+                "AckermannSteeringController, or none. If it is a caster, name it so, have its "
+                "wheel trail it, or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
+            )
+
+    def _not_driven(self, reason: str) -> OneBotError:
+        joints = [f"{axle.joint.name} {_seen(axle)}" for axle in self.axles.values()]
+        return OneBotError(
+            f'robot "{self.description.robot_name}" cannot be driven: {reason}. Wheels are '
+            "continuous joints whose axes point to the left, (0 1 0), in the frame of "
+            f"{self.description.root_link}, with a round shape on the ground. Name them: "
+            "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
+            "params_file (or start without a simulation: sim:=false). "
+            f"Its joints that turn: {'; '.join(joints) or 'none'}"
+        )
 
 
 def _why_not_one_set(sets: Sequence[Sequence[Wheel]]) -> str:
@@ -206,67 +270,15 @@ def _why_not_one_set(sets: Sequence[Sequence[Wheel]]) -> str:
     return "no wheel on the left that has its like on the right was found among its joints"
 
 
-def _check_steering(description: Description, turning: Mapping[str, Axle], tyres: Tyres) -> None:
-    """Raise OneBotError if a wheel is steered, as a car's are."""
-    for wheel, joint in steered_wheels(description, turning, tyres).items():
-        raise OneBotError(
-            f'robot "{description.robot_name}" cannot be driven: it is no differential drive: '
-            f'joint "{joint}" steers the wheel of "{wheel}". Let the control file name the type of '
-            "its drive, such as ackermann_steering_controller/AckermannSteeringController, or "
-            "none. If it is a caster, name it so, have its wheel trail it, "
-            "or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
-        )
-
-
-def _not_driven(description: Description, turning: Mapping[str, Axle], reason: str) -> OneBotError:
-    joints = [f"{axle.joint.name} {_seen(axle)}" for axle in turning.values()]
-    return OneBotError(
-        f'robot "{description.robot_name}" cannot be driven: {reason}. Wheels are continuous '
-        "joints whose axes point to the left, (0 1 0), in the frame of "
-        f"{description.root_link}, with a round shape on the ground. Name them: "
-        "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
-        "params_file (or start without a simulation: sim:=false). "
-        f"Its joints that turn: {'; '.join(joints) or 'none'}"
-    )
-
-
 def _seen(axle: Axle) -> str:
     x, y, z = (f"{value:.3g}" for value in np.round(axle.pose[:3, 3], 3) + 0.0)
     pointing = " ".join(f"{value:.3g}" for value in np.round(axle.axis, 3) + 0.0)
     return f"({axle.joint.kind}, at {x} {y} {z}, axis {pointing})"
 
 
-def _lateral(turning: Mapping[str, Axle], tyres: Tyres) -> list[Wheel]:
-    """Return everything that rolls on a lateral axis, at any height."""
-    return [wheel for wheel in _rolling(turning, tyres) if turning[wheel.name].across]
-
-
-def _rolling(turning: Mapping[str, Axle], tyres: Tyres) -> list[Wheel]:
-    """Return everything that rolls, at any height: continuous joints with a level axis."""
-    wheels = []
-    for name, axle in turning.items():
-        if axle.joint.kind != "continuous" or not axle.level:
-            continue
-        if (tyre := tyres.tyre(name)) is not None:
-            x, y, z = axle.middle(tyre).tolist()
-            wheels.append(Wheel(name, x, y, z - tyre.radius, tyre.radius, axle.joint.child))
-    return wheels
-
-
 def _on_ground(wheels: Sequence[Wheel]) -> list[Wheel]:
     ground = min((wheel.bottom for wheel in wheels), default=0.0)
     return [w for w in wheels if w.bottom - ground <= max(_ALIKE, _GROUND * w.radius)]
-
-
-def swivel(description: Description, name: str, turning: Mapping[str, Axle]) -> Joint | None:
-    """Return the vertical joint that swivels the wheel of a joint; None if there is none."""
-    above = {joint.child: joint for joint in description.joints}
-    link = turning[name].joint.parent
-    while joint := above.get(link):
-        if joint.name in turning and abs(turning[joint.name].axis[2]) > _VERTICAL:
-            return joint
-        link = joint.parent
-    return None
 
 
 def _is_steered(wheel: Wheel, axle: Axle, swivel: Axle) -> bool:

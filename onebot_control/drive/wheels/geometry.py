@@ -7,21 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.finding import (
-    Wheel,
-    axles,
-    find_wheels,
-    ground_wheels,
-    omni_wheels,
-    rollers_reason,
-    steered_wheels,
-)
-from onebot_control.drive.wheels.rolling_shapes import Tyres
+from onebot_control.drive.wheels.finding import RunningGear
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError, did_you_mean
-from onebot_description.model import RobotModel
-from onebot_description.model.rigid_bodies import Body, rigid_frames
+from onebot_description.model.rigid_bodies import Body
 from onebot_description.parameters.reader import ConfigError, Problem
 
 _SAME = 1e-6  # m by which lengths may differ and still count as the same
@@ -44,9 +34,7 @@ class Wheels:
 
     Attributes:
         description: the robot.
-        rigid: for each link the first link of its rigid body, and its pose (4, 4) in that frame.
-        tyres: the round shapes of the robot's links.
-        axles: the rotating joints, by name.
+        gear: what it may roll on.
         groups: names of the driven joints, those that turn as one wheel together.
         steering: names of the joints that steer wheels.
         free: names of the joints of wheels that roll freely, besides casters.
@@ -60,48 +48,12 @@ class Wheels:
     free: Sequence[str] = ()
     rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
-    several_radii = "driven wheels need the same"  # what to do about them
+    several_radii = "driven wheels need the same"  # the remedy
 
     def __init__(self, description: Description) -> None:
         """Read the joints that turn; which of them are wheels, a drive's own class decides."""
-        self.description, self.rigid = description, rigid_frames(description)
-        self.tyres = Tyres(description, self.rigid)
-        self._places = RobotModel.from_description(description).link_matrices({})
-        self.axles = axles(description, self._places)
-
-    @cached_property
-    def rolling(self) -> Mapping[str, Floats]:
-        """The middle (3,), m, of each wheel on the ground that no joint swivels, by its joint."""
-        return {wheel.name: self.middle(wheel.name) for wheel in self._on_ground}
-
-    @cached_property
-    def steered(self) -> Mapping[str, str]:
-        """The joint that steers each steered wheel, by the wheel's joint."""
-        return steered_wheels(self.description, self.axles, self.tyres)
-
-    @cached_property
-    def omni(self) -> Sequence[str]:
-        """The joints of a drive by omni wheels, if the robot looks like one."""
-        return [wheel.name for wheel in omni_wheels(self.description, self.axles, self.tyres)]
-
-    @cached_property
-    def front_driven(self) -> bool:
-        """Whether it is the steered wheels that ``<ros2_control>`` commands by velocity."""
-        commanded = {
-            name
-            for name, listed in self.description.interfaces.items()
-            if "velocity" in listed.commands
-        }
-        return not commanded.isdisjoint(self.steered) and commanded.isdisjoint(self.rolling)
-
-    @property
-    def has_rollers(self) -> bool:
-        """Whether the wheels that no joint swivels have rollers, as those of a mecanum drive."""
-        return bool(rollers_reason(self.description, self._on_ground))
-
-    @cached_property
-    def _on_ground(self) -> Sequence[Wheel]:
-        return ground_wheels(self.description, self.axles, self.tyres)
+        self.description, self.gear = description, RunningGear.of(description)
+        self.axles, self.tyres, self.rigid = self.gear.axles, self.gear.tyres, self.gear.rigid
 
     def middle(self, name: str) -> Floats:
         """Return the middle of the wheel on a joint, (3,), m, in the root link's frame."""
@@ -127,7 +79,7 @@ class Wheels:
         """The robot as one rigid body in the frame of its root link, with all joints at 0."""
         body = Body(self.description.root_link)
         for link in self.description.links:
-            body.add(link, self._places[link.name])
+            body.add(link, self.gear.places[link.name])
         return body
 
     @cached_property
@@ -218,7 +170,7 @@ class SideWheels(Wheels):
             self.check_names(left_wheel_names=left, right_wheel_names=right)
             self.left, self.right = tuple(left), tuple(right)
         else:
-            self.left, self.right = find_wheels(description, self.axles, self.tyres)
+            self.left, self.right = self.gear.sides()
         self.groups = self.left, self.right
         self.skids = len(self.names) > 2
         self.check_across()

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from onebot_control.conventions import CORNERS
-from onebot_control.drive.wheels.finding import find_wheels
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description
@@ -60,7 +59,7 @@ class MecanumWheels(Wheels):
         elif plugin and plugin.kind == "mecanum" and all(map(plugin.joints.get, CORNERS)):
             corners = [list(plugin.joints[corner]) for corner in CORNERS]
         else:
-            corners = self._corners(*find_wheels(description, self.axles, self.tyres, rollers=True))
+            corners = self._corners(*self.gear.sides(rollers=True))
         self.corners = corners
         self.groups = [[name] for corner in corners for name in corner]
         self.check_across()
@@ -126,7 +125,8 @@ class OmniWheels(Wheels):
                     f'robot "{description.robot_name}", joint "{name}": the axis of a wheel must '
                     "be level"
                 )
-        self._middles = {name: self.middle(name) for name in names or self.omni}
+        found_names = [wheel.name for wheel in self.gear.omni]
+        self._middles = {name: self.middle(name) for name in names or found_names}
         names = names or sorted(self._middles, key=self._direction)
         self.groups = [[name] for name in names]
         self.rollers = dict.fromkeys(names, 0.0)

@@ -23,8 +23,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
 _SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder, capsule or sphere is round about the axle if its middle is no farther from the axle
-# than this fraction of its radius; a mesh, if its extents in four directions differ by no more.
+# A cylinder, capsule or sphere is round about the axle if its middle is off by this at most,
+# relative to its radius; a mesh, if its extents in four directions differ by no more.
 _ROUND = 0.05
 
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.drive.wheels.finding import swivel
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, DrivePlugin
@@ -88,24 +87,25 @@ class SteeredWheels(Wheels):
                 wheels are found, or the rear ones are steered.
         """
         super().__init__(description)
+        steered = self.gear.steered
         if (plugin := description.drive_plugin) and plugin.kind == "ackermann":
             wheels = _of(plugin, "left", "right")
-            traction = traction or [name for name in wheels if name not in self.steered] or wheels
+            traction = traction or [name for name in wheels if name not in steered] or wheels
             steering = steering or _of(plugin, "left_steering", "right_steering")
         self.check_names(traction_joints_names=traction, steering_joints_names=steering)
-        self.steering = self._rightmost(steering or dict.fromkeys(self.steered.values()))
-        rear = [name for name in self.rolling if name not in self.steered]
-        driven = list(self.steered) if front_driven or self.front_driven else rear
+        self.steering = self._rightmost(steering or dict.fromkeys(steered.values()))
+        rear = [wheel.name for wheel in self.gear.on_ground if wheel.name not in steered]
+        driven = list(steered) if front_driven or self.gear.front_driven else rear
         names = self._rightmost(traction or driven)
         self.groups = [[name] for name in names]
-        self.free = [name for name in (*rear, *self.steered) if name not in names]
+        self.free = [name for name in (*rear, *steered) if name not in names]
         self.check_across()
         self._check_counts()
         self._place_axles(rear)
 
     def _place_axles(self, rear: Sequence[str]) -> None:
         """Find where the axles are; ``rear`` are the joints of the wheels that are not steered."""
-        swivels = [swivel(self.description, name, self.axles) for name in self.names]
+        swivels = [self.gear.swivel(name) for name in self.names]
         self._front_driven = any(joint and joint.name in self.steering for joint in swivels)
         free = [name for name in rear if name not in self.names]
         behind = free if self._front_driven and free else self.names
@@ -140,14 +140,14 @@ class SteeredWheels(Wheels):
         limit = _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering)
         plugin = self.description.drive_plugin
         return SteeredGeometry(
-            wheelbase,
-            radius or self.radius,
-            traction if len(self.names) > 1 else 0.0,
-            steering if len(self.steering) > 1 else 0.0,
-            min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
-            self._front_driven,
-            float(self._rear[0]),
-            min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
+            wheelbase=wheelbase,
+            radius=radius or self.radius,
+            traction_track=traction if len(self.names) > 1 else 0.0,
+            steering_track=steering if len(self.steering) > 1 else 0.0,
+            limit=min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
+            front_driven=self._front_driven,
+            axle=float(self._rear[0]),
+            speed=min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
         )
 
     def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:

@@ -4,12 +4,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from onebot_description.description.sensors.camera import ColorCamera, DepthCamera, RgbdCamera
+from onebot_description.description.sensors.contact import ContactKind
 from onebot_description.description.sensors.imu import ImuKind
 from onebot_description.description.sensors.kind import Kind
 from onebot_description.description.sensors.lidar import LidarKind
 
 # Their substitutes are searched in this order.
-_KINDS: tuple[type[Kind[Any]], ...] = (RgbdCamera, DepthCamera, ImuKind, LidarKind, ColorCamera)
+_KINDS: tuple[type[Kind[Any]], ...] = (
+    *(RgbdCamera, DepthCamera, ImuKind, LidarKind, ColorCamera),
+    ContactKind,
+)
 
 BY_TYPE = {kind_type: kind for kind in _KINDS for kind_type in kind.types}
 """The kind of sensor, by the type of its block."""

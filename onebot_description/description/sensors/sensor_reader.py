@@ -174,7 +174,16 @@ class _SensorReader(Block):
             model = outputs.limited(self, model, plugin, stddev or 0.0)
         frame = frame or text_of(self.element, *_FRAMES) or self.link
         frame = frame.lstrip("/")  # ROS 1 wrote it; tf2 refuses it
-        return Sensor(self.name, self.link, self.pose, rate, topics, frame, model, self.place)
+        return Sensor(
+            name=self.name,
+            link=self.link,
+            origin=self.pose,
+            rate=rate,
+            topics=topics,
+            frame=frame,
+            model=model,
+            where=self.place,
+        )
 
     def compare(
         self,

@@ -1,30 +1,59 @@
 """Finds the text that defines an interface, as ROS calls a message, service or action type.
 
-An installed package has it in its share folder, as .msg, .srv or .action file. Those of tf2_msgs,
-ackermann_msgs, control_msgs, map_msgs and simulation_interfaces, which no wheel has, are in the
-folder ``definitions`` here; their names and types, which the type hash is made of, are those of ROS
-2 Jazzy. ``common_definitions`` has those messages of installed packages that drawing a description
-takes, for where there is no ROS.
+An installed package has it in its share folder, as .msg, .srv or .action file. Packages that no
+wheel has are folders of ``onebot_description/ros/packages``; their names and types, which the type
+hash is made of, are those of ROS 2 Jazzy. A user's own are in ``ROS_PACKAGE_PATH``, or were added
+by ``onebot interface add``. ``common_definitions`` has those messages of installed packages that
+drawing a description takes, for where there is no ROS.
 """
 
 import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from onebot_description.elements.packages import packages_on_ros_path
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.definition import NUMBERS, STRINGS, fields, section
 
-_OWN = Path(__file__).with_name("definitions")
+KINDS = ("msg", "srv", "action")  # folders of a package, and their files' suffixes
+ADDED = Path(sys.prefix, "share/onebot_interfaces")  # has a link to each package that was added
+_HERE = Path(__file__).parents[1] / "packages"
 _COMMON = Path(__file__).with_name("common_definitions")
+
+
+def own_packages() -> dict[str, Path]:
+    """Return the folders of the packages that are made of their definitions, by name."""
+    rooms = [room for room in (ADDED, _HERE) if room.is_dir()]
+    names = {*packages_on_ros_path(), *(folder.name for room in rooms for folder in room.iterdir())}
+    return {name: folder for name in sorted(names) if (folder := own_package(name))}
+
+
+def own_package(name: str) -> Path | None:
+    """Return the folder of a package of definitions; a user's own takes precedence.
+
+    None: there is none.
+    """
+    folders = (packages_on_ros_path().get(name), ADDED / name, _HERE / name)
+    return next((folder for folder in folders if folder and any(definitions(folder))), None)
+
+
+def definitions(folder: Path, kinds: Sequence[str] = KINDS) -> Iterator[Path]:
+    """List the files of a package that define interfaces."""
+    for kind in kinds:
+        if (inner := folder / kind).is_dir():
+            yield from sorted(inner.glob(f"*.{kind}"))
 
 
 @functools.cache
 def own_interfaces(kind: str) -> tuple[str, ...]:
-    """List the full names of the interfaces of a kind (msg, srv, action) that are defined here."""
-    paths = sorted(_OWN.glob(f"*/{kind}/*.{kind}"))
-    return tuple(f"{path.parts[-3]}/{kind}/{path.stem}" for path in paths)
+    """List the full names of own interfaces of a kind (msg, srv, action)."""
+    return tuple(
+        f"{package}/{kind}/{file.stem}"
+        for package, folder in own_packages().items()
+        for file in definitions(folder, [kind])
+    )
 
 
 def interface_text(name: str) -> str:
@@ -33,13 +62,31 @@ def interface_text(name: str) -> str:
     Raises:
         OneBotError: there is no such interface.
     """
+    return interface_file(name).read_text(encoding="utf-8")
+
+
+def interface_file(name: str) -> Path:
+    """Return the file that defines an interface.
+
+    Raises:
+        OneBotError: there is no such interface.
+    """
     package, kind, type_name = name.split("/")
-    for folder in (*share_folders(), _OWN, _COMMON):
-        try:
-            return (folder / package / kind / f"{type_name}.{kind}").read_text(encoding="utf-8")
-        except (FileNotFoundError, NotADirectoryError):
-            continue
+    inner = f"{kind}/{type_name}.{kind}"
+    for folder in (*(share / package for share in share_folders()), _COMMON / package):
+        if (folder / inner).is_file():
+            return folder / inner
+    if own := own_file(name):
+        return own
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
+
+
+def own_file(name: str) -> Path | None:
+    """Return the file of an interface of a package that is made of its definitions."""
+    package, kind, type_name = name.split("/")
+    folder = own_package(package)
+    file = folder and folder / kind / f"{type_name}.{kind}"
+    return file.resolve() if file and file.is_file() else None
 
 
 def share_folders() -> Iterator[Path]:

@@ -10,8 +10,11 @@ rclpy loads the type support with the first publisher, subscription, service, cl
 If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
 """
 
+import contextlib
 import functools
 import importlib
+import io
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -35,15 +38,21 @@ from rosidl_parser.definition import (
 
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire import type_support
-from onebot_description.ros.wire.interface_text import interface_text, own_interfaces
+from onebot_description.ros.wire.interface_text import (
+    interface_file,
+    interface_text,
+    own_file,
+)
 from onebot_description.ros.wire.message_class import (
     MessageField,
     full_name,
+    keep_class,
     make_message_class,
     make_metaclass,
     module_name,
 )
 from onebot_description.ros.wire.type_description import Definition
+from onebot_description.ros.wire.type_support import TypeSupportError
 
 _IDL_NAMES = {  # names in IDL of the types in .msg files
     "bool": "boolean",
@@ -52,6 +61,15 @@ _IDL_NAMES = {  # names in IDL of the types in .msg files
     "float32": "float",
     "float64": "double",
 }
+
+
+_OWN: dict[str, Any] = {}  # interfaces made of their definitions, by full name
+_BEING_MADE: set[str] = set()
+_LOCK = threading.RLock()  # a class is made once, whichever threads use it first
+
+
+class InterfaceError(OneBotError, ImportError):
+    """A definition cannot be used; ``str(error)`` names its file and line."""
 
 
 @functools.cache
@@ -65,9 +83,27 @@ def load_interface(name: str) -> Any:
     try:
         return getattr(importlib.import_module(f"{package}.{kind}"), short)
     except (ImportError, AttributeError) as error:
-        if name not in own_interfaces(kind):
+        if not own_file(name):
             raise OneBotError(f"{name} cannot be used: {error}") from error
-    return make_interface(name)
+    return own_interface(name)
+
+
+def own_interface(name: str) -> Any:
+    """Return the class of an interface of a package that is made of its definitions.
+
+    Raises:
+        InterfaceError: its definition cannot be used.
+    """
+    with _LOCK:
+        if name not in _OWN:
+            if name in _BEING_MADE:
+                raise InterfaceError(f"{name} contains itself")
+            _BEING_MADE.add(name)
+            try:
+                _OWN[name] = make_interface(name)
+            finally:
+                _BEING_MADE.remove(name)
+        return _OWN[name]
 
 
 def make_interface(name: str) -> Any:
@@ -77,7 +113,36 @@ def make_interface(name: str) -> Any:
     make: Callable[[str, str, str], Any] = {"msg": _message, "srv": _service, "action": _action}[
         kind
     ]
-    return make(package, short, text)
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):  # the parser prints there, too
+            return make(package, short, text)
+    except TypeSupportError:
+        raise
+    except Exception as error:  # the parser raises many kinds
+        raise _explained(error, name, text) from None
+
+
+def _explained(error: Exception, name: str, text: str) -> InterfaceError:
+    """Return the error with the file and the line, which is where what stands above is sound."""
+    package, kind, short = name.split("/")
+    start, lines = 0, text.splitlines()
+    for number, line in enumerate(lines):
+        if line.strip() == "---":
+            start = number + 1
+        try:
+            part = "\n".join(lines[start : number + 1])
+            with contextlib.redirect_stderr(io.StringIO()):
+                _parsed(package, kind, short, parser.parse_message_string(package, short, part))
+        except Exception as found:
+            where = f'{interface_file(name)}, line {number + 1}: "{line.strip()}"'
+            return InterfaceError(f"{where} cannot be used: {_reason(found)}")
+    return InterfaceError(f"{interface_file(name)} cannot be used: {_reason(error)}")
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, parser.InvalidFieldDefinition):
+        return "it is neither a field, such as `float64[3] point`, nor a constant"
+    return str(error) or type(error).__name__
 
 
 # ---- Messages ----
@@ -172,13 +237,15 @@ def _make_class(definition: Definition, parts: dict[str, Any], support: Callable
     """Return the class of a service or an action, which only holds its parts."""
     name = definition.name.rpartition("/")[2]
     load = functools.partial(support, definition=definition)
-    return make_metaclass(name, load)(
-        name, (), {"__module__": module_name(definition.name), "__init__": _refuse, **parts}
+    kind = "Service" if support is type_support.support_service else "Action"
+
+    def refuse(self: Any) -> None:
+        raise NotImplementedError(f"{kind} classes can not be instantiated")
+
+    made = make_metaclass(name, load)(
+        name, (), {"__module__": module_name(definition.name), "__init__": refuse, **parts}
     )
-
-
-def _refuse(self: Any) -> None:
-    raise NotImplementedError("Service and action classes can not be instantiated")
+    return keep_class(definition.name, made)
 
 
 # ---- Actions ----

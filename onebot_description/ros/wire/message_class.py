@@ -1,14 +1,16 @@
 """Makes classes of messages like those that rosidl generates, from their fields at run time.
 
 They have the same attributes, constructor, properties and text as generated ones, so that rclpy and
-tools that show any message take them for such. The types of values are checked when a message is
-sent, not when they are assigned.
+tools that show any message take them for such. As with those, the types of values are checked when
+a message is sent, and when they are assigned only if ``ROS_PYTHON_CHECK_FIELDS`` asks for it.
 """
 
 import array
+import copy
 import functools
 import importlib
 import operator
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -25,6 +27,8 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
+from onebot_description.ros.wire.field_checks import check_of
+
 # Numbers that lists of are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
 # have in common.
 NUMBERS = {
@@ -32,6 +36,7 @@ NUMBERS = {
     **{"int64": "q", "uint64": "Q", "float": "f", "double": "d"},
 }
 _DEFAULTS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}  # else 0
+_IS_CHECKED = os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1"
 _CAPSULES = (
     "_CREATE_ROS_MESSAGE",
     "_CONVERT_FROM_PY",
@@ -88,8 +93,13 @@ def module_name(name: str) -> str:
     return f"{package}.{folder}._{stem.lower()}"
 
 
-def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
-    """Return a metaclass that holds a type's support where rclpy looks for it."""
+def make_metaclass(
+    name: str, load: Callable[[Any], None], constants: Mapping[str, Any] | None = None
+) -> Any:
+    """Return a metaclass that holds a type's support where rclpy looks for it.
+
+    ``constants`` are read-only attributes of its class.
+    """
     classes: list[Any] = []
 
     def remember(cls: Any, *_args: Any, **_kwargs: Any) -> None:
@@ -104,8 +114,24 @@ def make_metaclass(name: str, load: Callable[[Any], None]) -> Any:
         **dict.fromkeys(_CAPSULES),
         "__init__": remember,
         "__import_type_support__": classmethod(import_type_support),
+        **{key: _constant(value) for key, value in (constants or {}).items()},
     }
     return type(f"Metaclass_{name}", (type,), attributes)
+
+
+def _constant(value: Any) -> property:
+    return property(lambda _: copy.copy(value))
+
+
+def made_class(name: str) -> Any:
+    """Return a class made before, by its full name, parts of services and actions included."""
+    return _MADE[name]
+
+
+def keep_class(name: str, made: Any) -> Any:
+    """Have ``made_class`` return a class by a full name; return the class."""
+    _MADE[name] = made
+    return made
 
 
 def make_message_class(
@@ -125,8 +151,13 @@ def make_message_class(
     package, folder, short = name.split("/")
     names = [field.name for field in fields]
     makers = [(field.name, _default(field)) for field in fields]
+    constants = {**constants, **_default_constants(fields)}
 
     def __init__(self: Any, **kwargs: Any) -> None:
+        self._check_fields = kwargs.get("check_fields", _IS_CHECKED)
+        if self._check_fields and (unknown := kwargs.keys() - {*names, "check_fields"}):
+            text = ", ".join(sorted(unknown))
+            raise AssertionError(f"Invalid arguments passed to constructor: {text}")
         for field, make in makers:
             setattr(self, field, kwargs[field] if field in kwargs else make())
 
@@ -141,9 +172,9 @@ def make_message_class(
 
     types = {field.name: _type_name(field.type) for field in fields}
     attributes = {
-        "__doc__": f"Message class '{short}'.",
+        "__doc__": _document(short, constants),
         "__module__": module_name(name),
-        "__slots__": [f"_{field}" for field in names],
+        "__slots__": [*(f"_{field}" for field in names), "_check_fields"],
         "__hash__": None,
         "SLOT_TYPES": tuple(field.type for field in fields),
         "_fields_and_field_types": types,
@@ -152,9 +183,24 @@ def make_message_class(
         **{field.name: _property(field) for field in fields},
         **constants,
     }
-    message_class = make_metaclass(short, load)(short, (), attributes)
-    _MADE[name] = message_class
-    return message_class
+    message_class = make_metaclass(short, load, constants)(short, (), attributes)
+    return keep_class(name, message_class)
+
+
+def _document(short: str, constants: Mapping[str, Any]) -> str:
+    names = [name for name in constants if not name.endswith("__DEFAULT")]
+    if not names:
+        return f"Message class '{short}'."
+    lines = "".join(f"\n      {name}" for name in names)
+    return f"\n    Message class '{short}'.\n\n    Constants:{lines}\n    "
+
+
+def _default_constants(fields: Sequence[MessageField]) -> dict[str, Any]:
+    return {
+        f"{field.name.upper()}__DEFAULT": _converter(field.type)(field.default)
+        for field in fields
+        if field.default is not None
+    }
 
 
 def _text(value: Any) -> str:
@@ -173,10 +219,13 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _property(field: MessageField) -> property:
-    """Return the property of a field; what it holds is checked when the message is sent."""
+    """Return the property of a field."""
     where, convert = f"_{field.name}", _converter(field.type)
+    check = functools.cache(lambda: check_of(field.name, field.type, class_of))  # rarely needed
 
     def assign(message: Any, value: Any) -> None:
+        if message._check_fields:
+            check()(value)
         setattr(message, where, convert(value))
 
     return property(operator.attrgetter(where), assign, doc=f"Message field '{field.name}'.")

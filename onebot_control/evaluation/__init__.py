@@ -1,0 +1,34 @@
+"""Runs an episode, an ordinary function, for many cases: a thousand runs, and a table of them.
+
+Example::
+
+    from onebot_control.evaluation import Case, evaluate, grid
+
+    def drive_home(case: Case) -> dict[str, object]:
+        with Simulation(world="maze", seed=case["seed"], sensors=True) as simulation:
+            ...
+            return {"reached": ..., "seconds": simulation.time}
+
+    table = evaluate(drive_home, grid(seed=range(100), lookahead=[0.3, 0.6]))
+
+``onebot evaluate`` does so with the function and the cases of a file.
+"""
+
+import onebot_description
+
+TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+
+__all__ = ["Case", "evaluate", "grid", "summary"]
+
+if TYPE_CHECKING:
+    from onebot_control.evaluation.cases import Case, grid
+    from onebot_control.evaluation.report import summary
+    from onebot_control.evaluation.study import evaluate
+else:
+    __getattr__ = onebot_description.lazy(
+        {
+            "onebot_control.evaluation.cases": ("Case", "grid"),
+            "onebot_control.evaluation.report": ("summary",),
+            "onebot_control.evaluation.study": ("evaluate",),
+        }
+    )

@@ -1,0 +1,74 @@
+"""The cases of a study: what differs from one episode to the next."""
+
+from collections.abc import Iterable, Mapping, Sized
+from itertools import islice, product
+from math import prod
+from typing import Any
+
+from onebot_description.errors import OneBotError, shortened
+from onebot_description.parameters.values import plain
+
+MOST_CASES = 1_000_000
+ERROR = "error"
+"""The column with what went wrong in an episode."""
+
+
+class Case(dict[str, Any]):
+    """One case of a study: values by the names of what varies."""
+
+
+def grid(**factors: Any) -> list[Case]:
+    """Return the cases with all combinations of values; the last factor varies fastest.
+
+    Args:
+        factors: the values of each factor, such as ``seed=range(100)``; a single string, number or
+            mapping is one value.
+
+    Raises:
+        OneBotError: there are more than a million combinations.
+    """
+    counts = [len(each) for each in factors.values() if _is_many(each) and isinstance(each, Sized)]
+    _check_count(prod(counts))
+    values = [_values(each) if _is_many(each) else [each] for each in factors.values()]
+    _check_count(prod(map(len, values)))
+    return [Case(zip(factors, row, strict=True)) for row in product(*values)]
+
+
+def _is_many(values: object) -> bool:
+    return isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping)
+
+
+def _values(values: Iterable[Any]) -> list[Any]:
+    return [plain(value) for value in islice(values, MOST_CASES + 1)]
+
+
+def _check_count(count: int) -> None:
+    if count > MOST_CASES:
+        text = f"a study has at most {MOST_CASES:,} cases, not {count:,}"
+        raise OneBotError(f"{text}; take fewer values, or several studies")
+
+
+def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
+    """Return the cases of a study.
+
+    Args:
+        cases: a mapping for each; the result of ``grid``, or any other iterable.
+
+    Raises:
+        OneBotError: there is none, there are too many, or one is not a mapping with names as keys.
+    """
+    if not _is_many(cases):
+        text = f"cases: {shortened(repr(cases))}; write a list of mappings, or grid(seed=range(9))"
+        raise OneBotError(text)
+    found = [*islice(cases, MOST_CASES + 1)]
+    if not found:
+        raise OneBotError("cases: there is none; write a list of mappings, or grid(seed=range(9))")
+    _check_count(len(found))
+    for number, case in enumerate(found):
+        if not isinstance(case, Mapping):
+            text = f"case {number}: {shortened(repr(case))} is not a mapping"
+            raise OneBotError(f'{text}; write one, such as {{"seed": 7}}')
+        if wrong := [key for key in case if not isinstance(key, str) or key in ("", ERROR)]:
+            text = f"case {number}: {shortened(repr(wrong[0]))} cannot be the name of a column"
+            raise OneBotError(f"{text}; write a string, other than {ERROR}")
+    return [*map(Case, found)]

@@ -1,0 +1,199 @@
+"""What a study shows: progress, success by each factor, and files of its table."""
+
+import math
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv, parquet
+
+from onebot_control.evaluation.cases import ERROR
+from onebot_control.evaluation.rows import fact_of, text_of
+from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+
+_MOST_LEVELS = 8  # values of a factor that are shown
+_MOST_ERRORS = 3  # different ones
+_Z = 1.959964  # standard deviations within which 95 % of a normal distribution are
+_EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal and elsewhere
+
+
+class Progress(AbstractContextManager["Progress"]):
+    """Shows on stderr how many episodes are done, their rate, and the time left."""
+
+    def __init__(self, total: int, done: int, shown: bool) -> None:
+        """Begin with some done already."""
+        self._total, self._done, self._before, self._failed = total, done, done, 0
+        self._shown, self._live = shown, sys.stderr.isatty()
+        self._began = time.monotonic()
+        self._next = self._began + _EVERY[self._live]
+
+    def add(self, success: bool) -> None:
+        """Count an episode."""
+        self._done += 1
+        self._failed += not success
+        if self._shown and (time.monotonic() >= self._next or self._done == self._total):
+            self._next = time.monotonic() + _EVERY[self._live]
+            self._print("\r" if self._live else "\n")
+
+    def _print(self, end: str) -> None:
+        rate = (self._done - self._before) / (time.monotonic() - self._began)
+        left = (self._total - self._done) / rate
+        filled = round(20 * self._done / self._total)
+        bar = f"[{'#' * filled}{'.' * (20 - filled)}] {self._done} of {self._total}"
+        minutes, seconds = divmod(round(left), 60)
+        text = f"{bar}, {self._failed} failed, {rate:.3g} a second, {minutes}:{seconds:02} left"
+        print(f"{text:78}", end=end, file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown and self._live:
+            print(file=sys.stderr)
+
+
+def share(table: pa.Table, name: str) -> float:
+    """Return the mean of a column of truth values or numbers; NaN if episodes have no number.
+
+    An episode without a truth value counts as one without success.
+
+    Raises:
+        OneBotError: there is no such column, although episodes had no error, or it has no mean.
+    """
+    if name not in table.column_names:
+        if table[ERROR].null_count:
+            hint = did_you_mean(name, table.column_names, "columns")
+            raise OneBotError(f'the episodes return no "{name}"{hint}')
+        return 0.0
+    column = table[name]
+    if pa.types.is_boolean(column.type) or pa.types.is_null(column.type):
+        return _successes(column) / len(column)
+    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
+        return math.nan if column.null_count else float(pc.mean(column).as_py())
+    raise OneBotError(f'"{name}" has no mean: it is a column of {column.type}')
+
+
+def _successes(column: pa.ChunkedArray) -> int:
+    return sum(value is True for value in column.to_pylist())
+
+
+def interval(successes: int, count: int) -> tuple[float, float]:
+    """Return the 95 % confidence interval of a share, by Wilson's score."""
+    share, square = successes / count, _Z * _Z / count
+    middle = (share + square / 2.0) / (1.0 + square)
+    half = _Z * math.sqrt(share * (1.0 - share) / count + square / (4.0 * count)) / (1.0 + square)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def summary(table: pa.Table) -> str:
+    """Return the success of a study as text, with 95 % intervals, also by each factor.
+
+    An episode with an error is one without success.
+
+    Args:
+        table: what ``evaluate`` has returned, or its Parquet file read again.
+    """
+    names = [
+        name
+        for name in fact_of(table, "success") or ()
+        if name in table.column_names and pa.types.is_boolean(table[name].type)
+    ]
+    columns = {name: [value is True for value in table[name].to_pylist()] for name in names}
+    errors = table[ERROR].to_pylist()
+    columns = columns or {"without error": [error is None for error in errors]}
+    failed = [error for error in errors if error is not None]
+    title = f"{fact_of(table, 'study') or 'study'}: {len(table)} episodes"
+    lines = [f"{title}, {len(failed)} with an error"]
+    for name, values in columns.items():
+        lines += _shares(name, values, table, fact_of(table, "factors") or ())
+    missed = [
+        number for number, row in enumerate(zip(*columns.values(), strict=True)) if not all(row)
+    ]
+    lines.append(f"cases without success: {listing(map(str, missed))}")
+    for error in [*dict.fromkeys(failed)][:_MOST_ERRORS]:
+        lines.append(f"error of case {errors.index(error)}: {error}")
+    return "\n".join(map(printable, lines))
+
+
+def _shares(
+    name: str, values: Sequence[bool], table: pa.Table, factors: Sequence[str]
+) -> list[str]:
+    lines = [f"{name}: {_share(values)}"]
+    for factor in factors:
+        levels: dict[str, list[bool]] = {}
+        for level, value in zip(table[factor].to_pylist(), values, strict=True):
+            levels.setdefault(text_of(level), []).append(value)
+        if len(levels) > _MOST_LEVELS:
+            lines.append(f"  {factor}: {len(levels)} values")
+            continue
+        width = max(map(len, levels))
+        lines += [f"  {factor} {level:{width}}  {_share(each)}" for level, each in levels.items()]
+    return lines
+
+
+def _share(values: Sequence[bool]) -> str:
+    low, high = interval(sum(values), len(values))
+    text = f"{sum(values)} of {len(values)}, {100 * sum(values) / len(values):.1f} %"
+    return f"{text} ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a table to a file: Parquet, CSV, or JUnit's XML, by the ending of its name.
+
+    Raises:
+        OneBotError: it cannot be written.
+    """
+    new = path.with_name(f".{path.name}-{os.getpid()}")
+    try:
+        WRITERS[path.suffix](table, new)
+        new.replace(path)
+    except OSError as error:
+        raise OneBotError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _write_csv(table: pa.Table, path: Path) -> None:
+    columns = {
+        name: _cells(column) if pa.types.is_nested(column.type) else column
+        for name, column in zip(table.column_names, table.columns, strict=True)
+    }
+    csv.write_csv(pa.table(columns), path)
+
+
+def _cells(column: pa.ChunkedArray) -> pa.Array:
+    """Return lists and mappings as text, since CSV has none."""
+    return pa.array([None if value is None else str(value) for value in column.to_pylist()])
+
+
+def _write_junit(table: pa.Table, path: Path) -> None:
+    """Write a test case for each episode; without success it is a failure, by an error an error."""
+    study = str(fact_of(table, "study") or "study")
+    factors, success = fact_of(table, "factors") or (), fact_of(table, "success") or ()
+    suite = ElementTree.Element("testsuite", name=study)
+    counts = {"tests": len(table), "failures": 0, "errors": 0}
+    for number, row in enumerate(table.to_pylist()):
+        values = ", ".join(f"{name}={text_of(row[name])}" for name in factors)
+        case = ElementTree.SubElement(
+            suite, "testcase", classname=study, name=printable(f"{number}: {values}")
+        )
+        if row[ERROR] is not None:
+            counts["errors"] += 1
+            ElementTree.SubElement(case, "error", message=row[ERROR])
+        elif missed := [name for name in success if row.get(name) is False]:
+            counts["failures"] += 1
+            ElementTree.SubElement(case, "failure", message=_row_text(row, missed))
+    suite.attrib.update({name: str(count) for name, count in counts.items()})
+    ElementTree.ElementTree(suite).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _row_text(row: Mapping[str, Any], missed: Sequence[str]) -> str:
+    return printable(f"not {', '.join(missed)}: {row}")
+
+
+WRITERS = {".parquet": parquet.write_table, ".csv": _write_csv, ".xml": _write_junit}
+"""Functions that write a table, by the ending of the file's name."""

@@ -1,0 +1,180 @@
+"""``evaluate``: runs an episode for each case of a study, and returns the table of them."""
+
+import inspect
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+import cloudpickle
+import pyarrow as pa
+
+from onebot_control.evaluation.cases import Case, checked_cases
+from onebot_control.evaluation.episode import (
+    Episode,
+    Recorder,
+    Work,
+    module_of,
+    packed_case,
+    run,
+    sent_by_value,
+    succeeded,
+)
+from onebot_control.evaluation.report import Progress
+from onebot_control.evaluation.rows import (
+    Journal,
+    Outcomes,
+    machine_facts,
+    read_journal,
+    study_digest,
+    table_of,
+)
+from onebot_control.evaluation.workers import Processes
+from onebot_description.errors import OneBotError
+from onebot_description.parameters.arguments import checked
+from onebot_description.parameters.values import Rule
+
+SUCCESS = ("reached", "success")
+"""Columns that, where episodes return them, are false in an episode without success."""
+
+
+class Engine(Protocol):
+    """What runs episodes: processes of this computer, Ray's cluster, or this process."""
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What the table records of where they ran."""
+
+    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
+        """Run the episodes of packed cases; yield their outcomes, with the cases' numbers."""
+
+
+_Workers = Annotated[int, Rule(at_least=0, at_most=10_000)]
+
+
+@checked
+def evaluate(
+    function: Episode,
+    cases: Iterable[Mapping[str, Any]],
+    workers: _Workers | None = None,
+    *,
+    on: Annotated[str, Rule(choices=("processes", "ray"))] = "processes",
+    timeout: Annotated[float, Rule(above=0.0, infinite=True)] = 600.0,
+    success: Sequence[str] = SUCCESS,
+    journal: str | Path | None = None,
+    resume: bool = False,
+    recorder: Recorder | None = None,
+    recordings: str | Path = "recordings",
+    keep: Annotated[str, Rule(choices=("all", "failed"))] = "failed",
+    progress: bool | None = None,
+) -> pa.Table:
+    """Run a function for each case, and return a table with a row for each, in the same order.
+
+    The table is bit-identical however many processes or nodes there are, if their processors are of
+    one kind. An episode that raises, takes too long or kills its worker twice is a row with an
+    error. The function and the modules beside it are sent to the workers by value; a worker runs
+    many episodes, so what the function keeps in a global is there in the next one.
+
+    Args:
+        function: the episode. It gets the case, and returns a mapping from names to numbers, texts,
+            truth values or lists of these, which becomes a row; or None for no columns.
+        cases: a mapping for each case, such as ``grid(seed=range(100))``.
+        workers: how many episodes run at once; None for one on each processor, 0 to run them in
+            this process, one after another and without a timeout.
+        on: "processes" of this computer, or the cluster of "ray".
+        timeout: s of wall time after which an episode is ended.
+        success: columns that are false in an episode without success.
+        journal: a file in which rows are kept as they come; None for none.
+        resume: go on from the rows that are in the journal.
+        recorder: writes the recording of a simulation to a file (.rrd); None for none.
+        recordings: folder of the recordings, which are named by the number of the case.
+        keep: which episodes are recorded, "all" or "failed".
+        progress: show the progress on stderr; None: if that is a terminal.
+
+    Returns:
+        The columns of the cases, those of the returned mappings, and ``error``, None or a sentence.
+        The metadata has the versions and the processor, and what varied.
+
+    Raises:
+        OneBotError: cases, function, journal or cluster cannot be used.
+        KeyboardInterrupt: by Ctrl-C; the journal has what was done.
+    """
+    listed = checked_cases(cases)
+    if resume and journal is None:
+        raise OneBotError("resume: there is no journal to go on from; write journal=FILE")
+    work = Work(function, tuple(success), recorder, keep)
+    name = getattr(function, "__qualname__", type(function).__name__)
+    facts: dict[str, Any] = {"study": name, "success": success, "factors": _factors(listed)}
+    study = study_digest(name, _source(function), listed)
+    done = read_journal(Path(journal), study) if journal is not None and resume else {}
+    pending = ((n, packed_case(n, case)) for n, case in enumerate(listed) if n not in done)
+    shown = sys.stderr.isatty() if progress is None else progress
+    with ExitStack() as stack:
+        stack.enter_context(sent_by_value(function))
+        kept = journal and stack.enter_context(Journal(Path(journal), study, done))
+        engine = _engine(on, work, workers and min(workers, len(listed)))
+        facts |= engine.facts
+        outcomes = stack.enter_context(closing(engine.run(pending, timeout)))
+        bar = stack.enter_context(Progress(len(listed), len(done), shown))
+        for number, outcome in outcomes:
+            done[number] = outcome._replace(recordings=())
+            if kept:
+                kept.write(number, outcome)
+            if recorder:
+                _write_recordings(Path(recordings), number, outcome.recordings)
+            bar.add(succeeded(outcome.row, outcome.error, work.success))
+    return table_of(listed, [done[number] for number in range(len(listed))], facts)
+
+
+class _ThisProcess:
+    """Runs episodes one after another, as for a debugger."""
+
+    def __init__(self, work: Work) -> None:
+        self._work, self.facts = work, machine_facts()
+
+    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
+        for number, case in cases:
+            yield number, run(self._work, cloudpickle.loads(case))
+
+
+def _engine(on: str, work: Work, workers: int | None) -> Engine:
+    if workers == 0:
+        return _ThisProcess(work)
+    packed = work.packed()
+    if on == "processes":
+        return Processes(packed, workers)
+    try:
+        from onebot_control.evaluation.on_ray import Cluster
+    except ModuleNotFoundError as error:
+        if error.name != "ray":
+            raise
+        raise OneBotError("Ray is not installed: pip install 'onebot-robots[cluster]'") from None
+    return Cluster(packed, workers)
+
+
+def _factors(cases: Sequence[Case]) -> list[str]:
+    """Return the names of what differs among the cases."""
+    names = dict.fromkeys(name for case in cases for name in case)
+    return [name for name in names if len({repr(case.get(name)) for case in cases}) > 1]
+
+
+def _source(function: Episode) -> str:
+    """Return the text of the function's module; that of a notebook's function; or none."""
+    for what in (module_of(function), function):
+        try:
+            return inspect.getsource(what)  # type: ignore[arg-type] # TypeError if there is none
+        except (OSError, TypeError):
+            continue
+    return ""
+
+
+def _write_recordings(folder: Path, number: int, recordings: Sequence[bytes]) -> None:
+    (folder / f"{number}.rrd").unlink(missing_ok=True)  # of an earlier run
+    for index, data in enumerate(recordings, 1):
+        file = folder / (f"{number}.rrd" if index == 1 else f"{number}-{index}.rrd")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(data)
+        except OSError as error:
+            raise OneBotError(f"{file} cannot be written: {error.strerror}") from None

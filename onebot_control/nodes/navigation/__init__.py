@@ -1,0 +1,1 @@
+"""The navigator's ROS interface, which translates onto ``onebot_control.navigation``."""

@@ -1,0 +1,191 @@
+"""Goals that drive the robot, one at a time, and the topic goal_pose."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+
+from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
+from onebot_description.ros.topic_qos import DEPTH
+
+_PASSED = 0.5  # m from a pose that is only passed, at which the next one counts
+_MONITORED = 0.1  # s between two feedbacks
+Begin = Callable[[Navigator], None]
+
+
+class Client(Protocol):
+    """Who has sent a goal."""
+
+    def feed(self, goal: "Goal", navigator: Navigator) -> None:
+        """Take notice of how the goal stands."""
+
+    def ended(self, goal: "Goal", reason: str, failure: Failure | None) -> None:
+        """Take notice of how the goal has ended: reached, if there is no reason."""
+
+
+@dataclass
+class Goal:
+    """A goal that drives the robot.
+
+    Attributes:
+        client: who has sent it; None for a goal of the topic.
+        poses: those to reach, in the map; empty for a motion.
+        motion: begins a motion, if there are no poses.
+        stops: whether each pose is reached, and missed ones are left out; else only the last one.
+        loops: how often the poses are driven again.
+        lasts: how long the robot waits, s; 0 for a goal that drives.
+        index: of the next pose.
+        missed: index and failure of poses that were not reached.
+        began: time of the navigator, s.
+        driven: m.
+    """
+
+    client: Client | None
+    poses: Sequence[PlanarPose] = ()
+    motion: Begin | None = None
+    stops: bool = False
+    loops: int = 0
+    lasts: float = 0.0
+    index: int = 0
+    missed: list[tuple[int, Failure]] = field(default_factory=list)
+    began: float = 0.0
+    driven: float = 0.0
+    last: PlanarPose | None = None
+
+    def next(self, navigator: Navigator) -> bool:
+        """Begin the next pose, or the motion; return whether there is one."""
+        if self.poses and self.index >= len(self.poses) and self.loops > 0:
+            self.loops, self.index = self.loops - 1, 0
+        if self.index < len(self.poses):
+            navigator.go_to(*self.poses[self.index])
+            return True
+        if self.motion is not None:
+            self.motion(navigator)
+            self.motion = None
+            return True
+        return False
+
+    def passes(self, navigator: Navigator) -> bool:
+        """Return whether the robot passes a pose at which it need not stop."""
+        if self.stops or self.index >= len(self.poses) - 1:
+            return False
+        x, y, _ = self.poses[self.index]
+        return math.hypot(x - navigator.pose.x, y - navigator.pose.y) < _PASSED
+
+
+class Goals:
+    """Starts goals, watches over them, and tells their clients how they end."""
+
+    def __init__(
+        self,
+        node: Node,
+        navigator: Callable[[], Navigator],
+        to_map: Callable[[PoseStamped], PlanarPose],
+        prepare: Callable[[], None],
+    ) -> None:
+        """Subscribe to goal_pose.
+
+        Args:
+            node: the navigator's node.
+            navigator: returns the navigator; raises OneBotError while there is none.
+            to_map: returns a pose in the map; raises OneBotError.
+            prepare: called before a goal drives the robot; raises OneBotError if it cannot.
+        """
+        self.navigator, self.to_map, self.prepare = navigator, to_map, prepare
+        self._log = node.get_logger()
+        self._goal: Goal | None = None
+        self._fed = -math.inf
+        node.create_subscription(PoseStamped, "goal_pose", self._on_pose, DEPTH)
+
+    @property
+    def active(self) -> bool:
+        """Whether a goal drives the robot."""
+        return self._goal is not None
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        try:
+            self.start(Goal(None, [self.to_map(message)]))
+        except OneBotError as error:
+            self._log.error(f"goal_pose is refused: {error}")
+
+    def start(self, goal: Goal) -> None:
+        """Drive to a goal, in place of any other.
+
+        Raises:
+            OneBotError: it cannot be done now.
+        """
+        self.prepare()
+        navigator = self.navigator()
+        self._end("another goal has come")
+        goal.began, goal.last = navigator.time, navigator.pose
+        try:
+            goal.next(navigator)
+        except (ValueError, NavigationError) as error:
+            raise OneBotError(str(error)) from None
+        self._goal = goal
+        self._log.info(_described(goal))
+
+    def cancel(self, reason: str, client: Client | None = None) -> None:
+        """End the goal, if there is one; with ``client`` only one of that client's."""
+        if self._goal is not None and client in (None, self._goal.client):
+            self._end(reason)
+
+    def step(self) -> None:
+        """Look at how the goal stands; call this after each update of the navigator."""
+        goal = self._goal
+        if goal is None:
+            return
+        navigator = self.navigator()
+        pose, last = navigator.pose, goal.last or navigator.pose
+        goal.driven += math.hypot(pose.x - last.x, pose.y - last.y)
+        goal.last = pose
+        if goal.lasts:
+            if navigator.time - goal.began >= goal.lasts:
+                self._end("")
+        elif goal.passes(navigator):
+            goal.index += 1
+            goal.next(navigator)
+        elif not navigator.navigating:
+            self._leg_ended(goal, navigator)
+        if self._goal is goal and goal.client is not None:
+            if not 0.0 <= navigator.time - self._fed < _MONITORED:
+                self._fed = navigator.time
+                goal.client.feed(goal, navigator)
+
+    def _leg_ended(self, goal: Goal, navigator: Navigator) -> None:
+        failure = navigator.failure
+        if navigator.status != "arrived" and not (goal.stops and failure is not None):
+            self._end(navigator.reason, failure)
+            return
+        if failure is not None:
+            self._log.info(f"pose {goal.index} is missed: {navigator.reason}")
+            goal.missed.append((goal.index, failure))
+        goal.index += 1
+        if not goal.next(navigator):
+            self._end("")
+
+    def _end(self, reason: str, failure: Failure | None = None) -> None:
+        """End the goal: it is reached if there is no reason."""
+        goal, self._goal = self._goal, None
+        if goal is None:
+            return
+        self.navigator().cancel(reason)
+        if reason:
+            self._log.warning(f"the goal has ended: {reason}")
+        else:
+            self._log.info("the goal is reached")
+        if goal.client is not None:
+            goal.client.ended(goal, reason, failure)
+
+
+def _described(goal: Goal) -> str:
+    if not goal.poses:
+        return "a motion begins" if not goal.lasts else f"waiting for {goal.lasts:g} s"
+    x, y, yaw = goal.poses[-1]
+    count = f" by {len(goal.poses)} poses" if len(goal.poses) > 1 else ""
+    return f"driving to {x:.2f}, {y:.2f} m, {yaw:.2f} rad{count}"

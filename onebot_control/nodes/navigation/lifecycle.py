@@ -1,0 +1,47 @@
+"""The services of Nav2's lifecycle that its clients wait for; here all is always active."""
+
+from collections.abc import Callable
+from typing import Any
+
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from onebot_description.ros.wire.interfaces import load_interface
+
+_NODES = (
+    *("amcl", "bt_navigator", "controller_server", "planner_server", "behavior_server"),
+    *("smoother_server", "waypoint_follower", "velocity_smoother", "map_server"),
+)
+_MANAGERS = "lifecycle_manager_navigation", "lifecycle_manager_localization"
+
+
+def offer_lifecycle(node: Node, is_ready: Callable[[], bool]) -> None:
+    """Answer for the nodes of Nav2: active once the navigator is ready.
+
+    Requests to start, pause or shut down succeed, and change nothing.
+    """
+
+    def get_state(_: Any, answer: Any) -> Any:
+        active = is_ready()
+        answer.current_state.id = (
+            State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
+        )
+        answer.current_state.label = "active" if active else "inactive"
+        return answer
+
+    def is_active(_: Any, answer: Any) -> Any:
+        answer.success = is_ready()
+        return answer
+
+    def manage(_: Any, answer: Any) -> Any:
+        answer.success = True
+        return answer
+
+    kind = load_interface("nav2_msgs/srv/ManageLifecycleNodes")
+    for name in _NODES:
+        node.create_service(GetState, f"{name}/get_state", get_state)
+    for name in _MANAGERS:
+        node.create_service(kind, f"{name}/manage_nodes", manage)
+        node.create_service(Trigger, f"{name}/is_active", is_active)

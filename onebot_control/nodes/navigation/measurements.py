@@ -1,0 +1,281 @@
+"""What the navigator receives: scans, odometry, the IMU, TF, and commands of others."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, LaserScan
+from std_msgs.msg import Bool
+
+from onebot_control.conventions import DRIVE_CONTROLLER
+from onebot_control.navigation.grid import Scan
+from onebot_description.arrays import Floats
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
+from onebot_description.ros.frame_tree import FrameTree
+from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, LATCHED, make_qos
+from onebot_description.ros.transform_buffer import TransformException
+from onebot_description.ros.wire.cdr import nanoseconds
+from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.throttled import Throttled
+
+COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
+_ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
+_TF_DEPTH = 100
+_LEVEL = math.cos(0.1)  # of the angle by which a lidar's plane may be inclined
+_SCANS = 10  # scans that wait for the odometry
+_KEPT = 50  # own commands that are remembered
+_JUMP = 0.5  # m or rad between two odometries, above what the robot can drive in between
+
+
+class TimedScan(NamedTuple):
+    """A scan, and when it was measured."""
+
+    stamp_ns: int
+    scan: Scan
+
+
+class Motion(NamedTuple):
+    """The robot's odometry."""
+
+    stamp_ns: int
+    odom_frame: str
+    base_frame: str
+    pose: PlanarPose
+    speed: Triple  # forward, to the left, m/s; to the left, rad/s
+
+
+class Transforms:
+    """The TF tree, of /tf and /tf_static."""
+
+    def __init__(self, node: Node) -> None:
+        """Subscribe."""
+        self.tree = FrameTree()
+        for topic, latched in (("/tf", False), ("/tf_static", True)):
+            node.create_subscription(
+                TFMessage,
+                topic,
+                lambda data, static=latched: self._on_tf(data, static),
+                make_qos(_TF_DEPTH, reliable=True, latched=latched),
+                raw=True,
+            )
+
+    def _on_tf(self, data: bytes, static: bool) -> None:
+        try:
+            message = tf_arrays(data)
+        except BAD_MESSAGE:
+            return
+        if message.children:
+            self.tree.add(message, static=static)
+
+    def pose(self, target: str, source: str) -> Floats:
+        """Return the pose (4, 4) of a frame in another, as of now.
+
+        Raises:
+            OneBotError: there is none.
+        """
+        if target == source:
+            return np.eye(4)
+        try:
+            return self.tree.lookup(target, source).matrix
+        except TransformException as error:
+            raise OneBotError(str(error)) from None
+
+
+class Measurements:
+    """The newest measurements.
+
+    Attributes:
+        motion: the newest odometry; None until there is one.
+        transforms: the TF tree.
+        locked: whether the robot is locked, so that it ignores commands.
+    """
+
+    def __init__(
+        self, node: Node, *, jumped: Callable[[str], None], overruled: Callable[[str], None]
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: the navigator's node.
+            jumped: called with a sentence when the odometry has jumped.
+            overruled: called with a sentence when others command the robot, or lock it.
+        """
+        self._node, self._jumped, self._overruled = node, jumped, overruled
+        self.transforms = Transforms(node)
+        self.motion: Motion | None = None
+        self.locked = False
+        self._scans = deque[TimedScan](maxlen=_SCANS)
+        self._turned: float | None = None
+        self._last_turn: tuple[int, float] | None = None  # stamp and rate of the newest IMU
+        self._warn = Throttled(lambda text: node.get_logger().warning(text))
+        node.create_subscription(
+            LaserScan, "scan", self._on_scan, make_qos(1, reliable=False, latched=False)
+        )
+        node.create_subscription(Odometry, _ODOMETRY_TOPIC, self._on_odometry, ANY_PUBLISHER)
+        node.create_subscription(Imu, "imu", self._on_imu, ANY_PUBLISHER)
+        command = node.resolve_topic_name(COMMAND_TOPIC)
+        node.create_subscription(Bool, f"{command}_locked", self._on_lock, LATCHED)
+
+    def take_scan(self) -> TimedScan | None:
+        """Return the newest scan that the odometry has reached, if it was not taken yet."""
+        taken = None
+        while self._scans and self.motion and self._scans[0].stamp_ns <= self.motion.stamp_ns:
+            taken = self._scans.popleft()
+        return taken
+
+    def take_turn(self) -> float | None:
+        """Return how far the IMU has turned since the last call, rad; None without one."""
+        turned = self._turned
+        if turned is not None:
+            self._turned = 0.0
+        return turned
+
+    def _on_scan(self, message: LaserScan) -> None:
+        motion = self.motion
+        if motion is None or message.angle_increment == 0.0 or not len(message.ranges):
+            return
+        try:
+            mount = self.transforms.pose(motion.base_frame, message.header.frame_id)
+        except OneBotError as error:
+            self._warn("frame", f"scans are ignored: {error}")
+            return
+        if abs(mount[2, 2]) < _LEVEL:
+            self._warn("level", "scans are ignored: the lidar is not level")
+            return
+        scan = scan_of(message, mount)
+        if np.isnan(scan.ranges).all():
+            self._warn("nan", "a scan is ignored: it has no number")
+            return
+        self._scans.append(TimedScan(nanoseconds(message.header.stamp), scan))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        at, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist
+        pose = PlanarPose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
+        linear, angular = twist.twist.linear, twist.twist.angular
+        speed = linear.x, linear.y, angular.z
+        if not all(map(math.isfinite, (*pose, *speed))):
+            self._warn("odometry", "odometry is ignored: it is not finite")
+            return
+        before, stamp = self.motion, nanoseconds(message.header.stamp)
+        frames = message.header.frame_id, message.child_frame_id
+        self.motion = Motion(stamp, *frames, pose, speed)
+        if before is not None and (text := _jump(before, self.motion)):
+            self._scans.clear()
+            self._jumped(text)
+
+    def _on_imu(self, message: Imu) -> None:
+        motion, stamp = self.motion, nanoseconds(message.header.stamp)
+        if motion is None:
+            return
+        try:
+            axes = self.transforms.pose(motion.base_frame, message.header.frame_id)
+        except OneBotError:
+            return
+        rates = message.angular_velocity
+        rate = float(axes[2, :3] @ (rates.x, rates.y, rates.z))
+        last, self._last_turn = self._last_turn, (stamp, rate)
+        if not math.isfinite(rate) or last is None or not 0 < stamp - last[0] < NS_PER_S:
+            return
+        turn = (last[1] + rate) / 2.0 * (stamp - last[0]) / NS_PER_S
+        self._turned = (self._turned or 0.0) + turn
+
+    def _on_lock(self, message: Bool) -> None:
+        self.locked = message.data
+        if self.locked:
+            self._overruled("the robot was locked")
+
+
+def scan_of(message: LaserScan, mount: Floats) -> Scan:
+    """Return a LaserScan of a lidar that is mounted at ``mount`` (4, 4) in the robot's frame."""
+    ranges = np.asarray(message.ranges, np.float32)
+    least, step = float(message.angle_min), float(message.angle_increment)
+    if mount[2, 2] < 0.0:  # it hangs, so that its angles are positive to the right
+        least, step = -least, -step
+    if step < 0.0:
+        ranges, least, step = ranges[::-1], least + step * (len(ranges) - 1), -step
+    with np.errstate(invalid="ignore"):
+        ranges = np.where(ranges < message.range_min, -np.inf, ranges)
+        ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
+    yaw = math.atan2(mount[1, 0], mount[0, 0])
+    place = PlanarPose(float(mount[0, 3]), float(mount[1, 3]), yaw)
+    return Scan(ranges, least, step, float(message.range_max), place)
+
+
+def _jump(before: Motion, after: Motion) -> str:
+    """Return a sentence if the robot cannot have driven from one odometry to the other."""
+    elapsed = (after.stamp_ns - before.stamp_ns) / NS_PER_S
+    if elapsed < 0.0:
+        return "the time of the odometry went back"
+    moved = before.pose.inverse().compose(after.pose)
+    away, turned = math.hypot(moved.x, moved.y), abs(math.remainder(moved.yaw, math.tau))
+    speeds = [max(abs(a), abs(b)) for a, b in zip(before.speed, after.speed, strict=True)]
+    if away > _JUMP + 2.0 * elapsed * math.hypot(*speeds[:2]):
+        return f"the odometry jumped by {away:.2f} m"
+    if turned > _JUMP + 2.0 * elapsed * speeds[2]:
+        return f"the odometry jumped by {turned:.2f} rad"
+    return ""
+
+
+class Commands:
+    """Commands the robot, and notices when others do.
+
+    The type is the one that the robot subscribes to, Twist if there is a choice.
+    """
+
+    def __init__(self, node: Node, overruled: Callable[[str], None]) -> None:
+        """Prepare; ``overruled`` is called with a sentence when others command the robot."""
+        self._node, self._overruled = node, overruled
+        self._topic = node.resolve_topic_name(COMMAND_TOPIC)
+        self._kind: Any = None
+        self._sent = deque[tuple[float, ...]](maxlen=_KEPT)
+
+    def subscribers(self) -> list[Any]:
+        """Return who subscribes to commands."""
+        return list(self._node.get_subscriptions_info_by_topic(self._topic))
+
+    def prepare(self) -> None:
+        """Connect to the robot, when it is there.
+
+        Raises:
+            OneBotError: nothing subscribes to commands.
+        """
+        if self._kind is not None:
+            return
+        types = {end.topic_type for end in self.subscribers()}
+        kinds = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
+        known = [kind for name, kind in kinds.items() if name in types]
+        if not known:
+            raise OneBotError(f"no robot subscribes to {self._topic}")
+        self._kind = known[0]
+        self._publisher = self._node.create_publisher(self._kind, self._topic, DEPTH)
+        self._node.create_subscription(self._kind, self._topic, self._on_command, DEPTH)
+
+    def publish(self, command: Triple) -> None:
+        """Publish a velocity forward and to the left, m/s, and to the left, rad/s."""
+        if self._kind is None:
+            return
+        message = self._kind()
+        twist = message
+        if self._kind is TwistStamped:
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            twist = message.twist
+        twist.linear.x, twist.linear.y, twist.angular.z = map(float, command)
+        self._sent.append(_values(twist))
+        self._publisher.publish(message)
+
+    def _on_command(self, message: Any) -> None:
+        twist = message.twist if self._kind is TwistStamped else message
+        if _values(twist) not in self._sent:
+            self._overruled("somebody else drives")
+
+
+def _values(twist: Twist) -> tuple[float, ...]:
+    return twist.linear.x, twist.linear.y, twist.angular.z

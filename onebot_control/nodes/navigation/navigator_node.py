@@ -1,0 +1,309 @@
+"""The navigator's node: it gives the core its measurements, and publishes what comes of them."""
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.navigation.footprint import Vehicle, footprint_of
+from onebot_control.navigation.map_files import load_map
+from onebot_control.navigation.navigator import NavigationParameters, Navigator
+from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.navigation.parameters import NavigatorParameters
+from onebot_control.nodes.command_controllers import Controllers
+from onebot_control.nodes.navigation.actions import Context, offer_actions
+from onebot_control.nodes.navigation.goals import Goals
+from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
+from onebot_control.nodes.navigation.maps import MapTopics
+from onebot_control.nodes.navigation.measurements import (
+    COMMAND_TOPIC,
+    Commands,
+    Measurements,
+    Motion,
+)
+from onebot_control.nodes.robot_services import planar_pose
+from onebot_description.description import Description, load_description
+from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose, about_z
+from onebot_description.parameters.reader import read
+from onebot_description.ros.command_line import ros_args
+from onebot_description.ros.description_topic import DescriptionTopic
+from onebot_description.ros.names import node_name
+from onebot_description.ros.node_parameters import declare
+from onebot_description.ros.run_node import ends_node, steady_timer
+from onebot_description.ros.topic_qos import DEPTH, LATCHED
+from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.messages import time_message, transforms_message
+from onebot_description.timing import NS_PER_S
+
+_POLL = 0.5  # s between looks for controllers
+_PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is taken to have none
+# Limits where a controller has none: m/s and m/s^2, rad/s and rad/s^2.
+_LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
+_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
+_BRAKING = 2.6  # s in which the robot has to be able to stop
+_WORDS = {"failed": "gave up"}  # for the status of the core
+_TELLING = 0.5  # s between two lines of ~/status
+
+
+class NavigatorNode(Node):
+    """The node; ``onebot_control.navigator`` lists its topics, actions and services."""
+
+    def __init__(self, file: str | None = None, arguments: Sequence[str] | None = None) -> None:
+        """Wait for the robot.
+
+        Args:
+            file: URDF or xacro file of the robot; None for the topic robot_description.
+            arguments: the node's own ROS arguments; None: those of the process.
+
+        Raises:
+            OneBotError: the file, the map or a parameter is wrong.
+        """
+        super().__init__("navigator", cli_args=ros_args(arguments))
+        values = declare(self, NavigatorParameters)
+        self._settings = read(NavigatorParameters, values)
+        given = self._settings.yaml_filename
+        self._known: OccupancyGrid | None = load_map(Path(given)) if given else None
+        self._description: Description | None = load_description(file) if file else None
+        self._navigator: Navigator | None = None
+        self._moved: PlanarPose | None = None  # odometry where the map began
+        self._vehicle: Vehicle | None = None
+        self._told, self._line = -math.inf, ""
+        self._robot_since = math.inf  # since when somebody takes commands
+        self._measured = Measurements(self, jumped=self._on_jump, overruled=self._stop)
+        self._commands = Commands(self, self._stop)
+        self._controllers = Controllers(self, self._on_limits)
+        self._tf = self.create_publisher(TFMessage, "/tf", DEPTH)
+        self._status = self.create_publisher(String, "~/status", LATCHED)
+        frame = self._settings.global_frame
+        self._goals = Goals(self, self._ready, self._in_map, self._prepare)
+        self._maps = MapTopics(self, frame, self._ready, self._use_map)
+        self._actions = offer_actions(self, Context(self._goals, self._maps))
+        self.create_subscription(
+            PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, DEPTH
+        )
+        DescriptionTopic(self, lambda: self._description, self._on_description)
+        offer_lifecycle(self, lambda: self._navigator is not None)
+        self.create_timer(1.0 / self._settings.controller_frequency, ends_node(self._update))
+        steady_timer(self, _POLL, self._look_for_controllers)
+
+    # What has to be known first -----------------------------------------------------------------
+
+    def _ready(self) -> Navigator:
+        if self._navigator is None:
+            raise OneBotError(f"the navigator waits for {self._missing()}")
+        return self._navigator
+
+    def _missing(self) -> str:
+        if self._description is None:
+            return "the topic robot_description"
+        if self._measured.motion is None:
+            return "odometry"
+        return f"a robot that takes commands on {self.resolve_topic_name(COMMAND_TOPIC)}"
+
+    def _on_description(self, description: Description) -> None:
+        footprint_of(description)  # raises OneBotError
+        self._description, self._vehicle = description, None
+        self._find_vehicle()
+
+    def _look_for_controllers(self) -> None:
+        names = {node_name(end) for end in self._commands.subscribers()}
+        names -= {"", self.get_fully_qualified_name()}
+        self._controllers.update(names)
+        if not names:
+            self._robot_since = math.inf
+        elif math.isinf(self._robot_since):
+            self._robot_since = time.monotonic()
+        self._find_vehicle()
+
+    def _on_limits(self) -> None:
+        self._vehicle = None
+        self._find_vehicle()
+
+    def _find_vehicle(self) -> None:
+        """Combine footprint and limits, once both are known; they may change later."""
+        known = self._controllers.known
+        waited = time.monotonic() - self._robot_since > _PATIENCE
+        if self._vehicle is not None or self._description is None or not (known or waited):
+            return
+        if not known:
+            self.get_logger().warning(
+                "no controller with limits of velocity takes the commands: the robot is taken to "
+                f"drive {_LINEAR[0]:g} m/s and to turn {_ANGULAR[0]:g} rad/s"
+            )
+        self._vehicle = vehicle_of(self._description, known)
+        if self._navigator is not None:
+            self._navigator.use_vehicle(self._vehicle)
+
+    def _start(self, motion: Motion) -> None:
+        assert self._vehicle is not None
+        parameters, start = self._settings, self._settings.initial_pose
+        self._navigator = Navigator(
+            self._vehicle,
+            PlanarPose(start.x, start.y, start.yaw).compose(motion.pose),
+            parameters=NavigationParameters(
+                xy_goal_tolerance=parameters.xy_goal_tolerance,
+                yaw_goal_tolerance=parameters.yaw_goal_tolerance,
+                resolution=parameters.resolution,
+                controller_frequency=parameters.controller_frequency,
+                time_allowance=parameters.time_allowance or math.inf,
+            ),
+            known=self._known,
+        )
+        size = np.ptp(self._vehicle.footprint, axis=0)
+        self.get_logger().info(
+            f"navigating a robot of {size[0]:.2f} x {size[1]:.2f} m at up to "
+            f"{self._vehicle.forward:g} m/s, {'in a given map' if self._known else 'mapping'}"
+        )
+
+    # The cycle ----------------------------------------------------------------------------------
+
+    def _update(self) -> None:
+        motion = self._measured.motion
+        if motion is None or self._vehicle is None:
+            return
+        if self._navigator is None:
+            self._start(motion)
+        navigator = self._ready()
+        taken = self._measured.take_scan()
+        command = navigator.update(
+            motion.stamp_ns / NS_PER_S,
+            motion.pose,
+            motion.speed,
+            scan=taken.scan if taken else None,
+            scan_time=taken.stamp_ns / NS_PER_S if taken else None,
+            turn=self._measured.take_turn(),
+        )
+        self._publish_transform(navigator, motion)
+        if self._goals.active:
+            self._commands.publish(command)
+        self._goals.step()
+        self._maps.step(navigator)
+        self._tell(navigator)
+
+    def _publish_transform(self, navigator: Navigator, motion: Motion) -> None:
+        pose = navigator.pose.compose(motion.pose.inverse())
+        values = np.array([[pose.x, pose.y, 0.0, *about_z(pose.yaw)]])
+        frames = (self._settings.global_frame,), (motion.odom_frame,)
+        self._tf.publish(transforms_message(time_message(motion.stamp_ns), *frames, values))
+
+    def _tell(self, navigator: Navigator) -> None:
+        """Publish the line on what it does, when it changes, and now and then its distance."""
+        status = _WORDS.get(navigator.status, navigator.status)
+        line = f"{status}: {navigator.reason}" if navigator.reason else status
+        if navigator.status == "driving":
+            if 0.0 <= navigator.time - self._told < _TELLING and self._line.startswith(line):
+                return
+            remaining = navigator.distance_remaining
+            line = f"{line}, {remaining:.1f} m, {remaining / navigator.vehicle.forward:.0f} s"
+        if line != self._line:
+            self._line, self._told = line, navigator.time
+            self._status.publish(String(data=line))
+
+    # What others want ---------------------------------------------------------------------------
+
+    def _prepare(self) -> None:
+        """Prepare to drive; raise OneBotError if the robot cannot."""
+        self._ready()
+        if self._measured.locked:
+            raise OneBotError("the robot is locked: drive it from where it was stopped, first")
+        self._commands.prepare()
+
+    def _stop(self, reason: str) -> None:
+        self._goals.cancel(reason)
+
+    def _on_jump(self, text: str) -> None:
+        """Go on from the same place in the map, or at the start if the odometry is there."""
+        motion, navigator = self._measured.motion, self._navigator
+        if navigator is None or motion is None:
+            return
+        self.get_logger().warning(f"{text}; goals end")
+        self._stop(text)
+        pose = navigator.pose
+        if math.hypot(motion.pose.x, motion.pose.y) < 0.01:  # it was reset
+            start = self._settings.initial_pose
+            pose = PlanarPose(start.x, start.y, start.yaw)
+        self._start(motion)
+        self._ready().place(pose)
+
+    def _use_map(self, grid: OccupancyGrid) -> None:
+        motion = self._measured.motion
+        pose = self._ready().pose
+        assert motion is not None
+        self._stop("another map was loaded")
+        self._known = grid
+        self._start(motion)
+        self._ready().place(pose)
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        stamped = PoseStamped(header=message.header, pose=message.pose.pose)
+        covariance = np.asarray(message.pose.covariance, float).reshape(6, 6)
+        rows = (0, 1, 5)
+        try:
+            navigator, pose = self._ready(), self._in_map(stamped)
+            self._stop("the robot was placed in the map")
+            navigator.place(pose, covariance[np.ix_(rows, rows)])
+            self._maps.publish_pose(navigator)
+        except OneBotError as error:
+            self.get_logger().error(f"initialpose is refused: {error}")
+
+    def _in_map(self, message: PoseStamped) -> PlanarPose:
+        """Return a pose of any frame in the map.
+
+        Raises:
+            OneBotError: it is not finite, or its frame is not in TF.
+        """
+        pose = planar_pose(message)
+        if not all(map(math.isfinite, pose)):
+            text = "the pose is not finite, or its orientation is no unit quaternion"
+            raise OneBotError(text)
+        frame = message.header.frame_id.removeprefix("/")
+        if frame in ("", self._settings.global_frame):
+            return pose
+        matrix = self._measured.transforms.pose(self._settings.global_frame, frame)
+        yaw = math.atan2(matrix[1, 0], matrix[0, 0])
+        return PlanarPose(float(matrix[0, 3]), float(matrix[1, 3]), yaw).compose(pose)
+
+    def destroy_node(self) -> None:
+        """Stop the robot, then destroy the node."""
+        if self._goals.active:
+            self._goals.cancel("the navigator ends")
+            self._commands.publish((0.0, 0.0, 0.0))
+        super().destroy_node()
+
+
+def vehicle_of(description: Description, controllers: Sequence[Controller]) -> Vehicle:
+    """Return a robot's footprint, with the strictest limits of its controllers."""
+    forward, acceleration = _strictest([each.linear for each in controllers], *_LINEAR)
+    forward = min(forward, _BRAKING * acceleration)
+    sides = [each.lateral for each in controllers if each.lateral is not None]
+    sideways = _strictest(sides, *_LINEAR)[0] if sides else 0.0
+    turning, turning_acceleration = _strictest([each.angular for each in controllers], *_ANGULAR)
+    reverses = [-each.linear.min_velocity for each in controllers]
+    backward = min([0.5 * forward, *(each for each in reverses if math.isfinite(each))])
+    return Vehicle(
+        footprint_of(description),
+        forward,
+        backward,
+        min(sideways, forward),
+        min(turning, _FASTEST_TURN),
+        acceleration,
+        turning_acceleration,
+        max((each.least_radius for each in controllers), default=0.0),
+    )
+
+
+def _strictest(
+    limits: Sequence[SpeedLimits], speed: float, acceleration: float
+) -> tuple[float, float]:
+    """Return the least of the limits of speed and acceleration, or these if there are none."""
+    speeds = [each.max_velocity for each in limits if math.isfinite(each.max_velocity)]
+    given = [each.max_acceleration for each in limits if math.isfinite(each.max_acceleration)]
+    return min(speeds, default=speed), min(given, default=acceleration)

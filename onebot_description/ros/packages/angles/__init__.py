@@ -1,0 +1,87 @@
+"""Arithmetic of angles, rad, as the package angles has it."""
+
+from math import fabs, fmod, pi
+
+_TURN = 2.0 * pi
+
+
+def normalize_angle_positive(angle: float) -> float:
+    """Return an angle as one from 0 to 2 pi."""
+    return angle % _TURN
+
+
+def normalize_angle(angle: float) -> float:
+    """Return an angle as one from -pi, exclusive, to pi."""
+    positive = normalize_angle_positive(angle)
+    return positive - _TURN if positive > pi else positive
+
+
+def shortest_angular_distance(from_angle: float, to_angle: float) -> float:
+    """Return the shortest turn from one angle to another, from -pi to pi."""
+    return normalize_angle(to_angle - from_angle)
+
+
+def two_pi_complement(angle: float) -> float:
+    """Return the turn to the same direction the other way round, from -2 pi to 2 pi."""
+    if not -_TURN <= angle <= _TURN:
+        angle = fmod(angle, _TURN)
+    return angle - _TURN if angle > 0 else angle + _TURN
+
+
+def shortest_angular_distance_with_limits(
+    from_angle: float, to_angle: float, left_limit: float, right_limit: float
+) -> tuple[bool, float]:
+    """Return whether a turn stays within limits, and the turn.
+
+    Args:
+        from_angle: where it begins.
+        to_angle: where it ends.
+        left_limit: where the valid interval begins, from -pi to pi.
+        right_limit: where it ends, counterclockwise; it may contain pi.
+    """
+    begins_inside, least, most = _find_min_max_delta(from_angle, left_limit, right_limit)
+    turn = shortest_angular_distance(from_angle, to_angle)
+    turns = turn, two_pi_complement(turn)
+    if begins_inside:
+        for one in turns:
+            if least <= one <= most:
+                return True, one
+        # The end is outside: go to the limit that is nearer to it.
+        _, least, most = _find_min_max_delta(to_angle, left_limit, right_limit)
+        least, most = most, least
+    if fabs(least) < fabs(most):
+        return False, min(turns)
+    if fabs(least) > fabs(most):
+        return False, max(turns)
+    return False, turns[0] if fabs(turns[0]) < fabs(turns[1]) else turns[1]
+
+
+def shortest_angular_distance_with_large_limits(
+    from_angle: float, to_angle: float, left_limit: float, right_limit: float
+) -> tuple[bool, float]:
+    """Return whether a turn stays within limits that may lie beyond -pi and pi, and the turn."""
+    turn = shortest_angular_distance(from_angle, to_angle)
+    turns = sorted((turn, two_pi_complement(turn)), key=fabs)
+    if left_limit <= right_limit:
+        for one in turns:
+            if left_limit <= from_angle + one <= right_limit:
+                return left_limit <= from_angle <= right_limit, one
+    return False, turns[0]
+
+
+def _find_min_max_delta(
+    from_angle: float, left_limit: float, right_limit: float
+) -> tuple[bool, float, float]:
+    """Return whether an angle is within limits, and the turns from it to both of them."""
+    left = shortest_angular_distance(from_angle, left_limit)
+    right = shortest_angular_distance(from_angle, right_limit)
+    left_back, right_back = two_pi_complement(left), two_pi_complement(right)
+    if left == 0:
+        return True, left, max(right, right_back)
+    if right == 0:
+        return True, min(left, left_back), right
+    least, other_least = min(left, left_back), max(left, left_back)
+    most, other_most = max(right, right_back), min(right, right_back)
+    if least <= other_most or most >= other_least:
+        return left_limit == -pi and right_limit == pi, other_most, other_least
+    return True, least, most

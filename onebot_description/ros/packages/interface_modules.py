@@ -1,0 +1,52 @@
+"""Fills the modules of a package of interfaces, as generated code has them.
+
+``package.msg`` has the classes of its messages, and ``package.msg._name`` that of one of them, as
+its ``__module__`` says. A class is made when it is first used.
+"""
+
+from itertools import product
+from types import ModuleType
+from typing import Any
+
+from onebot_description.ros.wire.interface_text import definitions, own_package
+from onebot_description.ros.wire.interfaces import own_interface
+from onebot_description.ros.wire.message_class import made_class, module_name
+
+_PARTS = "Request", "Response", "Event"
+_SERVICES = {
+    "msg": (),
+    "srv": tuple(f"_{part}" for part in _PARTS),
+    "action": tuple(f"_{call}_{part}" for call, part in product(("SendGoal", "GetResult"), _PARTS)),
+}
+# What only the module of one action has.
+_OTHERS = "_Goal", "_Result", "_Feedback", "_FeedbackMessage", "_SendGoal", "_GetResult"
+
+
+def fill(module: ModuleType) -> None:
+    """Have a module ``package.kind`` or ``package.kind._name`` offer its classes.
+
+    Raises:
+        ModuleNotFoundError: the package has no interface of that name.
+    """
+    package, kind, *stem = module.__name__.split(".")
+    folder = own_package(package)
+    files = definitions(folder, [kind]) if folder else ()
+    types = [f"{package}/{kind}/{file.stem}" for file in files]
+    if stem:
+        types = [name for name in types if module_name(name) == module.__name__]
+    if not types:
+        raise ModuleNotFoundError(f"No module named '{module.__name__}'", name=module.__name__)
+    parts = ("", *_SERVICES[kind], *(_OTHERS if stem and kind == "action" else ()))
+    homes = {name.rpartition("/")[2] + part: name for name in types for part in parts}
+
+    def find(short: str) -> Any:
+        if short not in homes:
+            problem = f"module '{module.__name__}' has no attribute '{short}'"
+            raise AttributeError(problem, name=short, obj=module)
+        own_interface(homes[short])
+        found = made_class(f"{package}/{kind}/{short}")
+        setattr(module, short, found)
+        return found
+
+    names = sorted(homes)
+    module.__dict__.update(__getattr__=find, __all__=names, __dir__=lambda: names)

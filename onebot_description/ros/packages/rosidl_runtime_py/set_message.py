@@ -1,0 +1,73 @@
+"""Fields of messages from dictionaries."""
+
+from array import array
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rosidl_parser.definition import AbstractNestedType, NamespacedType
+from rosidl_runtime_py.convert import get_message_slot_types
+from rosidl_runtime_py.import_message import import_message_from_namespaced_type
+
+
+def set_message_fields(
+    msg: Any,
+    values: Mapping[str, Any],
+    expand_header_auto: bool = False,
+    expand_time_now: bool = False,
+) -> list[Any]:
+    """Set fields of a message, and of the messages in it.
+
+    Args:
+        msg: the message.
+        values: the value of each field; of a message, its values.
+        expand_header_auto: whether "auto" for a header stands for one with the present time.
+        expand_time_now: whether "now" for a time stands for the present time.
+
+    Returns:
+        Functions to call with the present time, one for each such field.
+
+    Raises:
+        AttributeError: the message has no such field.
+        TypeError: a value is not of its field's type.
+    """
+    setters: list[Any] = []
+
+    def fill(message: Any, values: Any) -> None:
+        if not isinstance(values, Mapping):
+            kind = type(values).__name__
+            raise TypeError(f"Value '{values}' is expected to be a dictionary but is a {kind}")
+        for name, value in values.items():
+            field = getattr(message, name)
+            kind = f"{type(field).__module__.partition('.')[0]}/{type(field).__name__}"
+            if expand_header_auto and value == "auto" and kind == "std_msgs/Header":
+                setters.append(partial(setattr, field, "stamp"))
+            elif expand_time_now and value == "now" and kind == "builtin_interfaces/Time":
+                setters.append(partial(setattr, message, name))
+            else:
+                setattr(message, name, converted(message, name, field, value))
+
+    def converted(message: Any, name: str, field: Any, value: Any) -> Any:
+        if isinstance(field, array):
+            return array(field.typecode, value)
+        if isinstance(field, np.ndarray):
+            return np.array(value, field.dtype)
+        slot = get_message_slot_types(message)[name]
+        if isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
+            return [
+                filled(import_message_from_namespaced_type(slot.value_type), one) for one in value
+            ]
+        if isinstance(slot, NamespacedType):
+            return value if type(value) is type(field) else filled(type(field), value)
+        return value if type(value) is type(field) else type(field)(value)
+
+    def filled(kind: Any, values: Any) -> Any:
+        if isinstance(values, kind):
+            return values
+        message = kind()
+        fill(message, values)
+        return message
+
+    fill(msg, values)
+    return setters

@@ -1,0 +1,78 @@
+"""Classes of interfaces by their names, such as std_msgs/msg/String."""
+
+from typing import Any
+
+from rosidl_parser.definition import NamespacedType
+from rosidl_runtime_py.import_message import import_message_from_namespaced_type
+
+
+def get_interface(identifier: str) -> Any:
+    """Return the class of an interface by its full name."""
+    return import_message_from_namespaced_type(get_namespaced_type(identifier))
+
+
+def get_message(identifier: str) -> Any:
+    """Return the class of a message; its name may leave out ``msg/``.
+
+    Raises:
+        ValueError: it is another interface.
+    """
+    return _get(identifier, get_message_namespaced_type, is_message, "a message")
+
+
+def get_service(identifier: str) -> Any:
+    """Return the class of a service; its name may leave out ``srv/``."""
+    return _get(identifier, get_service_namespaced_type, is_service, "a service")
+
+
+def get_action(identifier: str) -> Any:
+    """Return the class of an action; its name may leave out ``action/``."""
+    return _get(identifier, get_action_namespaced_type, is_action, "an action")
+
+
+def get_namespaced_type(identifier: str) -> NamespacedType:
+    """Return a full name as rosidl_parser has it."""
+    *namespaces, name = identifier.split("/")
+    return NamespacedType(namespaces, name)
+
+
+def get_message_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the name of a message as rosidl_parser has it."""
+    return _full(identifier, "msg")
+
+
+def get_service_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the name of a service as rosidl_parser has it."""
+    return _full(identifier, "srv")
+
+
+def get_action_namespaced_type(identifier: str) -> NamespacedType:
+    """Return the name of an action as rosidl_parser has it."""
+    return _full(identifier, "action")
+
+
+def is_message(interface: Any) -> bool:
+    """Return whether a class is a message's."""
+    return hasattr(interface, "SLOT_TYPES")
+
+
+def is_service(interface: Any) -> bool:
+    """Return whether a class is a service's."""
+    return hasattr(interface, "Request") and hasattr(interface, "Response")
+
+
+def is_action(interface: Any) -> bool:
+    """Return whether a class is an action's."""
+    return all(hasattr(interface, name) for name in ("Goal", "Result", "Feedback"))
+
+
+def _full(identifier: str, kind: str) -> NamespacedType:
+    package, *inner = identifier.split("/")
+    return get_namespaced_type("/".join([package, *([kind] * (len(inner) == 1)), *inner]))
+
+
+def _get(identifier: str, full: Any, is_kind: Any, kind: str) -> Any:
+    interface = import_message_from_namespaced_type(full(identifier))
+    if not is_kind(interface):
+        raise ValueError(f"Expected the full name of {kind}, got '{identifier}'")
+    return interface

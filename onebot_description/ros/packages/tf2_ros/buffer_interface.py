@@ -1,0 +1,211 @@
+"""What buffers of transforms have in common, and how types of data are transformed and converted.
+
+A package such as tf2_geometry_msgs registers its types with ``TransformRegistration``.
+"""
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any, ClassVar, TypeVar
+
+from geometry_msgs.msg import (  # noqa: F401  (tf2_ros has these names)
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3Stamped,
+)
+from rclpy.duration import Duration
+from rclpy.time import Time
+from std_msgs.msg import Header
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class TypeException(Exception):
+    """A type is not registered."""
+
+    def __init__(self, errstr: str) -> None:
+        super().__init__(errstr)
+        self.errstr = errstr
+
+
+class NotImplementedException(Exception):
+    """A subclass of ``BufferInterface`` lacks a method."""
+
+    def __init__(self) -> None:
+        self.errstr = "CanTransform or LookupTransform not implemented"
+        super().__init__(self.errstr)
+
+
+class BufferInterface:
+    """A source of transforms, which also transforms data of registered types."""
+
+    def __init__(self) -> None:
+        self.registration = TransformRegistration()
+
+    def transform(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        timeout: Duration = Duration(),  # noqa: B008
+        new_type: Any = None,
+    ) -> Any:
+        """Return data with a header in another frame, at its own time.
+
+        Args:
+            object_stamped: data of a registered type.
+            target_frame: the frame to transform into.
+            timeout: how long to wait for the transform.
+            new_type: the type to convert the result to.
+
+        Raises:
+            TypeException: no package has registered the type.
+            TransformException: there is no such transform.
+        """
+        do_transform = self.registration.get(type(object_stamped))
+        header = object_stamped.header
+        transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+        result = do_transform(object_stamped, transform)
+        return result if new_type is None else convert(result, new_type)
+
+    def transform_full(
+        self,
+        object_stamped: Any,
+        target_frame: str,
+        target_time: Time,
+        fixed_frame: str,
+        timeout: Duration = Duration(),  # noqa: B008
+        new_type: Any = None,
+    ) -> Any:
+        """Return data with a header in another frame at another time.
+
+        ``fixed_frame`` does not move between the two times; see ``transform``.
+        """
+        do_transform = self.registration.get(type(object_stamped))
+        header = object_stamped.header
+        transform = self.lookup_transform_full(
+            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+        )
+        result = do_transform(object_stamped, transform)
+        return result if new_type is None else convert(result, new_type)
+
+    def lookup_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: Time,
+        timeout: Duration = Duration(),  # noqa: B008
+    ) -> TransformStamped:
+        """Return the transform from the source frame to the target frame."""
+        raise NotImplementedException()
+
+    def lookup_transform_full(
+        self,
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
+    ) -> TransformStamped:
+        """Return the transform between two times."""
+        raise NotImplementedException()
+
+    def can_transform(
+        self,
+        target_frame: str,
+        source_frame: str,
+        time: Time,
+        timeout: Duration = Duration(),  # noqa: B008
+    ) -> Any:
+        """Return whether there is a transform."""
+        raise NotImplementedException()
+
+    def can_transform_full(
+        self,
+        target_frame,
+        target_time,
+        source_frame,
+        source_time,
+        fixed_frame,
+        timeout=Duration(),  # noqa: B008
+    ) -> Any:
+        """Return whether there is a transform between two times."""
+        raise NotImplementedException()
+
+
+def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:  # noqa: N802
+    """Give an object a header, and return it."""
+    obj.header = Header(frame_id=frame_id, stamp=stamp)
+    return obj
+
+
+class TransformRegistration:
+    """The functions that transform data, by its type; one table for all instances."""
+
+    _functions: ClassVar[dict[Any, Callable[[Any, TransformStamped], Any]]] = {}
+
+    def print_me(self) -> None:
+        """Print the table."""
+        print(self._functions)
+
+    def add(self, key: Any, callback: Callable[[Any, TransformStamped], Any]) -> None:
+        """Register the function for a type."""
+        self._functions[key] = callback
+
+    def get(self, key: Any) -> Callable[[Any, TransformStamped], Any]:
+        """Return the function for a type.
+
+        Raises:
+            TypeException: there is none.
+        """
+        return _registered(self._functions, key)
+
+
+class ConvertRegistration:
+    """The functions that convert data, by types; one table for all instances."""
+
+    _to_msg: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
+    _from_msg: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
+    _convert: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
+
+    def add_from_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
+        """Register what makes a type from a message."""
+        self._from_msg[key] = callback
+
+    def add_to_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
+        """Register what makes a message from a type."""
+        self._to_msg[key] = callback
+
+    def add_convert(self, key: tuple[Any, Any], callback: Callable[[Any], Any]) -> None:
+        """Register what converts the first type into the second."""
+        self._convert[key] = callback
+
+    def get_from_msg(self, key: Any) -> Callable[[Any], Any]:
+        """Return what makes a type from a message."""
+        return _registered(self._from_msg, key)
+
+    def get_to_msg(self, key: Any) -> Callable[[Any], Any]:
+        """Return what makes a message from a type."""
+        return _registered(self._to_msg, key)
+
+    def get_convert(self, key: tuple[Any, Any]) -> Callable[[Any], Any]:
+        """Return what converts the first type into the second."""
+        return _registered(self._convert, key)
+
+
+def _registered(functions: dict[Any, _Function], key: Any) -> _Function:
+    if key not in functions:
+        raise TypeException(f"Type {key} is not loaded or supported")
+    return functions[key]
+
+
+def convert(a: Any, b_type: Any) -> Any:
+    """Convert an object to another type, by way of a message if there is no direct way."""
+    registration = ConvertRegistration()
+    try:
+        return registration.get_convert((type(a), b_type))(a)
+    except TypeException:
+        if type(a) is b_type:
+            return deepcopy(a)
+    return registration.get_from_msg(b_type)(registration.get_to_msg(type(a))(a))

@@ -1,0 +1,42 @@
+"""``StaticTransformBroadcaster``: publishes transforms on the topic /tf_static."""
+
+from collections.abc import Iterable
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from tf2_msgs.msg import TFMessage
+from tf2_ros.transform_broadcaster import listed
+
+
+class StaticTransformBroadcaster:
+    """Publishes transforms that do not change; later subscribers receive all of them.
+
+    Args:
+        node: the node that publishes them.
+        qos: quality of service; the last message, latched, by default.
+    """
+
+    def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:
+        if qos is None:
+            qos = QoSProfile(
+                depth=1,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL,
+                history=HistoryPolicy.KEEP_LAST,
+            )
+        self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos)
+        self.net_message = TFMessage()
+        self._child_frame_ids: set[str] = set()
+
+    def sendTransform(  # noqa: N802
+        self, transform: TransformStamped | Iterable[TransformStamped]
+    ) -> None:
+        """Publish one or several transforms, together with the earlier ones.
+
+        As in Jazzy, only the first transform of each frame counts.
+        """
+        for one in listed(transform):
+            if one.child_frame_id not in self._child_frame_ids:
+                self._child_frame_ids.add(one.child_frame_id)
+                self.net_message.transforms.append(one)
+        self.pub_tf.publish(self.net_message)

@@ -1,0 +1,98 @@
+"""``TransformListener``: fills a buffer from the topics /tf and /tf_static."""
+
+from contextlib import suppress
+from threading import Thread
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from tf2_msgs.msg import TFMessage
+from tf2_ros.buffer import Buffer
+
+_AUTHORITY = "default_authority"
+
+
+class ListenerExecutor(SingleThreadedExecutor):
+    """Runs a node in the listener's thread.
+
+    Attributes:
+        only_listens: tells OneBot's lockstep that it runs the node instead.
+    """
+
+    only_listens = True
+
+
+class TransformListener:
+    """Receives transforms, and puts them into a buffer.
+
+    Args:
+        buffer: gets the transforms.
+        node: the node that receives them.
+        spin_thread: whether a thread of its own runs the callbacks of the node.
+        qos: quality of service for /tf; the 100 last by default.
+        static_qos: quality of service for /tf_static; the 100 last, latched, by default.
+    """
+
+    def __init__(
+        self,
+        buffer: Buffer,
+        node: Node,
+        *,
+        spin_thread: bool = False,
+        qos: QoSProfile | int | None = None,
+        static_qos: QoSProfile | int | None = None,
+    ) -> None:
+        self.buffer, self.node = buffer, node
+        # Reentrant, so that transforms come in while another callback of the node waits for them.
+        self.group = ReentrantCallbackGroup()
+        self.tf_sub = node.create_subscription(
+            TFMessage,
+            "/tf",
+            self.callback,
+            _last(DurabilityPolicy.VOLATILE) if qos is None else qos,
+            callback_group=self.group,
+        )
+        self.tf_static_sub = node.create_subscription(
+            TFMessage,
+            "/tf_static",
+            self.static_callback,
+            _last(DurabilityPolicy.TRANSIENT_LOCAL) if static_qos is None else static_qos,
+            callback_group=self.group,
+        )
+        if spin_thread:
+            self.executor = ListenerExecutor(context=node.context)
+            self.executor.add_node(node)
+            self.dedicated_listener_thread = Thread(target=_spin, args=(self.executor,))
+            self.dedicated_listener_thread.start()
+
+    def __del__(self) -> None:
+        if hasattr(self, "dedicated_listener_thread"):
+            self.executor.shutdown()
+            self.dedicated_listener_thread.join()
+        with suppress(AttributeError):  # there are no subscriptions if they could not be made
+            self.unregister()
+
+    def unregister(self) -> None:
+        """Destroy the subscriptions."""
+        self.node.destroy_subscription(self.tf_sub)
+        self.node.destroy_subscription(self.tf_static_sub)
+
+    def callback(self, data: TFMessage) -> None:
+        """Add the transforms of a message of /tf."""
+        for transform in data.transforms:
+            self.buffer.set_transform(transform, _AUTHORITY)
+
+    def static_callback(self, data: TFMessage) -> None:
+        """Add the transforms of a message of /tf_static."""
+        for transform in data.transforms:
+            self.buffer.set_transform_static(transform, _AUTHORITY)
+
+
+def _spin(executor: ListenerExecutor) -> None:
+    with suppress(ExternalShutdownException):
+        executor.spin()
+
+
+def _last(durability: DurabilityPolicy) -> QoSProfile:
+    return QoSProfile(depth=100, durability=durability, history=HistoryPolicy.KEEP_LAST)

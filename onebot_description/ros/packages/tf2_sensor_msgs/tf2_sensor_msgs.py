@@ -1,0 +1,64 @@
+"""Functions that transform the points of a cloud."""
+
+import array
+from typing import Any
+
+import numpy as np
+import tf2_ros
+from geometry_msgs.msg import Transform, TransformStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+from sensor_msgs_py.point_cloud2 import dtype_from_fields
+from std_msgs.msg import Header
+
+from onebot_description.geometry import matrices
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Return a message as it is."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return a message as it is."""
+    return msg
+
+
+def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray[np.float64]:
+    """Return points (N, 3) in the transform's frame."""
+    at, turn = transform.translation, transform.rotation
+    pose = (at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w)
+    return matrices.transformed(point_cloud, matrices.of_transform(pose))
+
+
+def do_transform_cloud(cloud: PointCloud2, transform: Transform | TransformStamped) -> PointCloud2:
+    """Return a cloud in the transform's frame; fields other than x, y and z stay as they are."""
+    header = Header(stamp=cloud.header.stamp, frame_id=cloud.header.frame_id)
+    if isinstance(transform, TransformStamped):
+        header.frame_id, transform = transform.header.frame_id, transform.transform
+    assert {"x", "y", "z"} <= {field.name for field in cloud.fields}, (
+        "Point cloud needs the fields x, y, and z for the transformation"
+    )
+    result = PointCloud2(
+        header=header,
+        height=cloud.height,
+        width=cloud.width,
+        fields=cloud.fields,
+        is_bigendian=cloud.is_bigendian,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        is_dense=cloud.is_dense,
+    )
+    result.data = array.array("B", cloud.data)
+    dtype = dtype_from_fields(cloud.fields, cloud.point_step)
+    dtype = dtype.newbyteorder(">" if cloud.is_bigendian else "<")
+    points: NDArray[Any] = np.ndarray(cloud.width * cloud.height, dtype, result.data)
+    places = np.stack([points[axis] for axis in "xyz"], axis=1)
+    for axis, column in zip("xyz", transform_points(places, transform).T, strict=True):
+        points[axis] = column
+    return result
+
+
+tf2_ros.ConvertRegistration().add_to_msg(PointCloud2, to_msg_msg)
+tf2_ros.ConvertRegistration().add_from_msg(PointCloud2, from_msg_msg)
+tf2_ros.TransformRegistration().add(PointCloud2, do_transform_cloud)

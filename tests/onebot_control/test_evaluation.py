@@ -1,0 +1,328 @@
+"""A study: many episodes of an ordinary function, and the table of what they return."""
+
+import functools
+import math
+import os
+import re
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pyarrow as pa
+import pytest
+
+from onebot_control import Simulation
+from onebot_control.evaluation import Case, evaluate, grid, summary
+from onebot_control.evaluation.report import interval, share, write_table
+from onebot_control.evaluation.rows import fact_of
+from onebot_description.errors import OneBotError
+from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
+
+
+def simple(case: Case) -> dict[str, Any]:
+    """An episode without a simulation; it ends as the case says."""
+    kind = case.get("kind", "")
+    if kind == "raises":
+        raise ValueError("it went\nwrong")
+    if kind == "exits":
+        sys.exit("gone")
+    if kind == "hangs":
+        time.sleep(1e6)
+    if kind == "dies":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "dies once" and not Path(case["file"]).exists():
+        Path(case["file"]).touch()
+        os._exit(3)
+    return {"reached": case["seed"] % 3 > 0, "half": case["seed"] / 2, "ranges": [1.0, math.inf]}
+
+
+def drive(case: Case) -> dict[str, Any]:
+    """A drive in the maze; its simulation is kept for the next episode."""
+    global kept
+    kept = kept or Simulation(sensors=True)
+    kept.reset(case["seed"], world=case["world"], y=case["y"])
+    kept.robot.drive(0.5)
+    kept.run(1.0)
+    return {"reached": kept.robot.pose.x > 0.1, "ahead": kept.robot.scan().ahead}
+
+
+kept: Simulation | None = None
+
+
+def test_a_table_has_a_row_for_each_case() -> None:
+    """In their order, with what went wrong; what killed a worker once is a row like any other."""
+    table = evaluate(simple, [Case(seed=seed) for seed in range(7)], workers=2)
+    assert table.column_names == ["seed", "reached", "half", "ranges", "error"]
+    assert table["seed"].to_pylist() == [*range(7)]
+    assert table["half"].to_pylist() == [seed / 2 for seed in range(7)]
+    assert table["ranges"].type == pa.list_(pa.float64())
+    assert table["error"].null_count == 7 and table["error"].type == pa.string()
+    assert fact_of(table, "factors") == ["seed"] and fact_of(table, "numpy") == np.__version__
+    assert fact_of(table, "processor")
+
+
+def test_nothing_that_goes_wrong_ends_a_study(tmp_path: Path) -> None:
+    kinds = ["", "raises", "exits", "hangs", "dies", "dies once", ""]
+    cases = [{"seed": 1, "kind": kind, "file": tmp_path / "died"} for kind in kinds]
+    table = evaluate(simple, cases, workers=2, timeout=2.0)
+    assert table["error"].to_pylist() == [
+        None,
+        "ValueError: it went wrong",
+        "SystemExit: gone",
+        "it took longer than 2 s, and was ended",
+        "its worker died twice: killed, out of memory, or a crash in compiled code",
+        None,
+        None,
+    ]
+    assert table["reached"].to_pylist() == [True, None, None, None, None, True, True]
+    assert table["file"].to_pylist() == [str(tmp_path / "died")] * 7
+    text = summary(table)
+    assert "7 episodes, 4 with an error" in text and "reached: 3 of 7, 42.9 %" in text
+    assert "cases without success: 1, 2, 3, 4" in text and "case 1: ValueError: it went" in text
+
+
+@pytest.mark.slow
+def test_killed_workers_lose_no_run(tmp_path: Path) -> None:
+    """Whatever they are doing: starting, waiting, running an episode, or sending its row."""
+    script = tmp_path / "study.py"
+    script.write_text(
+        "import time\n"
+        "from pathlib import Path\n"
+        "from onebot_control.evaluation import evaluate, grid\n"
+        "def episode(case):\n"
+        "    time.sleep(0.02)\n"
+        "    Path(f'ran-{case[\"seed\"]}').touch()\n"
+        "    return {'twice': 2 * case['seed']}\n"
+        "table = evaluate(episode, grid(seed=range(500)), 3)\n"
+        "assert table['twice'].to_pylist() == [*range(0, 1000, 2)], table['error'].to_pylist()\n"
+    )
+
+    def done() -> int:
+        return len([*tmp_path.glob("ran-*")])
+
+    killed = 0
+    with RunningProcess([sys.executable, str(script)], tmp_path) as study:
+        parent = psutil.Process(study.process.pid)
+        while study.process.poll() is None and killed < 12:
+            children = parent.children()
+            workers = [each for each in children if "spawn_main" in str(each.cmdline())]
+            if workers:
+                workers[killed % len(workers)].kill()
+                killed += 1
+                # Until then a case that was interrupted has run again: it comes first.
+                until = min(done() + 12, 500)
+                wait_for(lambda until=until: done() >= until, "further episodes")
+        assert study.wait(2 * PATIENCE) == 0, study.output
+    assert killed == 12
+
+
+def test_the_table_is_the_same_however_many_workers_there_are() -> None:
+    """Bit by bit, also in one process, where the simulation was another's before."""
+    cases = grid(world=["maze", ""], y=[0.0, 0.8], seed=range(2))
+    one = evaluate(drive, cases, workers=1)
+    assert one["error"].null_count == 8 and len(set(one["ahead"].to_pylist())) > 4
+    assert evaluate(drive, cases, workers=3).equals(one, check_metadata=True)
+    backwards = evaluate(drive, [*reversed(cases)], workers=0)  # here: last, as it sets ``kept``
+    assert backwards.take([*range(7, -1, -1)]) == one
+
+
+def test_types_do_not_depend_on_which_row_came_first() -> None:
+    rows = [
+        {"a": 1},
+        {"a": 0.5, "b": None},
+        {"c": "x", "d": 1},
+        {"d": "y"},
+        None,
+        {"e": np.int64(4)},
+    ]
+    table = evaluate(lambda case: rows[case["seed"]], grid(seed=range(6)), workers=0)
+    types = dict(zip(table.column_names, map(str, table.schema.types), strict=True))
+    assert types == {
+        **{"seed": "int64", "a": "double", "b": "null", "c": "string", "d": "string"},
+        **{"e": "int64", "error": "string"},
+    }
+    assert table["d"].to_pylist() == [None, None, "1", "y", None, None]
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (3, "the episode returned 3; return a mapping"),
+        ({"seed": 8}, 'returned "seed", which is a column of the case'),
+        ({"error": "x"}, "returned 'error', which cannot name a column"),
+        ({1: "x"}, "returned 1, which cannot name a column"),
+        ({"x": object}, """returned "x": <class 'object'>; no such cell"""),
+        ({"x": 2**70}, 'returned "x": 1180591620717411303424; no such cell'),
+    ],
+)
+def test_what_cannot_be_a_row_is_an_error(returned: Any, words: str) -> None:
+    table = evaluate(lambda case: returned, [{"seed": 7}], workers=0)
+    assert words in table["error"][0].as_py()
+
+
+def test_values_of_a_case_may_be_anything(tmp_path: Path) -> None:
+    """What is not a number or a text is shown as text, without addresses."""
+    cases = [{"by": simple, "of": [1, 2]}, {"by": print, "of": lambda: 0}]
+    table = evaluate(lambda case: {"name": case["by"].__name__}, cases, workers=1)
+    assert table["by"].to_pylist() == ["simple", "print"]
+    assert table["of"].to_pylist()[0] == "[1, 2]" and "0x" not in table["of"].to_pylist()[1]
+    write_table(table, tmp_path / "table.csv")
+    with pytest.raises(OneBotError, match="case 1 cannot be sent to workers: TypeError: "):
+        evaluate(simple, [{"seed": 1}, {"seed": threading.Lock()}], workers=1)
+    partly = functools.partial(lambda case, kind: {"kind": kind}, kind="made")
+    assert evaluate(partly, [{"seed": 1}], workers=1)["kind"].to_pylist() == ["made"]
+
+
+def test_grids() -> None:
+    assert grid(a=[1, 2], b="xy", c=np.array([0.5])) == [
+        {"a": 1, "b": "xy", "c": 0.5},
+        {"a": 2, "b": "xy", "c": 0.5},
+    ]
+    assert [*grid(a=(n for n in range(3)), b=7)] == [{"a": n, "b": 7} for n in range(3)]
+
+
+def _endless() -> Iterator[dict[str, int]]:
+    while True:
+        yield {"seed": 1}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: grid(a=range(10**9)), "at most 1,000,000 cases, not 1,000,000,000"),
+        (lambda: grid(a=range(2000), b=range(2000)), "not 4,000,000"),
+        (lambda: evaluate(simple, _endless()), "at most 1,000,000 cases"),
+        (lambda: evaluate(simple, []), "there is none; write a list of mappings"),
+        (lambda: evaluate(simple, [{"seed": 1}, 7]), "case 1: 7 is not a mapping; write one"),
+        (lambda: evaluate(simple, {"seed": 1}), "write a list of mappings"),
+        (lambda: evaluate(simple, 7), "cases: 7 is a number; write a list"),
+        (lambda: evaluate(simple, [{1: 2}]), "case 0: 1 cannot be the name of a column"),
+        (lambda: evaluate(simple, [{"error": 2}]), "'error' cannot be the name of a column"),
+        (lambda: evaluate(7, [{"seed": 1}]), "function: 7 is a number; write a function"),
+        (lambda: evaluate(simple, [{"seed": 1}], workers=-1), "workers: -1 is below 0"),
+        (lambda: evaluate(simple, [{"seed": 1}], on="slurm"), 'on: no "slurm"'),
+        (lambda: evaluate(simple, [{"seed": 1}], resume=True), "write journal=FILE"),
+        (lambda: evaluate(_unpicklable(), [{"seed": 1}]), "cannot be sent to workers: TypeError"),
+    ],
+)
+def test_bad_input_is_one_sentence(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(OneBotError, match=re.escape(words)) as caught:
+        call()
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def _unpicklable() -> Callable[[Case], dict[str, Any]]:
+    lock = threading.Lock()
+    return lambda case: {"locked": lock.locked()}
+
+
+def test_a_script_runs_once_and_needs_no_guard(tmp_path: Path) -> None:
+    """Its functions, and those of modules beside it, reach the workers by value."""
+    (tmp_path / "helper.py").write_text("def double(x):\n    return 2 * x\n")
+    (tmp_path / "script.py").write_text(
+        "from helper import double\n"
+        "from onebot_control.evaluation import evaluate, grid\n"
+        "print('begins')\n"
+        "def episode(case):\n"
+        "    import os, sys\n"
+        "    threads = os.environ['OPENBLAS_NUM_THREADS'], os.environ['ROS_DOMAIN_ID'].isdigit()\n"
+        "    return {'twice': double(case['x']), 'threads': str(threads)}\n"
+        "table = evaluate(episode, grid(x=range(3)), 2)\n"
+        "print(table['twice'].to_pylist(), *{*table['threads'].to_pylist()})\n"
+    )
+    variables = {name: value for name, value in os.environ.items() if "THREADS" not in name}
+    done = run_to_end([sys.executable, "script.py"], cwd=tmp_path, env=variables)
+    assert done.stdout.splitlines() == ["begins", "[0, 2, 4] ('1', True)"], done.stderr
+    assert done.stderr == ""
+
+
+def test_a_study_goes_on_from_its_journal(tmp_path: Path) -> None:
+    """After a kill -9 of the whole study; of another study, or of other code, it is refused."""
+    script, journal = tmp_path / "script.py", tmp_path / "journal"
+    script.write_text(
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from onebot_control.evaluation import evaluate, grid\n"
+        "def episode(case):\n"
+        "    Path(f'ran-{case[\"x\"]}').touch(exist_ok=False)\n"
+        "    while case['x'] == 3 and not Path('go').exists(): time.sleep(0.05)\n"
+        "    return {'twice': 2 * case['x']}\n"
+        "resume = 'resume' in sys.argv\n"
+        "table = evaluate(episode, grid(x=range(6)), 1, journal='journal', resume=resume)\n"
+        "print(table['twice'].to_pylist(), table['error'].to_pylist()[3:4])\n"
+    )
+    with RunningProcess([sys.executable, str(script)], tmp_path, check=False) as study:
+        wait_for((tmp_path / "ran-3").exists, "the fourth case")
+        workers = psutil.Process(study.process.pid).children(recursive=True)
+        study.process.kill()
+        _, alive = psutil.wait_procs(workers, timeout=PATIENCE)
+        assert not alive
+    with journal.open("ab") as file:
+        file.write(b"\xff\xff\xff\xff\x10")  # the beginning of a row
+    (tmp_path / "ran-3").unlink()
+    (tmp_path / "go").touch()
+    command = [sys.executable, str(script), "resume"]
+    done = run_to_end(command, cwd=tmp_path)
+    assert done.stdout == "[0, 2, 4, 6, 8, 10] [None]\n", done.stderr
+    script.write_text(script.read_text().replace("2 *", "3 *"))
+    done = run_to_end(command, cwd=tmp_path)
+    assert "OneBotError: journal is of another study" in done.stderr
+    for text in (b"", b"no journal"):
+        journal.write_bytes(text)
+        with pytest.raises(OneBotError, match="is no journal of a study"):
+            evaluate(simple, [{"seed": 1}], journal=journal, resume=True)
+    with pytest.raises(OneBotError, match="cannot be written: Is a directory"):
+        evaluate(simple, [{"seed": 1}], journal=tmp_path)
+
+
+def test_intervals_and_shares() -> None:
+    """Wilson's, as published for 0 and 8 of 10; an episode without a value is not left out."""
+    assert interval(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert interval(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
+    rows = [{"ok": True, "n": 1.0}, {"ok": True, "n": 3.0}, {"ok": False, "n": 2.0}]
+    table = evaluate(lambda case: rows[case["seed"]], grid(seed=range(3)), workers=0)
+    assert share(table, "ok") == pytest.approx(2 / 3) and share(table, "n") == 2.0
+    with_error = evaluate(lambda case: rows[case["seed"]], grid(seed=range(4)), workers=0)
+    assert share(with_error, "ok") == 0.5 and math.isnan(share(with_error, "n"))
+    with pytest.raises(OneBotError, match='return no "okay"'):
+        share(table, "okay")
+
+
+@pytest.mark.slow
+def test_nodes_of_an_episode_have_the_domain_of_their_worker() -> None:
+    """In lockstep; two at once do not meet, and an episode follows another in a worker."""
+    table = evaluate(with_a_node, grid(speed=[0.1, 0.2, 0.3, 0.4]), workers=2)
+    assert table["error"].null_count == 4, table["error"].to_pylist()
+    assert table["x"].to_pylist() == pytest.approx([0.2, 0.4, 0.6, 0.8], abs=0.2)
+    assert len(set(table["domain"].to_pylist())) == 2
+    again = evaluate(with_a_node, grid(speed=[0.1, 0.2, 0.3, 0.4]), workers=1)
+    assert again["x"].to_pylist() == table["x"].to_pylist()
+
+
+def with_a_node(case: Case) -> dict[str, Any]:
+    """A ROS node drives; it waits until the other worker has begun, too."""
+    from geometry_msgs.msg import Twist
+    from nav_msgs.msg import Odometry
+    from rclpy.node import Node
+
+    class Driver(Node):
+        def __init__(self) -> None:
+            super().__init__("driver")
+            self.commands = self.create_publisher(Twist, "velocity_controller/cmd_vel", 10)
+            self.create_subscription(Odometry, "velocity_controller/odom", self.drive, 10)
+
+        def drive(self, _: Odometry) -> None:
+            command = Twist()
+            command.linear.x = case["speed"]
+            self.commands.publish(command)
+
+    with Simulation() as simulation, simulation.ros() as ros:
+        ros.add(Driver())
+        simulation.run(2.0)
+        return {"x": simulation.robot.pose.x, "domain": os.environ["ROS_DOMAIN_ID"]}
