@@ -13,7 +13,7 @@ def save(args: Namespace) -> None:
     from nav_msgs.msg import OccupancyGrid as GridMessage
 
     from onebot_control.navigation.map_files import save_map
-    from onebot_control.navigation.occupancy_grid import OccupancyGrid
+    from onebot_control.occupancy_grid import OccupancyGrid
     from onebot_description.ros.topic_qos import LATCHED
 
     with Session(args.ros_args) as session:

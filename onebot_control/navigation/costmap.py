@@ -119,7 +119,7 @@ class Costmap:
         prices = np.float32(1.0) + np.float32(_NEAR) * np.exp(beyond * np.float32(-1.0 / _DECAY))
         prices += np.float32(_UNKNOWN) * (self._grid.log_odds[part.cells] == 0.0)
         prices += np.float32(_VISITED) * self._visits[part.cells]
-        prices[beyond < np.float32(-0.5 * self._grid.resolution)] = np.inf
+        prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
     def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> Window:

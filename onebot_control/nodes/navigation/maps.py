@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from onebot_control.navigation.map_files import load_map, save_map
 from onebot_control.navigation.navigator import Navigator
-from onebot_control.navigation.occupancy_grid import OccupancyGrid
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, about_z
 from onebot_description.ros.topic_qos import LATCHED

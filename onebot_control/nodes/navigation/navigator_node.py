@@ -15,7 +15,6 @@ from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.navigation.footprint import Vehicle, footprint_of
 from onebot_control.navigation.map_files import load_map
 from onebot_control.navigation.navigator import NavigationParameters, Navigator
-from onebot_control.navigation.occupancy_grid import OccupancyGrid
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_control.nodes.navigation.actions import Context, offer_actions
@@ -29,6 +28,7 @@ from onebot_control.nodes.navigation.measurements import (
     Motion,
 )
 from onebot_control.nodes.robot_services import planar_pose
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, about_z
