@@ -1,10 +1,12 @@
 """Makes the READMEs' pictures again, with the commands that anyone has.
 
-``python -m tests.pictures [onebot] [mrm] [arm] [steering] [gallery] [--into FOLDER]``: all if none
-is named. They go where the READMEs show them, or beside one another into FOLDER, to be looked at.
+``python -m tests.pictures [maze] [onebot] [mrm] [arm] [steering] [gallery] [--into FOLDER]``: all
+if none is named. They go where the READMEs show them, or beside one another into FOLDER, to be
+looked at.
 """
 
 import argparse
+import math
 import re
 import subprocess
 import sys
@@ -13,7 +15,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+import numpy as np
+from PIL import Image, ImageDraw
+
+from onebot_control import Simulation
 from onebot_description.ros.domains import used_domain
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess
@@ -23,6 +30,7 @@ from tests.support_browser import browser
 from tests.support_rendering import colored, pixels
 
 PLACES = {
+    "maze": CHECKOUT / "onebot_bringup/images/maze.gif",
     "onebot": CHECKOUT / "onebot_bringup/images/onebot.png",
     "mrm": CHECKOUT / "mrm_description/images/mrm.png",
     "arm": CHECKOUT / "mrm_description/images/arm.png",
@@ -37,6 +45,11 @@ TRAJECTORY = """{joint_names: [base_link__link_01], points: [
   {positions: [-0.3], velocities: [0.0], time_from_start: {sec: 9}}]}"""
 ORANGE, TRAIL = (255, 107, 10), (77, 208, 225)  # as in dimensions.yaml and view.yaml
 SCREEN = (1440, 860)
+Point = tuple[float, float, float]
+EYE, TARGET = (1.2, -0.9, 3.6), (1.2, 1.05, 0.0)  # m, of the moving picture of the maze
+MOVING = (480, 360)
+GOALS = ((2.4, 0.8), (0.0, 0.8), (0.0, 2.4), (0.8, 2.4))
+RED, GREEN, BLUE = (230, 40, 40), (20, 170, 70), (60, 120, 220)
 TOPIC = "/velocity_controller/cmd_vel"
 ONEBOT, BRINGUP = "onebot_bringup.cli.main", "onebot_bringup.launch.onebot_bringup"
 MRM = "mrm_description.launch.mrm_bringup"
@@ -52,11 +65,56 @@ def main(argv: Sequence[str] | None = None) -> int:
     if unknown:
         parser.error(f"no picture {', '.join(sorted(unknown))} (there: {', '.join(PLACES)})")
     for name in args.names or PLACES:
-        picture = args.into.absolute() / f"{name}.png" if args.into else PLACES[name]
+        picture = args.into.absolute() / PLACES[name].name if args.into else PLACES[name]
         with TemporaryDirectory() as folder, used_domain():  # no other robot in the picture
             _MAKERS[name](picture, Path(folder))
         print(f"{name}: {picture}")
     return 0
+
+
+def make_maze(picture: Path, _: Path) -> None:
+    """OneBot finds its way to some places, with its scan, the way ahead and the way behind."""
+    project = _projection(EYE, TARGET, MOVING)
+    frames, trail = list[Image.Image](), list[tuple[float, float, float]]()
+    with Simulation(world="maze", sensors=True, seed=3) as simulation:
+        robot = simulation.robot
+        for x, y in GOALS:
+            robot.go_to(x, y)
+            while robot.navigating:
+                simulation.run(0.25)
+                pose, scan = robot.pose, robot.scan()
+                trail.append((pose.x, pose.y, 0.02))
+                colors = simulation.picture(EYE, TARGET, width=MOVING[0], height=MOVING[1])
+                frames.append(Image.fromarray(colors))
+                draw = ImageDraw.Draw(frames[-1])
+                hit = np.isfinite(scan.ranges)
+                angles, ranges = scan.angles[hit] + pose.yaw, scan.ranges[hit]
+                ends = np.stack(
+                    (pose.x + ranges * np.cos(angles), pose.y + ranges * np.sin(angles)), axis=1
+                )
+                for u, v in project(np.insert(ends, 2, 0.15, axis=1)):
+                    draw.ellipse((u - 1.5, v - 1.5, u + 1.5, v + 1.5), fill=RED)
+                for way, color in ((np.insert(robot.path, 2, 0.01, axis=1), GREEN), (trail, BLUE)):
+                    if len(way) > 1:
+                        draw.line([tuple(each) for each in project(way)], fill=color, width=3)
+            assert robot.navigation.status == "arrived", robot.navigation.reason
+    few = [frame.quantize(48, dither=Image.Dither.NONE) for frame in frames]
+    few[0].save(picture, save_all=True, append_images=few[1:], duration=125, loop=0, optimize=True)
+
+
+def _projection(eye: Point, target: Point, size: tuple[int, int]) -> Callable[[Any], Any]:
+    """Where points are in a picture of ``Simulation.picture``, which sees 1 rad across."""
+    ahead = np.subtract(target, eye) / math.dist(target, eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    focal = size[0] / (2.0 * math.tan(0.5))
+
+    def project(points: Any) -> Any:
+        away = np.asarray(points, float).reshape(-1, 3) - eye
+        across = np.stack((away @ right, -away @ np.cross(right, ahead)), axis=1)
+        return np.array(size) / 2.0 + focal * across / (away @ ahead)[:, None]
+
+    return project
 
 
 def make_onebot(picture: Path, folder: Path) -> None:
@@ -159,6 +217,7 @@ def snapshot(picture: Path, rrd: Path, *words: str) -> None:
 
 
 _MAKERS: dict[str, Callable[[Path, Path], None]] = {
+    "maze": make_maze,
     "onebot": make_onebot,
     "mrm": make_mrm,
     "arm": make_arm,

@@ -1,18 +1,27 @@
 """Every command of every README does what the README says."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 from tests import readme
 from tests.readme import CHECKOUT
 from tests.ros_support import Peer
 from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 from tests.support_rendering import require_renderer
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 TEXTS = {
     str(file.relative_to(CHECKOUT)): file.read_text()
@@ -137,6 +146,19 @@ def test_an_example_in_python(name, code, tmp_path, ros_domain):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
     done = run_to_end(command, cwd=tmp_path, timeout=5 * PATIENCE)
     assert "1 passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_workflow_to_copy_installs_and_tests() -> None:
+    """As far as one can see here: on a Python that is supported, this project, and pytest."""
+    [text] = re.findall(r"```yaml\n(jobs:.*?)```", TEXTS["README.md"], re.DOTALL)
+    steps = yaml.safe_load(text)["jobs"]["robot"]["steps"]
+    [version] = [step["with"]["python-version"] for step in steps if "setup-python" in str(step)]
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    assert version in SpecifierSet(project["requires-python"])
+    install, test = (shlex.split(step["run"]) for step in steps if "run" in step)
+    names = [Requirement(word).name for word in install[2:]]
+    assert install[:2] == ["pip", "install"] and names == ["pytest", project["name"]]
+    assert test == ["pytest"]
 
 
 @pytest.mark.slow
