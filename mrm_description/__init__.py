@@ -6,4 +6,4 @@ TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
 if not TYPE_CHECKING:  # else any name would be one of the package
-    __getattr__ = onebot_description.lazy({})
+    __getattr__ = onebot_description.lazy(globals(), {})

@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from onebot_control.evaluation.study import evaluate
 else:
     __getattr__ = onebot_description.lazy(
+        globals(),
         {
             "onebot_control.evaluation.cases": ("Case", "grid"),
             "onebot_control.evaluation.report": ("summary",),
             "onebot_control.evaluation.study": ("evaluate",),
-        }
+        },
     )
