@@ -22,6 +22,7 @@ EXECUTABLES = {
     "onebot_description/joint_state_publisher": (["nowhere.urdf"], 1, "nowhere.urdf"),
     "onebot_control/velocity_controller": (["nowhere.urdf"], 1, "nowhere.urdf"),
     "onebot_control/joint_trajectory_controller": (["nowhere.urdf"], 1, "nowhere.urdf"),
+    "onebot_control/navigator": (["nowhere.urdf"], 1, "nowhere.urdf"),
     "onebot_bringup/rerun_viewer": (["--ros-args", "-p", "viewer:=no"], 1, "viewer"),
     "onebot_bringup/steering_page": (["--ros-args", "-p", "port:=-1"], 1, "port"),
     "onebot_bringup/bag_recorder": ([], 1, "folder"),

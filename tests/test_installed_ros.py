@@ -141,6 +141,8 @@ def test_all_that_is_imported_of_ros_is_explained():
     """A package of ROS that is imported, and is in no list, would give a traceback."""
     imported = set()
     for file in (path for package in PACKAGES for path in (CHECKOUT / package).rglob("*.py")):
+        if "ros/packages/" in str(file):  # users' nodes import these, with ROS
+            continue
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.Import):
                 imported |= {alias.name.split(".")[0] for alias in node.names}

@@ -27,6 +27,4 @@ task.action_space.seed(1)
 while not is_over:
     _, reward, *ends, _ = task.step(task.action_space.sample())
     rewards, is_over = [*rewards, reward], any(ends)
-print(
-    f"{len(rewards) - 1} steps, {sum(rewards):.3f} m nearer, {task.distance:.3f} m from the place"
-)
+print(f"{len(rewards) - 1} steps, {sum(rewards):.3f} m nearer, {task.distance:.3f} m left")

@@ -87,7 +87,7 @@ static void to_basis(const double q[4], double m[3][3]) {
   memcpy(m, rows, sizeof rows);
 }
 
-static void to_quaternion(const double m[3][3], double q[4]) {
+static void to_quaternion(double m[3][3], double q[4]) {
   const double trace = m[0][0] + m[1][1] + m[2][2];
   if (trace > 0.0) {
     double s = sqrt(trace + 1.0);
@@ -112,12 +112,12 @@ static double dot(const double a[3], const double b[3]) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void apply(const double m[3][3], const double v[3], double out[3]) {
+static void apply(double m[3][3], const double v[3], double out[3]) {
   const double rotated[3] = {dot(m[0], v), dot(m[1], v), dot(m[2], v)};
   memcpy(out, rotated, sizeof rotated);
 }
 
-static void product(const double a[3][3], const double b[3][3], double out[3][3]) {
+static void product(double a[3][3], double b[3][3], double out[3][3]) {
   for (int row = 0; row < 3; row++)
     for (int column = 0; column < 3; column++)
       out[row][column] = b[0][column] * a[row][0] + b[1][column] * a[row][1] +
@@ -447,8 +447,8 @@ EXPORT int onebot_buffer_lookup(const struct buffer *buffer, int64_t target, int
 }
 
 /* Make `inner`, a result in the frame of `outer`, one in the frame that `outer` is in. */
-EXPORT void onebot_buffer_compose(const struct result *outer, struct result *inner) {
-  const struct transform *a = &outer->transform;
+EXPORT void onebot_buffer_compose(struct result *outer, struct result *inner) {
+  struct transform *a = &outer->transform;
   struct transform *b = &inner->transform;
   double basis[3][3];
   product(a->basis, b->basis, basis);
@@ -499,10 +499,10 @@ EXPORT void onebot_buffer_states(const struct buffer *buffer, int64_t first, int
 
 /* The velocities, linear then angular, between two poses of a body `seconds` apart, in the axes of
  * `reference`, of the point that is at `delta` from the body's origin. */
-EXPORT void onebot_buffer_velocity(const struct result *start, const struct result *end,
-                                   const struct result *reference, double seconds,
+EXPORT void onebot_buffer_velocity(struct result *start, struct result *end,
+                                   struct result *reference, double seconds,
                                    const double *delta, double *out) {
-  const double (*m)[3] = start->transform.basis;
+  double (*m)[3] = start->transform.basis;
   double cofactors[3][3], turn[3][3], q[4], axis[3] = {1.0, 0.0, 0.0}, linear[3], angular[3];
   for (int row = 0; row < 3; row++)
     for (int column = 0; column < 3; column++) {

@@ -175,6 +175,8 @@ def test_an_argument_given_is_what_the_node_gets(make: Make, sim: bool) -> None:
                 further = {"sim": "false"}
             if argument.nodes == ("steering_page",):
                 further = {"steer": "true"}
+            if argument.nodes == ("navigator",):
+                further = {"navigate": "true"}
             launch = make(sim, **{**further, argument.name: text})
             found = parameters_of(launch, argument.nodes[0])[argument.parameter]
             assert found == plain(argument.value(text))

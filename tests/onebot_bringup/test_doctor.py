@@ -131,7 +131,7 @@ def test_report(ros_domain: int) -> None:
     done = onebot("doctor", "--timeout", "120")
     assert done.returncode == 0, done.stdout + done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0].startswith("onebot ") and len(lines) == 9
+    assert lines[0].startswith("onebot ") and len(lines) == 10
     assert all(re.match(r"(ok  |note)     [\w ]+: ", line) for line in lines[1:]), done.stdout
     assert "ok       messages: discovered and received from another process" in lines
     problem = renderer_problem()

@@ -226,7 +226,8 @@ def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> Non
     ground = Ground(peer.node, OdometryTopic(peer.node, ""))
     assert ground.fields() == {}
     found = wait_for(ground.fields, "the ground")
-    assert found == {"frame": "", "base": "", "robot": None, "map": None, "scans": []}
+    nothing = {"robot": None, "map": None, "scans": [], "path": [], "footprint": []}
+    assert found == {"frame": "", "base": "", **nothing}
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,7 @@ ROS_PACKAGES = (
     "builtin_interfaces",
     "diagnostic_msgs",
     "geometry_msgs",
+    "lifecycle_msgs",
     "nav_msgs",
     "rcl_interfaces",
     "rclpy",
