@@ -28,7 +28,9 @@ WORDS = {
     "onebot topic pub /x geometry_msgs/msg/TwistS": {"geometry_msgs/msg/TwistStamped"},
     "onebot service call /x std_srvs/srv/Tr": {"std_srvs/srv/Trigger"},
     "onebot run onebot_c": {"onebot_control"},
-    "onebot run onebot_control ": {"velocity_controller", "joint_trajectory_controller"},
+    "onebot run onebot_control ": {
+        *("velocity_controller", "joint_trajectory_controller", "navigator"),
+    },
     "onebot completion ": {"bash", "zsh", "fish"},
     "onebot run onebot_control velocity_controller ": set(),  # it must not run
     "onebot discovery:=subnet topic e": {"echo"},
