@@ -95,7 +95,7 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
     sensors: str = _simulation("sensors", default="")
     ground_truth_tf: bool | None = _simulation("ground_truth_tf")
     navigate: bool = argument(False, "drive to goals by the lidar, around what is in the way")
-    map: str = _navigator("yaml_filename", note="of navigate:=true")
+    map: str = _navigator("yaml_filename", note="for the navigator")
     nav2_topics: bool = argument(False, "the topics that Nav2 expects, cmd_vel and odom")
     rate: float | None = _simulation("update_rate", note=_PACE)
     real_time_factor: float | None = _simulation("real_time_factor")
