@@ -193,7 +193,8 @@ def _run_all(
 
 
 def _pool(packed: bytes) -> ProcessPool:
-    return ProcessPool(1, initializer=_start, initargs=(packed,), context=_Context())
+    context: Any = _Context()  # pebble's types know the contexts of multiprocessing only
+    return ProcessPool(1, initializer=_start, initargs=(packed,), context=context)
 
 
 def _next(cases: Iterator[tuple[int, bytes]]) -> _Task | None:
