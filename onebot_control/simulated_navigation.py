@@ -1,10 +1,10 @@
 """Drives a robot of a ``Simulation`` to goals, by its own scans, odometry and IMU."""
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from onebot_control.drive.controller_limits import Controller
 from onebot_control.drive.drive import Drive
 from onebot_control.sensing.imu import ImuInstrument
 from onebot_control.sensing.instrument import Instrument
@@ -18,48 +18,10 @@ from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model.robot_model import RobotModel
 
 if TYPE_CHECKING:  # what imports scipy is imported by the first goal
-    from onebot_control.navigation.footprint import Vehicle
     from onebot_control.navigation.grid import Scan
     from onebot_control.navigation.navigator import Navigator
 
 _FEWEST_RAYS = 30  # of a lidar that can map
-_LEVEL = 0.1  # rad by which its plane may be inclined
-# Where the controller has no limit: m/s, m/s^2, rad/s, rad/s^2.
-_FREE = {"linear.x": (0.5, 1.0), "linear.y": (0.5, 1.0), "angular.z": (1.5, 3.0)}
-_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
-_BRAKING = 2.6  # s in which the robot has to be able to stop
-
-
-def vehicle_of(description: Description, drive: Drive) -> "Vehicle":
-    """Return a robot's footprint, and the limits of its controller.
-
-    Raises:
-        OneBotError: the robot has no shapes.
-    """
-    from onebot_control.navigation.footprint import Vehicle, footprint_of
-
-    limits = {}
-    for axis, free in _FREE.items():
-        limit = drive.config.limits.get(axis)
-        given = (limit.max_velocity, limit.max_acceleration) if limit else (0.0, free[1])
-        limits[axis] = [
-            value if math.isfinite(value) else other
-            for value, other in zip(given, free, strict=True)
-        ]
-    (forward, acceleration), (sideways, _), (turning, turning_acceleration) = limits.values()
-    forward = min(forward, _BRAKING * acceleration)
-    least = drive.config.limits["linear.x"].min_velocity
-    backward = min(forward if math.isnan(least) else -least, 0.5 * forward)
-    return Vehicle(
-        footprint_of(description),
-        forward,
-        backward,
-        min(sideways, forward),
-        min(turning, _FASTEST_TURN),
-        acceleration,
-        turning_acceleration,
-        float(getattr(drive.geometry, "least_radius", 0.0)),
-    )
 
 
 class SimulatedNavigation:
@@ -142,13 +104,14 @@ class SimulatedNavigation:
         self._origin = pose.compose(odometry.inverse())
 
     def _make(self) -> "Navigator":
+        from onebot_control.navigation.footprint import vehicle_of
         from onebot_control.navigation.navigator import NavigationParameters, Navigator
 
         core, row = self._core, self._row
         robot = core.fleet.robots[row]
         if robot.drive is None:
             raise OneBotError(f"{robot.description.source}: the robot has no wheels to drive on")
-        self._lidar, self._mount, self._mirrored = self._level_lidar(robot.description)
+        self._lidar, self._mount = self._level_lidar(robot.description)
         imus = [item for item in core.instruments[row] if isinstance(item, ImuInstrument)]
         # Wheels that do not skid know better than an IMU how far the robot has turned.
         self._imu = imus[0] if imus and robot.drive.wheels.skids else None
@@ -158,7 +121,7 @@ class SimulatedNavigation:
             if self._imu
             else np.eye(4)
         )
-        vehicle = vehicle_of(robot.description, robot.drive)
+        vehicle = vehicle_of(robot.description, [_limits(robot.drive)])
         odometry, _ = self._odometry()
         start = self._origin.compose(odometry)
         parameters = NavigationParameters()
@@ -168,12 +131,14 @@ class SimulatedNavigation:
         self._cycles, self._turn = 0, 0.0
         return Navigator(vehicle, start, parameters=parameters)
 
-    def _level_lidar(self, description: Description) -> tuple[Instrument[Any], PlanarPose, bool]:
-        """Return the level lidar with the widest view, its mount, and whether it hangs.
+    def _level_lidar(self, description: Description) -> tuple[Instrument[Any], Floats]:
+        """Return the level lidar with the widest view, and its pose (4, 4) in the root link.
 
         Raises:
             OneBotError: there is none.
         """
+        from onebot_control.navigation.grid import is_level
+
         links = RobotModel.from_description(description).link_matrices({})
         found = []
         for item in self._core.instruments[self._row]:
@@ -181,7 +146,7 @@ class SimulatedNavigation:
                 item.model.horizontal.samples >= _FEWEST_RAYS
             ):
                 pose = links[item.sensor.link] @ matrices.of_origin(item.sensor.origin)
-                if abs(pose[2, 2]) > math.cos(_LEVEL):
+                if is_level(pose):
                     fan = item.model.horizontal
                     found.append((fan.greatest - fan.least, item, pose))
         if not found:
@@ -189,9 +154,8 @@ class SimulatedNavigation:
             if not self._core.instruments[self._row]:
                 text += "; Simulation(sensors=True) gives OneBot its sensors"
             raise OneBotError(f"{description.source}: {text}")
-        _, lidar, pose = max(found, key=lambda row: row[0])
-        mount = PlanarPose(float(pose[0, 3]), float(pose[1, 3]), math.atan2(pose[1, 0], pose[0, 0]))
-        return lidar, mount, bool(pose[2, 2] < 0.0)
+        _, lidar, pose = max(found, key=lambda each: each[0])
+        return lidar, pose
 
     def _odometry(self) -> tuple[PlanarPose, tuple[float, float, float]]:
         drive = self._core.fleet.robots[self._row].drive
@@ -206,10 +170,8 @@ class SimulatedNavigation:
 
         fan = self._lidar.model.horizontal
         ranges: Any = self._lidar.measure(self._core.sensed(), {"scan"})["scan"]
-        least, step = fan.least, (fan.greatest - fan.least) / (fan.samples - 1)
-        if self._mirrored:  # it hangs upside down: its angles are positive to the right
-            ranges, least = ranges[::-1], -fan.greatest
-        return Scan(ranges, least, step, self._lidar.model.greatest, self._mount)
+        step = (fan.greatest - fan.least) / (fan.samples - 1)
+        return Scan.mounted(ranges, fan.least, step, self._lidar.model.greatest, self._mount)
 
     def _step(self) -> None:
         """Take measurements after a control cycle, and command the next ones."""
@@ -238,3 +200,15 @@ class SimulatedNavigation:
         self._core.after_cycle.pop(self, None)
         self._core.commands[self._row] = None
         self._core.fleet.robots[self._row].accept(0.0, 0.0)
+
+
+def _limits(drive: Drive) -> Controller:
+    """Return the limits of a drive's controller."""
+    limits = drive.config.limits
+    return Controller(
+        "",
+        limits["linear.x"],
+        limits["angular.z"],
+        limits.get("linear.y"),
+        float(getattr(drive.geometry, "least_radius", 0.0)),
+    )

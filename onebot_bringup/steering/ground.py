@@ -23,7 +23,7 @@ from onebot_bringup.steering.followed_topics import (
 )
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_description.geometry.matrices import of_transform, transformed
+from onebot_description.geometry.matrices import of_transform, to_planar, transformed
 from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
@@ -175,6 +175,5 @@ class Ground:
                 matrix = self._transforms.tree.lookup(frame, of).matrix @ matrix
             except TransformException:
                 return None
-        (x, y), yaw = matrix[:2, 3].tolist(), math.atan2(matrix[1, 0], matrix[0, 0])
-        pose = {"x": x, "y": y, "yaw": yaw}
+        pose = to_planar(matrix)._asdict()
         return pose if all(map(math.isfinite, pose.values())) else None

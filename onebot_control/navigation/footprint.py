@@ -1,10 +1,14 @@
 """What a robot covers of the ground, and how it can move: what the planner has to know of it."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
 
@@ -13,6 +17,10 @@ if TYPE_CHECKING:
 
 _OVERHANG = 0.01  # m by which circles may reach beyond the footprint
 _MOST_CIRCLES = 20
+# Limits where a controller has none: m/s and m/s^2, rad/s and rad/s^2.
+_LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
+_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
+_BRAKING = 2.6  # s in which the robot has to be able to stop
 _SPACING = 0.01  # m between points of its edge and in it
 
 
@@ -74,6 +82,40 @@ class Vehicle:
             chosen.append(int((covered[left].sum(axis=0) + depth).argmax()))
             left &= ~covered[:, chosen[-1]]
         return inner[chosen], depth[chosen]
+
+
+def vehicle_of(description: "Description", controllers: Sequence[Controller]) -> Vehicle:
+    """Return a robot's footprint, with the strictest limits of its controllers.
+
+    Raises:
+        OneBotError: the robot has no shapes.
+    """
+    forward, acceleration = _strictest([each.linear for each in controllers], *_LINEAR)
+    forward = min(forward, _BRAKING * acceleration)
+    sides = [each.lateral for each in controllers if each.lateral is not None]
+    sideways = _strictest(sides, *_LINEAR)[0] if sides else 0.0
+    turning, turning_acceleration = _strictest([each.angular for each in controllers], *_ANGULAR)
+    reverses = [-each.linear.min_velocity for each in controllers]
+    backward = min([0.5 * forward, *(each for each in reverses if math.isfinite(each))])
+    return Vehicle(
+        footprint_of(description),
+        forward,
+        backward,
+        min(sideways, forward),
+        min(turning, _FASTEST_TURN),
+        acceleration,
+        turning_acceleration,
+        max((each.least_radius for each in controllers), default=0.0),
+    )
+
+
+def _strictest(
+    limits: Sequence[SpeedLimits], speed: float, acceleration: float
+) -> tuple[float, float]:
+    """Return the least of the limits of speed and acceleration, or these if there are none."""
+    speeds = [each.max_velocity for each in limits if math.isfinite(each.max_velocity)]
+    given = [each.max_acceleration for each in limits if math.isfinite(each.max_acceleration)]
+    return min(speeds, default=speed), min(given, default=acceleration)
 
 
 def footprint_of(description: "Description") -> Floats:

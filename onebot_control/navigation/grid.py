@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.arrays import Floats, Singles
+from onebot_description.geometry.matrices import to_planar
 from onebot_description.geometry.poses import PlanarPose
 
 Mask = NDArray[np.bool_]
@@ -24,6 +25,12 @@ _FULL = 30.0  # ends in a cell, after which its mean stays
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells before its end in which a ray clears nothing
 _MOST_CELLS = 16_000_000
+_LEVEL = math.cos(0.1)  # of the angle by which a lidar's plane may be inclined
+
+
+def is_level(mount: Floats) -> bool:
+    """Return whether a lidar, at a pose (4, 4) in the robot's frame, sees in a level plane."""
+    return bool(abs(mount[2, 2]) > _LEVEL)
 
 
 class Scan(NamedTuple):
@@ -34,6 +41,25 @@ class Scan(NamedTuple):
     step: float  # angle between rays, rad
     reach: float  # greatest range, m
     mount: PlanarPose = PlanarPose()
+
+    @classmethod
+    def mounted(
+        cls, ranges: Singles, least: float, step: float, reach: float, mount: Floats
+    ) -> "Scan":
+        """Return a scan as its lidar counts: in either direction, upright or hanging.
+
+        Args:
+            ranges: (N,), m.
+            least: angle of the first ray, rad, about the lidar's z axis.
+            step: angle between rays, rad; negative: clockwise about that axis.
+            reach: greatest range, m.
+            mount: (4, 4), pose of the lidar in the robot's frame.
+        """
+        if mount[2, 2] < 0.0:  # it hangs, so that its angles are positive to the right
+            least, step = -least, -step
+        if step < 0.0:
+            ranges, least, step = ranges[::-1], least + step * (len(ranges) - 1), -step
+        return cls(ranges, least, step, reach, to_planar(mount))
 
     @property
     def points(self) -> Floats:

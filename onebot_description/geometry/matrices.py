@@ -6,7 +6,13 @@ import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Origin, Transform, rows_of, rpy_of_rows
+from onebot_description.geometry.poses import (
+    Origin,
+    PlanarPose,
+    Transform,
+    rows_of,
+    rpy_of_rows,
+)
 
 
 def of_transform(transform: Transform) -> Floats:
@@ -44,3 +50,9 @@ def to_origin(matrix: Floats) -> Origin:
     """Return the URDF origin of a matrix; see ``rpy_of_rows``."""
     x, y, z = matrix[:3, 3].tolist()
     return Origin((x, y, z), rpy_of_rows(matrix[:3, :3].tolist()))
+
+
+def to_planar(matrix: Floats) -> PlanarPose:
+    """Return the pose seen from above; the yaw is that of the x axis."""
+    x, y = matrix[:2, 3].tolist()
+    return PlanarPose(x, y, math.atan2(matrix[1, 0], matrix[0, 0]))

@@ -30,10 +30,10 @@ from std_msgs.msg import Bool, String
 from onebot_bringup.cli.main import main as onebot
 from onebot_control.drive.controller_limits import Controller
 from onebot_control.drive.speed_limiter import SpeedLimits
+from onebot_control.navigation.footprint import vehicle_of
 from onebot_control.navigation.map_files import load_map
 from onebot_control.nodes.navigation.maps import costs_as_occupancy
 from onebot_control.nodes.navigation.measurements import scan_of
-from onebot_control.nodes.navigation.navigator_node import vehicle_of
 from onebot_control.occupancy_grid import OccupancyGrid as Grid
 from onebot_description.description import load_description
 from onebot_description.geometry import matrices

@@ -13,7 +13,7 @@ from sensor_msgs.msg import Imu, LaserScan
 from std_msgs.msg import Bool
 
 from onebot_control.conventions import DRIVE_CONTROLLER
-from onebot_control.navigation.grid import Scan
+from onebot_control.navigation.grid import Scan, is_level
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
@@ -29,7 +29,6 @@ from onebot_description.timing.throttled import Throttled
 COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
 _TF_DEPTH = 100
-_LEVEL = math.cos(0.1)  # of the angle by which a lidar's plane may be inclined
 _SCANS = 10  # scans that wait for the odometry
 _KEPT = 50  # own commands that are remembered
 _JUMP = 0.5  # m or rad between two odometries, above what the robot can drive in between
@@ -147,7 +146,7 @@ class Measurements:
         except OneBotError as error:
             self._warn("frame", f"scans are ignored: {error}")
             return
-        if abs(mount[2, 2]) < _LEVEL:
+        if not is_level(mount):
             self._warn("level", "scans are ignored: the lidar is not level")
             return
         scan = scan_of(message, mount)
@@ -196,17 +195,11 @@ class Measurements:
 def scan_of(message: LaserScan, mount: Floats) -> Scan:
     """Return a LaserScan of a lidar that is mounted at ``mount`` (4, 4) in the robot's frame."""
     ranges = np.asarray(message.ranges, np.float32)
-    least, step = float(message.angle_min), float(message.angle_increment)
-    if mount[2, 2] < 0.0:  # it hangs, so that its angles are positive to the right
-        least, step = -least, -step
-    if step < 0.0:
-        ranges, least, step = ranges[::-1], least + step * (len(ranges) - 1), -step
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < message.range_min, -np.inf, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
-    yaw = math.atan2(mount[1, 0], mount[0, 0])
-    place = PlanarPose(float(mount[0, 3]), float(mount[1, 3]), yaw)
-    return Scan(ranges, least, step, float(message.range_max), place)
+    least, step = float(message.angle_min), float(message.angle_increment)
+    return Scan.mounted(ranges, least, step, float(message.range_max), mount)
 
 
 def _jump(before: Motion, after: Motion) -> str:

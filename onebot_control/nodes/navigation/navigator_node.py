@@ -10,9 +10,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from onebot_control.drive.controller_limits import Controller
-from onebot_control.drive.speed_limiter import SpeedLimits
-from onebot_control.navigation.footprint import Vehicle, footprint_of
+from onebot_control.navigation.footprint import Vehicle, footprint_of, vehicle_of
 from onebot_control.navigation.map_files import load_map
 from onebot_control.navigation.navigator import NavigationParameters, Navigator
 from onebot_control.navigation.parameters import NavigatorParameters
@@ -31,6 +29,7 @@ from onebot_control.nodes.robot_services import planar_pose
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.matrices import to_planar
 from onebot_description.geometry.poses import PlanarPose, about_z
 from onebot_description.parameters.reader import read
 from onebot_description.ros.command_line import ros_args
@@ -45,10 +44,6 @@ from onebot_description.timing import NS_PER_S
 
 _POLL = 0.5  # s between looks for controllers
 _PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is taken to have none
-# Limits where a controller has none: m/s and m/s^2, rad/s and rad/s^2.
-_LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
-_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
-_BRAKING = 2.6  # s in which the robot has to be able to stop
 _WORDS = {"failed": "gave up"}  # for the status of the core
 _TELLING = 0.5  # s between two lines of ~/status
 
@@ -133,14 +128,14 @@ class NavigatorNode(Node):
         waited = time.monotonic() - self._robot_since > _PATIENCE
         if self._vehicle is not None or self._description is None or not (known or waited):
             return
+        self._vehicle = vehicle = vehicle_of(self._description, known)
         if not known:
             self.get_logger().warning(
                 "no controller with limits of velocity takes the commands: the robot is taken to "
-                f"drive {_LINEAR[0]:g} m/s and to turn {_ANGULAR[0]:g} rad/s"
+                f"drive {vehicle.forward:g} m/s and to turn {vehicle.turning:g} rad/s"
             )
-        self._vehicle = vehicle_of(self._description, known)
         if self._navigator is not None:
-            self._navigator.use_vehicle(self._vehicle)
+            self._navigator.use_vehicle(vehicle)
 
     def _start(self, motion: Motion) -> None:
         assert self._vehicle is not None
@@ -268,8 +263,7 @@ class NavigatorNode(Node):
         if frame in ("", self._settings.global_frame):
             return pose
         matrix = self._measured.transforms.pose(self._settings.global_frame, frame)
-        yaw = math.atan2(matrix[1, 0], matrix[0, 0])
-        return PlanarPose(float(matrix[0, 3]), float(matrix[1, 3]), yaw).compose(pose)
+        return to_planar(matrix).compose(pose)
 
     def destroy_node(self) -> None:
         """Stop the robot, then destroy the node."""
@@ -277,33 +271,3 @@ class NavigatorNode(Node):
             self._goals.cancel("the navigator ends")
             self._commands.publish((0.0, 0.0, 0.0))
         super().destroy_node()
-
-
-def vehicle_of(description: Description, controllers: Sequence[Controller]) -> Vehicle:
-    """Return a robot's footprint, with the strictest limits of its controllers."""
-    forward, acceleration = _strictest([each.linear for each in controllers], *_LINEAR)
-    forward = min(forward, _BRAKING * acceleration)
-    sides = [each.lateral for each in controllers if each.lateral is not None]
-    sideways = _strictest(sides, *_LINEAR)[0] if sides else 0.0
-    turning, turning_acceleration = _strictest([each.angular for each in controllers], *_ANGULAR)
-    reverses = [-each.linear.min_velocity for each in controllers]
-    backward = min([0.5 * forward, *(each for each in reverses if math.isfinite(each))])
-    return Vehicle(
-        footprint_of(description),
-        forward,
-        backward,
-        min(sideways, forward),
-        min(turning, _FASTEST_TURN),
-        acceleration,
-        turning_acceleration,
-        max((each.least_radius for each in controllers), default=0.0),
-    )
-
-
-def _strictest(
-    limits: Sequence[SpeedLimits], speed: float, acceleration: float
-) -> tuple[float, float]:
-    """Return the least of the limits of speed and acceleration, or these if there are none."""
-    speeds = [each.max_velocity for each in limits if math.isfinite(each.max_velocity)]
-    given = [each.max_acceleration for each in limits if math.isfinite(each.max_acceleration)]
-    return min(speeds, default=speed), min(given, default=acceleration)
