@@ -37,6 +37,7 @@ from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.scan_matching import Walls
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Floats, Singles
+from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple
 
 _STOP: Triple = (0.0, 0.0, 0.0)
@@ -78,7 +79,7 @@ class Failure(Enum):
     INVALID_PATH = "the path is empty or not finite"
 
 
-class NavigationError(Exception):
+class NavigationError(OneBotError):
     """There is no plan; ``failure`` says why."""
 
     def __init__(self, failure: Failure) -> None:
@@ -154,19 +155,10 @@ class Navigator:
             parameters: how goals are reached.
             known: a map that is given; None: it begins empty, and scans make it.
         """
-        self.vehicle = vehicle
         self.parameters = parameters or NavigationParameters()
         self.localizer = Localizer(start)
         self._given = known
-        period = 1.0 / self.parameters.controller_frequency
-        self._follower = Follower(vehicle, period)
-        # In narrow places it looks less far ahead, in smaller steps.
-        careful = replace(vehicle, forward=min(vehicle.forward, _CAREFUL))
-        self._careful = Follower(careful, period)
-        self._circles = vehicle.circles()
-        resolution = known.resolution if known else self.parameters.resolution
-        # The best way may lie between the middles of cells.
-        self._radius = vehicle.half_width + _MARGIN - 0.25 * resolution
+        self._take(vehicle)
         self.status, self.reason = "idle", ""
         self.failure: Failure | None = None
         self._goal: _Goal | _Motion | None = None
@@ -194,14 +186,25 @@ class Navigator:
 
     def use_vehicle(self, vehicle: Vehicle) -> None:
         """Take the robot to have another footprint or other limits from now on."""
-        self.vehicle = vehicle
-        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
-        self._circles = vehicle.circles()
-        self._radius = vehicle.half_width + 0.01
+        self._take(vehicle)
         self._costmap = Costmap(self.map, self._radius)
         if self.map.log_odds.size:
             self._costmap.update(Window(0, 0, *self.map.shape))
         self._field = None
+
+    def _take(self, vehicle: Vehicle) -> None:
+        """Derive from the robot what plans and commands need of it."""
+        self.vehicle = vehicle
+        period = 1.0 / self.parameters.controller_frequency
+        self._follower = Follower(vehicle, period)
+        # In narrow places it looks less far ahead, in smaller steps.
+        careful = replace(vehicle, forward=min(vehicle.forward, _CAREFUL))
+        self._careful = Follower(careful, period)
+        self._circles = vehicle.circles()
+        given = self._given
+        resolution = given.resolution if given else self.parameters.resolution
+        # The best way may lie between the middles of cells.
+        self._radius = vehicle.half_width + _MARGIN - 0.25 * resolution
 
     # What can be read -------------------------------------------------------------------------
 
@@ -345,8 +348,8 @@ class Navigator:
         self._goal = None
         self.status, self.reason, self.failure = status, reason, failure
 
-    def _fail(self, failure: Failure, text: str = "") -> Triple:
-        self._end("failed", text or failure.value, failure)
+    def _fail(self, failure: Failure) -> Triple:
+        self._end("failed", failure.value, failure)
         return _STOP
 
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
@@ -471,7 +474,7 @@ class Navigator:
             return _STOP
         around = self._around(pose)
         if self._recovery is not None:
-            command = self._recovery.step(self.time, pose)
+            command = self._recovery.step(self.time)
             if command is not None and self._follower.is_safe(around, command, pose, speed):
                 return command
             self._recovery = None
@@ -745,7 +748,7 @@ class _Recovery:
         self._command = -way, 0.0, turn
         self._until = time + (1.5 if backs else 2.5)
 
-    def step(self, time: float, pose: PlanarPose) -> Triple | None:
+    def step(self, time: float) -> Triple | None:
         """Return the command; None at the end."""
         return self._command if time < self._until else None
 

@@ -212,7 +212,6 @@ class NavigationAction:
         self._node, self._context, self._row = node, context, row
         self._type = load_interface(f"nav2_msgs/action/{row.kind}")
         self._fields = self._type.Feedback.get_fields_and_field_types()
-        self._handles: dict[int, Any] = {}  # of goals, by id
         self._prepared: Goal | RequestError | None = None
         self._action = DeferredAction(
             clocked,
@@ -251,16 +250,19 @@ class NavigationAction:
                 self._action.finish(handle, partial(_finished, "succeed", result))
                 return
             goal = row.goal(self._context, self, handle.request)
-            self._handles[id(goal)] = handle
+            goal.handle = handle
             self._context.goals.start(goal)
-        except NavigationError as error:
-            self._refuse(handle, result, error.failure.name, str(error))
         except OneBotError as error:
-            self._refuse(handle, result, getattr(error, "code", "TF_ERROR"), str(error))
+            self._refuse(handle, result, error)
 
-    def _refuse(self, handle: Any, result: Any, name: str, text: str) -> None:
-        self._node.get_logger().error(f"{self._row.name}: {text}")
-        result.error_code, result.error_msg = self._code(name), text
+    def _refuse(self, handle: Any, result: Any, error: OneBotError) -> None:
+        self._node.get_logger().error(f"{self._row.name}: {error}")
+        name = "TF_ERROR"
+        if isinstance(error, NavigationError):
+            name = error.failure.name
+        elif isinstance(error, RequestError):
+            name = error.code
+        result.error_code, result.error_msg = self._code(name), str(error)
         self._action.finish(handle, partial(_finished, "abort", result))
 
     def _on_cancel(self, _: Any) -> CancelResponse:
@@ -297,11 +299,11 @@ class NavigationAction:
         }
         for name in self._fields:
             setattr(feedback, name, values[name])
-        self._handles[id(goal)].publish_feedback(feedback)
+        goal.handle.publish_feedback(feedback)
 
     def ended(self, goal: Goal, reason: str, failure: Failure | None) -> None:
         """Send the client the result."""
-        handle, result = self._handles.pop(id(goal)), self._type.Result()
+        handle, result = goal.handle, self._type.Result()
         if goal.missed:
             missed = load_interface("nav2_msgs/msg/MissedWaypoint")
             result.missed_waypoints = [

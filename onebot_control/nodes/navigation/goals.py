@@ -3,12 +3,12 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
-from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
+from onebot_control.navigation.navigator import Failure, Navigator
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.ros.topic_qos import DEPTH
@@ -41,6 +41,7 @@ class Goal:
         lasts: how long the robot waits, s; 0 for a goal that drives.
         index: of the next pose.
         missed: index and failure of poses that were not reached.
+        handle: by which its client knows it.
         began: time of the navigator, s.
         driven: m.
     """
@@ -53,6 +54,7 @@ class Goal:
     lasts: float = 0.0
     index: int = 0
     missed: list[tuple[int, Failure]] = field(default_factory=list)
+    handle: Any = None
     began: float = 0.0
     driven: float = 0.0
     last: PlanarPose | None = None
@@ -125,7 +127,7 @@ class Goals:
         goal.began, goal.last = navigator.time, navigator.pose
         try:
             goal.next(navigator)
-        except (ValueError, NavigationError) as error:
+        except ValueError as error:
             raise OneBotError(str(error)) from None
         self._goal = goal
         self._log.info(_described(goal))
