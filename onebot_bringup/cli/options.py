@@ -158,6 +158,7 @@ def _numbers(
 
 positive = _numbers(float, lambda value: 0.0 < value < math.inf, "above zero")
 not_negative = _numbers(float, lambda value: 0.0 <= value < math.inf, "zero or more")
+finite = _numbers(float, math.isfinite, "a finite number")
 count = _numbers(int, lambda value: value > 0, "above zero")
 natural = _numbers(int, lambda value: value >= 0, "zero or more")
 

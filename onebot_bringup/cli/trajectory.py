@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from onebot_bringup.cli.action import Action
 from onebot_bringup.cli.options import joint_positions
 from onebot_bringup.cli.running_controllers import (
     RunningController,
@@ -157,9 +158,6 @@ class _Motion:
     ) -> None:
         """Discover the controller's action; ``joints`` and ``seconds`` are for the progress."""
         from rcl_interfaces.msg import Log
-        from rclpy.action import ActionClient
-
-        from onebot_description.ros.wire.interfaces import load_interface
 
         self._session, self._controller = session, controller
         self._joints, self._seconds = joints, seconds
@@ -167,10 +165,12 @@ class _Motion:
         self._target: Sequence[float] = ()  # positions whose error we check; empty: none
         self._at_end: Any = None  # the controller's first state there
         session.node.create_subscription(Log, "/rosout", self._on_log, 10)
-        name = f"{controller.name}/follow_joint_trajectory"
-        self._client = ActionClient(session.node, load_interface(_ACTION), name)
-        if not session.look_for(self._client.server_is_ready, f"the action {name}"):
-            raise OneBotError(f"there is no action {name}")
+        self._action = Action(
+            session,
+            _ACTION,
+            f"{controller.name}/follow_joint_trajectory",
+            unanswered=f"{controller.name} does not answer: the joints may still move",
+        )
 
     def _on_log(self, message: Any) -> None:
         name = self._controller.name.strip("/").replace("/", ".")
@@ -189,37 +189,18 @@ class _Motion:
         Raises:
             OneBotError: the goal is not reached, or, if it has no tolerances, not in time.
         """
-        with self._session.interrupts.deferred() as interrupted:
-            handle = self._response(self._client.send_goal_async(goal))
-            if not handle.accepted:
+        with self._action.sent(goal) as sent:
+            if not sent.accepted:
                 raise self._failure(f"REJECTED by {self._controller.name}")
             if not goal.goal_tolerance:
                 self._target = goal.trajectory.points[-1].positions
                 self._controller.on_state = self._on_state
-            ended = handle.get_result_async()
-            try:
-                self._show_until(lambda: ended.done() or interrupted())
-            finally:  # the terminal may be closed
-                if not ended.done():
-                    self._response(handle.cancel_goal_async())
-            answer = self._response(ended)
-            self._conclude(answer.status, answer.result, interrupted())
+            answer = sent.result(self._show_until)
+            self._conclude(answer.status, answer.result, sent.interrupted())
 
-    def _response(self, future: Any) -> Any:
-        """Return the controller's answer."""
-        client = self._client
-        self._session.spin(lambda: future.done() or not client.server_is_ready(), _ANSWER)
-        if not future.done():
-            raise OneBotError(f"{self._controller.name} does not answer: the joints may still move")
-        return future.result()
-
-    def _show_until(self, ended: Callable[[], bool]) -> None:
-        """Print the progress once a second until ``ended()``, or the controller ends."""
+    def _show_until(self, over: Callable[[], bool]) -> None:
+        """Print the progress once a second."""
         began = self._time()
-
-        def over() -> bool:
-            return ended() or not self._client.server_is_ready()
-
         while not over():
             print(f"{self._time() - began:.1f} of {self._seconds:g} s: {self._at()}")
             self._session.spin(over, _PROGRESS)
