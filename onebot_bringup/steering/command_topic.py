@@ -7,19 +7,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
+from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES, velocity_message
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.ros.topic_subscription import RCLError
 
-_TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # its command topic is in its namespace
 _OBSERVERS = (  # nodes that subscribe to commands but are certainly not robots
@@ -50,14 +49,14 @@ def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:
     return [
         CommandSubscriber(node_name(end), end.topic_type)
         for end in node.get_subscriptions_info_by_topic(topic)
-        if end.topic_type in _TYPES
+        if end.topic_type in VELOCITY_TYPES
     ]
 
 
 def command_topics(node: Node) -> tuple[str, ...]:
     """Return all command topics."""
     topics = node.get_topic_names_and_types()
-    return tuple(sorted(name for name, kinds in topics if _TYPES.keys() & {*kinds}))
+    return tuple(sorted(name for name, kinds in topics if VELOCITY_TYPES.keys() & {*kinds}))
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ class CommandTopic:
         self._lock = threading.Lock()
         self._publisher: Any = None
         self.topic = topic
-        self.kind = "geometry_msgs/msg/Twist"
+        self.kind = TWIST
         self.subscribers: list[CommandSubscriber] = []  # the nodes that subscribe to the topic
         self.others: list[str] = []  # the other nodes that publish on the topic
         self._robot_lock = RobotLock(node, topic, locked)
@@ -152,7 +151,10 @@ class CommandTopic:
     def publish(self, velocity: Velocity) -> None:
         with self._lock:
             if self._publisher is not None:
-                self._publisher.publish(self._message(velocity))
+                message = velocity_message(
+                    self._node, self.kind, velocity.linear, velocity.lateral, velocity.angular
+                )
+                self._publisher.publish(message)
 
     @property
     def locked(self) -> bool:
@@ -202,7 +204,7 @@ class CommandTopic:
     def _create_publisher(self) -> None:
         # If the last publisher, of the other type, still exists, the next update tries again.
         with suppress(RCLError):
-            publisher = self._node.create_publisher(_TYPES[self.kind], self.topic, _DEPTH)
+            publisher = self._node.create_publisher(VELOCITY_TYPES[self.kind], self.topic, _DEPTH)
             with self._lock:
                 self._publisher = publisher
 
@@ -214,12 +216,3 @@ class CommandTopic:
         with self._lock:
             self._publisher = None
         self._node.destroy_publisher(publisher)
-
-    def _message(self, velocity: Velocity) -> Any:
-        message = twist = _TYPES[self.kind]()
-        if isinstance(message, TwistStamped):
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            twist = message.twist
-        twist.linear.x, twist.linear.y = velocity.linear, velocity.lateral
-        twist.angular.z = velocity.angular
-        return message

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import Twist, TwistStamped, Vector3
+from geometry_msgs.msg import Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
+from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES
 from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
@@ -30,8 +31,6 @@ from onebot_description.timing.throttled import Throttled, Warn
 from onebot_description.timing.wake_detector import boot_time
 
 _QOS = QoSProfile(depth=DEPTH)
-_TWIST = "geometry_msgs/msg/Twist"
-_TYPES = {_TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
 _JOINTS = "controller_manager/cmd_vel"  # its lock is that of joints, also of a robot that drives
 _STEERED = "drive"  # the topic of AckermannDriveStamped, as of F1TENTH's cars
 _USUAL = "cmd_vel"  # tutorials publish commands there
@@ -126,13 +125,13 @@ class CommandSubscription:
         self._usual = node.resolve_topic_name(_USUAL)
         self._unreceived = Lasting(_SETTLED)
         self._check = StampCheck.from_topic(node, topic)
-        self._wanted = _TWIST
+        self._wanted = TWIST
         self._sender, self._age = SenderClock(), Age(0.0, 0.0)
         self._subscription = TopicSubscription(
             node,
             topic,
             self._on_message,
-            _TYPES.__getitem__,
+            VELOCITY_TYPES.__getitem__,
             raw=False,
             delivered=self._on_delivery,
         )
@@ -150,7 +149,7 @@ class CommandSubscription:
         """
         self._look_for_unreceived()
         published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
-        self._wanted = choose_type(published & _TYPES.keys(), self._wanted) or self._wanted
+        self._wanted = choose_type(published & VELOCITY_TYPES.keys(), self._wanted) or self._wanted
         self._subscription.update(self._wanted, _QOS)
         if ignored := sorted(published - {self._wanted}):
             text = f"{self._name} is also published as {', '.join(ignored)}, which is ignored"
@@ -162,7 +161,7 @@ class CommandSubscription:
         Raises:
             OneBotError: another node of this context uses the present type.
         """
-        if topic != self._topic or kind not in _TYPES:
+        if topic != self._topic or kind not in VELOCITY_TYPES:
             return
         try:
             for _ in range(2):  # a change takes two calls; nothing holds the first subscription
@@ -185,7 +184,7 @@ class CommandSubscription:
 
     def _on_message(self, kind: str, message: Any) -> None:
         twist, stamp = message, None
-        if kind != _TWIST:
+        if kind != TWIST:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
         fault = _not_finite(linear=twist.linear, angular=twist.angular)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, LaserScan
@@ -14,6 +13,7 @@ from std_msgs.msg import Bool
 
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.navigation.grid import Scan, is_level
+from onebot_control.nodes.velocity_messages import VELOCITY_TYPES, twist_of, velocity_message
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
@@ -227,7 +227,7 @@ class Commands:
         """Prepare; ``overruled`` is called with a sentence when others command the robot."""
         self._node, self._overruled = node, overruled
         self._topic = node.resolve_topic_name(COMMAND_TOPIC)
-        self._kind: Any = None
+        self._kind: str | None = None
         self._sent = deque[tuple[float, ...]](maxlen=_KEPT)
 
     def subscribers(self) -> list[Any]:
@@ -243,32 +243,27 @@ class Commands:
         if self._kind is not None:
             return
         types = {end.topic_type for end in self.subscribers()}
-        kinds = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
-        known = [kind for name, kind in kinds.items() if name in types]
+        known = [kind for kind in VELOCITY_TYPES if kind in types]
         if not known:
             raise OneBotError(f"no robot subscribes to {self._topic}")
         self._kind = known[0]
-        self._publisher = self._node.create_publisher(self._kind, self._topic, DEPTH)
-        self._node.create_subscription(self._kind, self._topic, self._on_command, DEPTH)
+        message_class = VELOCITY_TYPES[self._kind]
+        self._publisher = self._node.create_publisher(message_class, self._topic, DEPTH)
+        self._node.create_subscription(message_class, self._topic, self._on_command, DEPTH)
 
     def publish(self, command: Triple) -> None:
         """Publish a velocity forward and to the left, m/s, and to the left, rad/s."""
         if self._kind is None:
             return
-        message = self._kind()
-        twist = message
-        if self._kind is TwistStamped:
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            twist = message.twist
-        twist.linear.x, twist.linear.y, twist.angular.z = map(float, command)
-        self._sent.append(_values(twist))
+        message = velocity_message(self._node, self._kind, *command)
+        self._sent.append(_values(message))
         self._publisher.publish(message)
 
     def _on_command(self, message: Any) -> None:
-        twist = message.twist if self._kind is TwistStamped else message
-        if _values(twist) not in self._sent:
+        if _values(message) not in self._sent:
             self._overruled("somebody else drives")
 
 
-def _values(twist: Twist) -> tuple[float, ...]:
+def _values(message: Any) -> tuple[float, ...]:
+    twist = twist_of(message)
     return twist.linear.x, twist.linear.y, twist.angular.z

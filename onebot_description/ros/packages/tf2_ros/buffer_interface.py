@@ -62,11 +62,13 @@ class BufferInterface:
             TypeException: no package has registered the type.
             TransformException: there is no such transform.
         """
-        do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
-        transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
-        result = do_transform(object_stamped, transform)
-        return result if new_type is None else convert(result, new_type)
+        return self._transformed(
+            object_stamped,
+            lambda header: self.lookup_transform(
+                target_frame, header.frame_id, header.stamp, timeout
+            ),
+            new_type,
+        )
 
     def transform_full(
         self,
@@ -81,12 +83,19 @@ class BufferInterface:
 
         ``fixed_frame`` does not move between the two times; see ``transform``.
         """
-        do_transform = self.registration.get(type(object_stamped))
-        header = object_stamped.header
-        transform = self.lookup_transform_full(
-            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+        return self._transformed(
+            object_stamped,
+            lambda header: self.lookup_transform_full(
+                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
+            ),
+            new_type,
         )
-        result = do_transform(object_stamped, transform)
+
+    def _transformed(
+        self, object_stamped: Any, lookup: Callable[[Header], TransformStamped], new_type: Any
+    ) -> Any:
+        do_transform = self.registration.get(type(object_stamped))
+        result = do_transform(object_stamped, lookup(object_stamped.header))
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(
