@@ -1,4 +1,4 @@
-"""Odometry and motion accuracy of simulated robots, for onebot_control's README.
+"""Odometry and motion accuracy of simulated robots, for onebot_control/docs/accuracy.md.
 
 ``python -m tests.accuracy`` drives OneBot along the paths and writes the first table; with files of
 robots it drives each 2 m and once round, and writes the second one.
@@ -244,7 +244,7 @@ def _robot(file: str, paths: Sequence[DrivenPath]) -> tuple[str, ...]:
 
 
 def main(files: Sequence[str]) -> int:
-    """Write a table to the README; return 1 if a goal is missed, and print which."""
+    """Write a table to its document; return 1 if a goal is missed, and print which."""
     failures: list[str] = []
     if files:
         name, text = "accuracy of robots", robots_table(files)
@@ -252,7 +252,7 @@ def main(files: Sequence[str]) -> int:
         onebot = load_description(ONEBOT)
         results, drift = measure(onebot, PATHS), rest_drift(onebot)
         name, text, failures = "accuracy", table(results, drift), missed(results, drift)
-    readme = CHECKOUT / "onebot_control" / "README.md"
+    readme = CHECKOUT / "onebot_control/docs/accuracy.md"
     marked = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
     readme.write_text(
         re.sub(marked, lambda mark: f"{mark[1]}{text}{mark[2]}", readme.read_text(), flags=re.S)

@@ -28,6 +28,11 @@ def blocks() -> list[str]:
     return re.findall(r"```sh\n(.*?)```", README.read_text(), re.DOTALL)
 
 
+def documents() -> list[Path]:
+    """Return the documentation of the packages: each README, and what it links to."""
+    return sorted([*CHECKOUT.glob("*_*/README.md"), *CHECKOUT.glob("*_*/docs/*.md")])
+
+
 def run(command: str, cwd: Path = CHECKOUT) -> int:
     """Run a command to its end; its exit code."""
     return subprocess.run(["bash", "-c", command], cwd=cwd).returncode

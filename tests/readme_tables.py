@@ -1,4 +1,4 @@
-"""Writes the tables of parameters and arguments in the READMEs: ``python -m tests.readme_tables``.
+"""Writes the tables of parameters and arguments in the documentation: ``python -m tests.readme_tables``.
 
 They are made from the declarations, which also give the nodes' descriptors, ``--help`` and
 ``--show-args``; a test compares them.
@@ -29,7 +29,7 @@ from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves, rows
 from onebot_description.ros.wire.interface_text import KINDS, definitions
 from onebot_description.state_parameters import StateParameters
-from tests.readme import CHECKOUT
+from tests.readme import CHECKOUT, documents
 
 PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "robot_state_publisher": (StateParameters,),
@@ -48,6 +48,7 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "bag_recorder": (RecorderParameters,),
 }
 ROOM = CHECKOUT / "onebot_description/ros/packages"
+_WITHOUT_EFFECT = "accepted, without effect"
 _ROBOTS_OWN = "the robot's"  # default of a file that each bringup has of its own
 
 
@@ -79,14 +80,24 @@ def _interfaces() -> str:
 
 
 def _parameters(*kinds: type) -> str:
-    """Return the table of a node; of a drive other than velocity_controller's, what differs."""
+    """Return the table of a node; of a drive other than velocity_controller's, what differs.
+
+    A sentence below it names the parameters that are accepted without effect.
+    """
     known = {} if ControlConfig in kinds else {leaf.name: leaf for leaf in leaves(ControlConfig)}
-    cells = (
-        (_names(row.names), row.type, _code(row.default), _plain(row.meaning))
+    shown = [
+        row
         for row in rows(*kinds)
         if not known.keys() >= {*row.names} or known[row.names[0]].default_text != row.default
+    ]
+    idle = [name for row in shown if _WITHOUT_EFFECT in row.meaning for name in row.names]
+    cells = (
+        (_names(row.names), row.type, _code(row.default), _plain(row.meaning))
+        for row in shown
+        if _WITHOUT_EFFECT not in row.meaning
     )
-    return _table(("Parameter", "Type", "Default", "Meaning"), cells)
+    table = _table(("Parameter", "Type", "Default", "Meaning"), cells)
+    return f"{table}\n\nAccepted, without effect: {_names(idle)}." if idle else table
 
 
 def _arguments(arguments: Iterable[Argument]) -> str:
@@ -132,7 +143,7 @@ def _table(head: tuple[str, ...], cells: Iterable[tuple[str, ...]]) -> str:
 
 
 def rewritten(text: str) -> str:
-    """Return a README with its tables made anew."""
+    """Return a document with its tables made anew."""
     for name, table in tables().items():
         marked = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
         text = re.sub(marked, lambda m, t=table: f"{m[1]}{t}\n{m[2]}", text, flags=re.DOTALL)
@@ -140,8 +151,8 @@ def rewritten(text: str) -> str:
 
 
 def readmes() -> Iterator[tuple[str, str]]:
-    """Yield the path of each README, in the checkout, and its text."""
-    for file in sorted(CHECKOUT.glob("*_*/README.md")):
+    """Yield the path of each document, in the checkout, and its text."""
+    for file in documents():
         yield str(file.relative_to(CHECKOUT)), file.read_text()
 
 

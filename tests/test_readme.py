@@ -27,7 +27,7 @@ TEXTS = {
     str(file.relative_to(CHECKOUT)): file.read_text()
     for file in (
         readme.README,
-        *sorted(CHECKOUT.glob("*_*/README.md")),
+        *readme.documents(),
         CHECKOUT / "tests/benchmarks/README.md",
     )
 }

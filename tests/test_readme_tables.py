@@ -28,6 +28,7 @@ from tests.readme import CHECKOUT
 from tests.ros_support import LATCHED, NodeProcess, Peer
 from tests.support import wait_for
 
+TEXTS = dict(readme_tables.readmes())
 ONEBOT = load_description(CHECKOUT / "onebot_description/urdf/onebot.urdf.xacro").urdf
 
 # What every ROS node has.
@@ -37,7 +38,7 @@ COMMON_SERVICES = re.compile(r".*/(\w*_parameters?\w*|get_type_description)")
 
 @dataclass(frozen=True)
 class Documented:
-    """A node as its package's README describes it, and how to start it."""
+    """A node as its package's documentation describes it, and how to start it."""
 
     module: str
     # Parameters with which it has all there is to have; "TMP" in a text is the test's folder.
@@ -45,7 +46,7 @@ class Documented:
     argument: str = ""
     description: str = ""  # on the topic robot_description
     topics: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of entries in words
-    others: tuple[str, ...] = ()  # nodes of the same process, of which there are only services
+    others: tuple[str, ...] = ()  # nodes of the same process, which have only services
 
     @property
     def name(self) -> str:
@@ -53,9 +54,7 @@ class Documented:
 
     def table(self, heading: str) -> list[list[str]]:
         """The cells of the table below this heading; none if there is no such heading."""
-        file = CHECKOUT / self.module.partition(".")[0] / "README.md"
-        node = _section(file.read_text(), f"## {self.name}")
-        assert node, f"{file} has no section {self.name}"
+        [node] = filter(None, (_section(text, f"## {self.name}") for text in TEXTS.values()))
         return _rows(_section(node, f"### {heading}"))
 
     def documented(self, heading: str) -> dict[str, list[str]]:
@@ -176,7 +175,7 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
         _check_topics(node, peer.node)
         for other in node.others:
             wait_for(lambda name=other: name in peer.node.get_node_names(), other)
-            documented = node.documented(f"Services of the node `{other}`")
+            documented = Documented(other).documented("Services")
             ask = partial(_live, peer.node.get_service_names_and_types_by_node, other)
             live = _settled(ask, set(documented))
             assert live == {name: [cells[0]] for name, cells in documented.items()}
@@ -185,7 +184,7 @@ def test_all_there_is(node: Documented, peer: Peer, tmp_path: Path) -> None:
 def test_declarations() -> None:
     """Parameters, arguments and commands: python -m tests.readme_tables writes them."""
     marks: list[str] = []
-    for path, text in readme_tables.readmes():
+    for path, text in TEXTS.items():
         marks += re.findall(r"<!-- ([^\n]*) -->\n.*?<!-- /\1 -->", text, re.DOTALL)
         assert readme_tables.rewritten(text) == text, path
     made = [mark for mark in marks if not mark.startswith("accuracy")]  # those are measured
@@ -254,7 +253,7 @@ def _check_qos(documented: str, node: str, ends: Any) -> None:
 
 def test_displays() -> None:
     """Every display is in its table, with its message types, and no other."""
-    text = (CHECKOUT / "onebot_bringup/README.md").read_text()
+    text = TEXTS["onebot_bringup/docs/viewer.md"]
     rows = _rows(_section(text, "### Displays"))
     types = {name: cells[0] for entry, *cells in rows for name in _names(entry)}
     assert set(types) == {drawing.key for drawing in MESSAGE_DRAWINGS}

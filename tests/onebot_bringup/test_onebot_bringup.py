@@ -185,7 +185,7 @@ def test_steer_serves_the_page_with_the_view(peer):
 
 def test_the_recipe_for_a_localizer(ros_domain):
     """As the README has it: Nav2's topics, and with a node that publishes map -> odom one tree."""
-    readme = (CHECKOUT / "onebot_control/README.md").read_text()
+    readme = (CHECKOUT / "onebot_control/docs/navigation.md").read_text()
     [words] = re.findall(r"^onebot_bringup (.* nav2_topics:=true)$", readme, re.MULTILINE)
     arguments = [word for word in words.split() if word != "steer:=true"]
     with NodeProcess(MODULE, "viewer:=none", *arguments), Peer(ros_domain, "amcl") as amcl:

@@ -282,9 +282,8 @@ def test_a_file_gives_sensors_to_a_robot_that_lacks_them(tmp_path):
 
 
 def test_the_block_in_the_readme_is_read_without_a_warning(tmp_path):
-    text = (Path(__file__).parents[2] / "onebot_control/README.md").read_text()
-    section = text.partition("## Sensors")[2]
-    (tmp_path / "own.urdf").write_text(section.partition("```xml\n")[2].partition("```")[0])
+    text = (Path(__file__).parents[2] / "onebot_control/docs/sensors.md").read_text()
+    (tmp_path / "own.urdf").write_text(text.partition("```xml\n")[2].partition("```")[0])
     robot = parse_description('<robot name="r"><link name="base_scan"/></robot>')
     (sensor,) = (found := load_sensors(tmp_path / "own.urdf", robot)).sensors
     assert (
