@@ -1,4 +1,4 @@
-"""Writes the tables of parameters and arguments in the documentation: ``python -m tests.readme_tables``.
+"""Writes the tables of parameters and arguments: ``python -m tests.readme_tables``.
 
 They are made from the declarations, which also give the nodes' descriptors, ``--help`` and
 ``--show-args``; a test compares them.
