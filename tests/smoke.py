@@ -1,14 +1,16 @@
-"""Both robots come up and are recorded, OneBot is drawn: the smoke test of one environment.
+"""Both robots come up and are recorded, OneBot is drawn, and the README's test of a node passes.
 
-``python tests/smoke.py FOLDER`` runs the commands of its own environment, in FOLDER.
+``python tests/smoke.py FOLDER`` runs the commands of its own environment, in FOLDER: the wheel and
+pytest are in it, as in the workflow that the README shows.
 """
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
-from readme import CHECKOUT, run_until_up
+from readme import CHECKOUT, README, run_until_up
 
 from onebot_description.ros.domains import claimed_domain
 
@@ -26,6 +28,7 @@ def main() -> int:
         for name in ROBOTS:
             _bring_up(name, folder)
         _draw(folder)
+    _test_a_node(folder)
     return 0
 
 
@@ -53,6 +56,14 @@ def _draw(folder: Path) -> None:
             raise SystemExit(f"exit code {done.returncode}: {done.stderr}")
     elif done.returncode or not picture.read_bytes().startswith(_PNG):
         raise SystemExit(f"exit code {done.returncode}: {done.stderr}")
+
+
+def _test_a_node(folder: Path) -> None:
+    [code] = re.findall(
+        r"\*test_stopper\.py\*.*?```python\n(.*?)```", README.read_text(), re.DOTALL
+    )
+    (folder / "test_stopper.py").write_text(code)
+    subprocess.run([sys.executable, "-m", "pytest"], cwd=folder, timeout=600, check=True)
 
 
 if __name__ == "__main__":
