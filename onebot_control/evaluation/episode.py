@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import cloudpickle
 
 from onebot_control.evaluation.cases import Case
-from onebot_control.evaluation.rows import Outcome, packed_row, unpacked_row
+from onebot_control.evaluation.rows import Outcome, packed_row, text_of, unpacked_row
 from onebot_control.simulation import Simulation, observers
 from onebot_description.errors import OneBotError, printable
 
@@ -149,7 +149,7 @@ def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
 
 def _shown(error: BaseException) -> str:
     """Return an error as one line; a OneBotError by its text, as it is a sentence."""
-    text = " ".join(str(error).split())
+    text = " ".join(text_of(error).split())
     if not isinstance(error, OneBotError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return printable(text)

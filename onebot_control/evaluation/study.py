@@ -113,6 +113,8 @@ def evaluate(
     with ExitStack() as stack:
         stack.enter_context(sent_by_value(function))
         kept = journal and stack.enter_context(Journal(Path(journal), study, done))
+        if shown:
+            print(f"running {len(listed) - len(done)} episodes on {on} ...", file=sys.stderr)
         engine = _engine(on, work, workers and min(workers, len(listed)))
         facts |= engine.facts
         outcomes = stack.enter_context(closing(engine.run(pending, timeout)))

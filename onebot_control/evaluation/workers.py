@@ -34,6 +34,12 @@ class _Process(SpawnProcess):
     by value.
     """
 
+    @property
+    def exitcode(self) -> int | None:
+        """The exit code; never 0, with which pebble would wait for the episode that has exited."""
+        code = super().exitcode
+        return 1 if code == 0 else code
+
     @staticmethod
     def _Popen(process_obj: BaseProcess) -> Any:
         from onebot_description.ros.process_start import blas_variables

@@ -148,4 +148,7 @@ def test_ray_that_is_missing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.delitem(sys.modules, "onebot_control.evaluation.on_ray", raising=False)
     done = onebot("evaluate", "study.py", "--on", "ray")
     assert done.returncode == 1
-    assert done.stderr == "error: Ray is not installed: pip install 'onebot-robots[cluster]'\n"
+    assert done.stderr.splitlines() == [
+        "running 4 episodes on ray ...",
+        "error: Ray is not installed: pip install 'onebot-robots[cluster]'",
+    ]
