@@ -95,49 +95,13 @@ def read_control_files(
     controller: str,
     found: type[SimulationConfig] = ControlConfig,
 ) -> Parameters:
-    """Read the parameters of controller_manager, joint_state_broadcaster and a controller.
-
-    Args:
-        files: YAML files; later ones override earlier ones.
-        namespace: namespace of the nodes, such as "/".
-        controller: name of the controller's node, such as "velocity_controller"; controller_manager
-            for a robot that stands.
-        found: parameters of the robot's drive, unless the files name its type.
-
-    Returns:
-        The parameters; those of the broadcaster begin with ``joint_state_broadcaster.``.
+    """Return ``ControlFiles.parameters``; the arguments are those of ``ControlFiles``.
 
     Raises:
         ConfigError: values are wrong, or the robot has another kind of drive; it names file and
             line.
     """
-    control = _ControlFiles(files, namespace, found)
-    manager = control.manager()
-    drive = manager if controller == MANAGER else control.drive(controller)
-    broadcaster = control.section(
-        control.broadcaster, partial(unknown_parameters, BroadcasterConfig)
-    )
-    warnings = [*manager.warnings, *broadcaster.warnings]
-    declared = control.declared(controller)
-    drive.warnings += [warning for warning in warnings if warning not in drive.warnings]
-    # The controller's own section overrides the others.
-    for section, prefix in ((manager, ""), (broadcaster, f"{BROADCASTER}.")):
-        for name, value in section.values.items():
-            own_name = prefix + name
-            if own_name not in drive.values and is_parameter(declared, own_name):
-                drive.values[own_name] = value
-                drive.places[own_name] = section.places[name]
-    for name in [*drive.values]:
-        if not is_parameter(declared, name) and not is_of_every_node(name):
-            drive.drop(name)
-    return drive
-
-
-def declared_parameters(
-    files: Sequence[Path], namespace: str, controller: str, found: type[SimulationConfig]
-) -> type[SimulationConfig]:
-    """Return the dataclass of a drive's parameters: of the type in the files, or else ``found``."""
-    return _ControlFiles(files, namespace, found).declared(controller)
+    return ControlFiles(files, namespace, controller, found).parameters()
 
 
 class JointControllers(NamedTuple):
@@ -148,70 +112,6 @@ class JointControllers(NamedTuple):
     warnings: Sequence[str] = ()  # a line for each controller or parameter that is skipped
 
 
-def read_joint_controllers(
-    files: Sequence[Path], namespace: str, controller: str = MANAGER
-) -> JointControllers:
-    """Read the joint controllers that control files name, and that run here.
-
-    If there is none, there is one controller, joint_trajectory_controller.
-
-    Args:
-        files: YAML files; later ones override earlier ones.
-        namespace: namespace of the nodes, such as "/".
-        controller: as for ``read_control_files``.
-
-    Raises:
-        ConfigError: values are wrong; it names all in a section, with their lines.
-    """
-    control = _ControlFiles(files, namespace)
-    enforced = control.manager().values.get(_ENFORCED)
-    controllers, places, warnings = [], dict[str, str](), control.skipped(controller)
-    for name, kind in control.kinds.items():
-        section = control.section(name, kind.parameters.unknown)
-        warnings += section.warnings
-        places |= {f"{name}.{key}": place for key, place in section.places.items()}
-        if name in control.types:
-            places[name] = control.types[name][1]
-        if enforced is not None and kind is TrajectoryFollower:
-            section.values.setdefault(_ENFORCED, enforced)
-        if reason := kind.parameters.lacks(section.values):
-            warnings.append(control.skips(name, reason))
-            continue
-        with named(name, places):
-            described = JointController(kind, name, section.values)
-        interfaces = described.config.interfaces
-        if "position" in interfaces:
-            controllers.append(described)
-        else:
-            text = f"commands {listing(interfaces)}, which cannot be simulated yet"
-            warnings.append(control.skips(name, text))
-    default = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
-    return JointControllers(controllers or [default], places, warnings)
-
-
-def foreign_sections(
-    files: Sequence[Path], namespace: str, controller: str
-) -> dict[tuple[Path, str], str]:
-    """Return a warning for each section that is for none of the nodes, by file and section.
-
-    Args:
-        files: YAML files.
-        namespace: namespace of the nodes, such as "/".
-        controller: as for ``read_control_files``.
-    """
-    control = _ControlFiles(files, namespace)
-    names = {MANAGER, controller, control.broadcaster, *control.types, *control.kinds}
-    nodes = [f"{namespace.rstrip('/')}/{name}" for name in names]
-    warnings = {}
-    for file, section, parameters in control.sections():
-        if not any(section_matches(section, node) for node in nodes):
-            place = next(iter(parameters.places.values()), str(file))
-            text = f'section "{section}" is for none of the nodes, so it is skipped'
-            hint = did_you_mean(section, nodes, "nodes")
-            warnings[file, section] = f"{place}: {text}{hint}"
-    return warnings
-
-
 def unknown_by_node(
     controller: str,
     files: Sequence[Path] = (),
@@ -220,7 +120,7 @@ def unknown_by_node(
     """Return the nodes that control files are for, each with a check for unknown parameters.
 
     Args:
-        controller: as for ``read_control_files``.
+        controller: as for ``ControlFiles``.
         files: control files; the joint controllers that they name are included.
         robots: namespaces of the nodes, each with the description of its robot, if that is known.
 
@@ -230,7 +130,7 @@ def unknown_by_node(
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     drives = dict[str, Unknown]()
     for namespace, description in robots.items():
-        kinds.update(_ControlFiles(files, namespace).kinds)
+        kinds.update(ControlFiles(files, namespace).kinds)
         if controller != MANAGER:
             node = f"{namespace.rstrip('/')}/{controller}"
             drives[node] = partial(_unknown_of_drive, files, namespace, controller, description)
@@ -242,8 +142,8 @@ def unknown_by_node(
     }
 
 
-class _ControlFiles:
-    """Control files, and the controllers that they name, for one namespace.
+class ControlFiles:
+    """Control files, and the controllers that they name, for the nodes of one robot.
 
     Attributes:
         types: type, and file and line, of each controller, by its name; in the files' order.
@@ -255,9 +155,22 @@ class _ControlFiles:
         self,
         files: Sequence[Path],
         namespace: str,
+        controller: str = MANAGER,
         found: type[SimulationConfig] = ControlConfig,
     ) -> None:
-        self._found = found
+        """Read which controllers they name.
+
+        Args:
+            files: YAML files; later ones override earlier ones.
+            namespace: namespace of the nodes, such as "/".
+            controller: name of the drive's node, such as "velocity_controller"; controller_manager
+                for a robot that stands.
+            found: parameters of the robot's drive, unless the files name its type.
+
+        Raises:
+            ConfigError: a file is broken.
+        """
+        self._controller, self._found = controller, found
         self._texts = {file: read_text(file) for file in files}
         self._space = namespace.rstrip("/")
         manager = self._parameters(MANAGER)
@@ -266,7 +179,7 @@ class _ControlFiles:
             for name, value in manager.values.items()
             if name.endswith(_TYPE)
         }
-        for _, section, parameters in self.sections():
+        for _, section, parameters in self._sections():
             name, value = section.rpartition("/")[2], parameters.values.get("type")
             if value is not None and section_matches(section, f"{self._space}/{name}"):
                 self.types.setdefault(name, (str(value), parameters.places["type"]))
@@ -285,13 +198,92 @@ class _ControlFiles:
             if kind in JOINT_CONTROLLERS
         } or {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
 
-    def sections(self) -> Iterator[tuple[Path, str, Parameters]]:
+    @property
+    def declared(self) -> type[SimulationConfig]:
+        """The dataclass of the parameters of the robot's node."""
+        kind, _ = self.types.get(self._controller, ("", ""))
+        if self._controller == MANAGER or kind in DRIVES:
+            return DRIVES.get(kind, SimulationConfig)
+        return named_drive(self._parameters(self._controller).values) or self._found
+
+    def parameters(self) -> Parameters:
+        """Return the parameters of the robot's node, the simulation and the broadcaster.
+
+        Those of the broadcaster begin with ``joint_state_broadcaster.``.
+
+        Raises:
+            ConfigError: values are wrong, or the robot has another kind of drive; it names file and
+                line.
+        """
+        manager, declared = self._manager, self.declared
+        drive = manager if self._controller == MANAGER else self._drive()
+        broadcaster = self._section(
+            self.broadcaster, partial(unknown_parameters, BroadcasterConfig)
+        )
+        warnings = [*manager.warnings, *broadcaster.warnings]
+        drive.warnings += [warning for warning in warnings if warning not in drive.warnings]
+        # The controller's own section overrides the others.
+        for section, prefix in ((manager, ""), (broadcaster, f"{BROADCASTER}.")):
+            for name, value in section.values.items():
+                own_name = prefix + name
+                if own_name not in drive.values and is_parameter(declared, own_name):
+                    drive.values[own_name] = value
+                    drive.places[own_name] = section.places[name]
+        for name in [*drive.values]:
+            if not is_parameter(declared, name) and not is_of_every_node(name):
+                drive.drop(name)
+        return drive
+
+    def joint_controllers(self) -> JointControllers:
+        """Return the joint controllers that run here; the default one if the files name none.
+
+        Raises:
+            ConfigError: values are wrong; it names all in a section, with their lines.
+        """
+        enforced = self._manager.values.get(_ENFORCED)
+        controllers, places, warnings = [], dict[str, str](), self._skipped()
+        for name, kind in self.kinds.items():
+            section = self._section(name, kind.parameters.unknown)
+            warnings += section.warnings
+            places |= {f"{name}.{key}": place for key, place in section.places.items()}
+            if name in self.types:
+                places[name] = self.types[name][1]
+            if enforced is not None and kind is TrajectoryFollower:
+                section.values.setdefault(_ENFORCED, enforced)
+            if reason := kind.parameters.lacks(section.values):
+                warnings.append(self._skips(name, reason))
+                continue
+            with named(name, places):
+                described = JointController(kind, name, section.values)
+            interfaces = described.config.interfaces
+            if "position" in interfaces:
+                controllers.append(described)
+            else:
+                text = f"commands {listing(interfaces)}, which cannot be simulated yet"
+                warnings.append(self._skips(name, text))
+        default = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
+        return JointControllers(controllers or [default], places, warnings)
+
+    def foreign_sections(self) -> dict[tuple[Path, str], str]:
+        """Return a warning for each section for none of the nodes, by file and section."""
+        names = {MANAGER, self._controller, self.broadcaster, *self.types, *self.kinds}
+        nodes = [f"{self._space}/{name}" for name in names]
+        warnings = {}
+        for file, section, parameters in self._sections():
+            if not any(section_matches(section, node) for node in nodes):
+                place = next(iter(parameters.places.values()), str(file))
+                text = f'section "{section}" is for none of the nodes, so it is skipped'
+                hint = did_you_mean(section, nodes, "nodes")
+                warnings[file, section] = f"{place}: {text}{hint}"
+        return warnings
+
+    def _sections(self) -> Iterator[tuple[Path, str, Parameters]]:
         """Yield each section, with its file and its parameters."""
         for file, text in self._texts.items():
             for section, parameters in read_sections(text, str(file)).items():
                 yield file, section, parameters
 
-    def section(self, node: str, unknown: Unknown) -> Parameters:
+    def _section(self, node: str, unknown: Unknown) -> Parameters:
         """Return a node's parameters; unknown ones are dropped, with a warning for each."""
         parameters = self._parameters(node)
         parameters.drop("type")
@@ -301,43 +293,36 @@ class _ControlFiles:
             parameters.drop(problem.key)
         return parameters
 
-    def manager(self) -> Parameters:
-        """Return controller_manager's parameters, of which those that only it has are checked."""
-        manager = self.section(MANAGER, _unknown_of_manager)
+    @property
+    def _manager(self) -> Parameters:
+        """controller_manager's parameters, of which those that only it has are checked."""
+        manager = self._section(MANAGER, _unknown_of_manager)
         own_values = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
         read(ManagerConfig, own_values, manager.places)
         return manager
 
-    def drive(self, controller: str) -> Parameters:
-        """Return the parameters of the drive whose node is ``controller``."""
+    def _drive(self) -> Parameters:
+        """Return the parameters in the section of the robot's drive."""
         kinds = {kind for kind, _ in self.types.values()}
         for name, (kind, place) in self.types.items():
             if kind.partition("/")[0] in _OTHER_DRIVES and kinds.isdisjoint(DRIVES):
                 text = f"{kind} cannot be simulated yet, and as another drive the robot would move "
                 text += f"wrongly; those that can are {listing(DRIVES)}"
                 raise ConfigError([Problem(f"{name}{_TYPE}", text)], {f"{name}{_TYPE}": place})
-        if self.types.get(controller, (DEFAULT_DRIVE,))[0] not in DRIVES:
+        if self.types.get(self._controller, (DEFAULT_DRIVE,))[0] not in DRIVES:
             return Parameters()  # the section is another controller's
-        declared = self.declared(controller)
-        return self.section(controller, partial(unknown_parameters, declared))
+        return self._section(self._controller, partial(unknown_parameters, self.declared))
 
-    def declared(self, controller: str) -> type[SimulationConfig]:
-        """Return the dataclass of the parameters of the node ``controller``."""
-        kind, _ = self.types.get(controller, ("", ""))
-        if controller == MANAGER or kind in DRIVES:
-            return DRIVES.get(kind, SimulationConfig)
-        return named_drive(self._parameters(controller).values) or self._found
-
-    def skipped(self, controller: str) -> list[str]:
+    def _skipped(self) -> list[str]:
         """Return a warning for each controller whose type does not run here."""
-        used = {self.broadcaster: (BROADCASTER_TYPE,), controller: DRIVES}
+        used = {self.broadcaster: (BROADCASTER_TYPE,), self._controller: DRIVES}
         return [
-            self.skips(name, _reason(kind))
+            self._skips(name, _reason(kind))
             for name, (kind, _) in self.types.items()
             if kind not in JOINT_CONTROLLERS and kind not in used.get(name, ())
         ]
 
-    def skips(self, name: str, reason: str) -> str:
+    def _skips(self, name: str, reason: str) -> str:
         """Return the warning that a controller does not run, for this reason."""
         _, place = self.types.get(name, ("", ""))
         return ": ".join(filter(None, (place, name, f"{reason}, so it is skipped")))
@@ -387,4 +372,4 @@ def _unknown_of_drive(
 ) -> list[Problem]:
     """Return a problem for each name that the drive of a robot, as described, does not declare."""
     kind = DRIVES[found_drive(description)] if description and names else ControlConfig
-    return unknown_parameters(declared_parameters(files, namespace, controller, kind), names)
+    return unknown_parameters(ControlFiles(files, namespace, controller, kind).declared, names)

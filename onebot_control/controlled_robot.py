@@ -3,44 +3,20 @@
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.conventions import BROADCASTER, DEFAULT_JOINT_CONTROLLER
+from onebot_control.conventions import BROADCASTER
 from onebot_control.drive.drive import Drive, DriveState, NoDrive
-from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.joint_controllers import (
-    JointController,
-    named,
-)
-from onebot_control.physics import (
-    JointStates,
-    MassVelocity,
-    Pose,
-    RobotBody,
-    RobotSpawn,
-    Twist,
-)
-from onebot_control.physics.simulated_model import (
-    MimicJoint,
-    check_interfaces,
-    commandable,
-    independent,
-    simulated_model,
-    without_limits,
-)
-from onebot_control.simulation_parameters import (
-    INTERFACES,
-    BroadcasterConfig,
-    SimulationConfig,
-)
-from onebot_control.trajectories.following import JointFollower, Outcome, TrajectoryFollower
+from onebot_control.joint_controllers import JointController, named
+from onebot_control.physics import JointStates, MassVelocity, RobotBody, Twist
+from onebot_control.prepared_robot import PreparedRobot
+from onebot_control.simulation_parameters import INTERFACES, BroadcasterConfig, SimulationConfig
+from onebot_control.trajectories.following import JointFollower, Outcome
 from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
-from onebot_description.description import Description
-from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
-from onebot_description.geometry.poses import PlanarPose, scaled, total, yaw_of
+from onebot_description.errors import OneBotError, did_you_mean, unknown_names
+from onebot_description.geometry.poses import PlanarPose, Transform, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
 
 _DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
@@ -56,7 +32,7 @@ class Snapshot(NamedTuple):
 
     tick: int  # cycles done before this one
     joints: JointStates  # all joints that move, in the simulation's own time
-    pose: Pose  # true pose in the world
+    pose: Transform  # true pose of the root link in the world
     mass_velocity: MassVelocity  # true velocity, in the simulation's own time
     pace: float  # simulated seconds per second of the clock
     drive: DriveState | None  # None if it has no wheels to drive on
@@ -163,149 +139,11 @@ class CyclePace:
             self.value = total(cycles) / total(durations)
 
 
-DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
-"""The controller of joints that is used if the control file names none."""
-
-
-class PreparedRobot(NamedTuple):
-    """What to simulate and to control of a robot, before it enters a world."""
-
-    wheels: Wheels | None  # None: its base stands still
-    spawn: RobotSpawn
-    held: Mapping[str, float]  # positions of joints that do not move, by name
-    mimic_joints: Sequence[MimicJoint]  # joints that mimic wheels or casters
-    controllers: Sequence[JointController[Any]]  # the active ones, of its other joints
-    controlled: Mapping[str, Sequence[str]]  # joints of each controller, by the controller's name
-    ignored: Sequence[Problem]  # controllers that are inactive, and parameters without effect
-
-    @classmethod
-    def from_description(
-        cls,
-        description: Description,
-        config: SimulationConfig,
-        name: str = "",
-        controllers: Sequence[JointController[Any]] = (),
-    ) -> "PreparedRobot":
-        """Prepare a robot for a world.
-
-        Args:
-            description: the robot.
-            config: its parameters.
-            name: prefix of error messages.
-            controllers: controllers of joints other than wheels; none for the default controller.
-
-        Raises:
-            OneBotError: config and description do not suit each other.
-        """
-        description = independent(description)
-        wheels = None
-        if config.drive is not None:
-            wheels = config.drive.wheels(description)
-            config.drive.fitted(wheels)
-        candidates = controllers or [DEFAULT_CONTROLLER]
-        joints = {
-            controller.name: joints_of(controller, description, wheels) for controller in candidates
-        }
-        candidates = [controller for controller in candidates if joints[controller.name]]
-        inactive = _inactive(description, wheels, candidates, joints)
-        names = {problem.key for problem in inactive}
-        controllers = [controller for controller in candidates if controller.name not in names]
-        controlled = {controller.name: joints[controller.name] for controller in controllers}
-        commanded = tuple([joint for joints in controlled.values() for joint in joints])
-        check_interfaces(description, commanded, stands=wheels is None)
-        unlimited = [
-            controller.name
-            for controller in controllers
-            if not controller.config.enforce_command_limits
-        ]
-        free = {joint for name in unlimited for joint in controlled[name]}
-        description = without_limits(description, free)
-        commanded += tuple(wheels.steering) if wheels else ()
-        simulated, held, mimic_joints, gears, starts = simulated_model(
-            description, wheels, commanded, config.initial_positions
-        )
-        if name:
-            simulated = replace(simulated, source=f"{name}: {simulated.source}")
-        spawn = RobotSpawn(
-            simulated,
-            driven=wheels.names if wheels else (),
-            x=config.x,
-            y=config.y,
-            yaw=config.yaw,
-            name=name,
-            commanded=commanded,
-            steering=wheels.steering if wheels else (),
-            gears=gears,
-            starts=starts,
-            fixed_base=wheels is None,
-            links=description.links,
-        )
-        ignored = [
-            Problem(f"{controller.name}.{problem.key}", problem.text)
-            for controller in controllers
-            for problem in controller.config.ignored(controlled[controller.name])
-        ]
-        return cls(
-            wheels=wheels,
-            spawn=spawn,
-            held=held,
-            mimic_joints=mimic_joints,
-            controllers=controllers,
-            controlled=controlled,
-            ignored=[*inactive, *ignored],
-        )
-
-
-def joints_of(
-    controller: JointController[Any], description: Description, wheels: Wheels | None
-) -> Sequence[str]:
-    """Return the joints that a controller commands: those it names, or all commandable ones."""
-    return controller.config.joint_names or commandable(description, wheels)
-
-
-def _inactive(
-    description: Description,
-    wheels: Wheels | None,
-    controllers: Sequence[JointController[Any]],
-    joints: Mapping[str, Sequence[str]],
-) -> list[Problem]:
-    """Return why controllers are inactive: the robot has none of their joints, or others move them.
-
-    Raises:
-        ConfigError: only some joints of a controller move, or it is the only one and none moves.
-    """
-    owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
-    moving = [joint.name for joint in description.moving_joints]
-    inactive, problems = list[Problem](), list[Problem]()
-    for controller in controllers:
-        names = joints[controller.name]
-        missing = [
-            Problem(
-                f"{controller.name}.{controller.config.joints_parameter}",
-                f'joint "{joint}" does not move{hint}',
-            )
-            for joint, hint in unknown_names(names, moving)
-        ]
-        shared = [joint for joint in names if joint in owners]
-        if missing and (len(missing) < len(names) or len(controllers) == 1):
-            problems += missing
-        elif missing:
-            text = f"is inactive: no joint of the robot is {listing(names)}"
-            inactive.append(Problem(controller.name, text))
-        elif shared:
-            text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
-            inactive.append(Problem(controller.name, text))
-        else:
-            owners.update(dict.fromkeys(names, controller.name))
-    if problems:
-        raise ConfigError(problems)
-    return inactive
-
-
 class ControlledRobot:
     """A simulated robot with its controllers.
 
     Attributes:
+        description: the robot as read, before it was prepared.
         config: the parameters in force.
         drive: drives it on its wheels; None if its base stands still.
         pace: the pace of its cycles.
@@ -318,38 +156,27 @@ class ControlledRobot:
         period: duration of a control cycle, s.
     """
 
-    def __init__(
-        self,
-        prepared: PreparedRobot,
-        description: Description,
-        config: SimulationConfig,
-        body: RobotBody,
-    ) -> None:
+    def __init__(self, prepared: PreparedRobot, body: RobotBody) -> None:
         """Start at rest where the body is, with odometry at zero.
 
         Args:
             prepared: the robot, prepared for its world.
-            description: the robot as read, before it was prepared.
-            config: its parameters.
             body: the simulated robot.
 
         Raises:
             OneBotError: see ``fitted``.
         """
-        self._wheels, self.body, self.held = prepared.wheels, body, prepared.held
+        self._prepared, self.body, self.held = prepared, body, prepared.held
         self.joints = (*body.joints, *(mimic_joint.name for mimic_joint in prepared.mimic_joints))
         self._mimic_joints = [
             (self.joints.index(mimic_joint.mimic.joint), mimic_joint)
             for mimic_joint in prepared.mimic_joints
         ]
-        self.description, self._starts = description, prepared.spawn.starts
-        self.joint_controllers = {
-            controller.name: controller for controller in prepared.controllers
-        }
-        self._controlled = prepared.controlled
+        self.description, self._starts = prepared.member.description, prepared.spawn.starts
+        self.joint_controllers = {**prepared.controllers}
         self.followers: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []
-        self.start(config)
+        self.start(prepared.member.config)
 
     def start(self, config: SimulationConfig) -> None:
         """Start again with these parameters, at rest, with odometry and time at zero.
@@ -358,8 +185,8 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         self.drive: Drive | None = None
-        if self._wheels and config.drive:
-            self.drive = Drive(self._wheels, self.body.joints, config.drive)
+        if self._prepared.wheels and config.drive:
+            self.drive = Drive(self._prepared.wheels, self.body.joints, config.drive)
         self._base = self.drive or NoDrive()
         self.broadcaster, self.pace = self.fitted(config), CyclePace(_WINDOW)
         self._use(config)
@@ -386,7 +213,7 @@ class ControlledRobot:
         moving = {joint.name: joint for joint in self.description.moving_joints}
         interfaces = self.description.interfaces
         joints = []
-        for name in self._controlled[controller.name]:
+        for name in self._prepared.controlled[controller.name]:
             joint = FollowedJoint(name, moving[name].kind == "continuous", *moving[name].range)
             limits = interfaces[name].limits if name in interfaces else {}
             joints.append(joint.within(*limits["position"]) if "position" in limits else joint)
@@ -482,6 +309,11 @@ class ControlledRobot:
         """Hold the joints of controllers at their start positions; goals end."""
         for name, follower in self.followers.items():
             self.finish(name, [follower.reset([self._starts[joint] for joint in follower.names])])
+
+    def stop(self, text: str) -> None:
+        """Brake, and hold the joints, with ``text`` as the reason for which goals end."""
+        self.accept(0.0, 0.0)
+        self.hold_joints(text)
 
     def hold_joints(self, text: str) -> None:
         """Abort the goals of all controllers with ``text`` as the reason, and hold their joints."""

@@ -1,8 +1,9 @@
 """Runs robots in one world, each with its controller, one control cycle at a time. No ROS here.
 
 Example:
-    >>> from onebot_control.fleet import Fleet, Member
+    >>> from onebot_control.fleet import Fleet
     >>> from onebot_control.drive_kinds import ControlConfig
+    >>> from onebot_control.prepared_robot import Member
     >>> from onebot_description.description import load_description
     >>> description = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
     >>> config = ControlConfig.from_parameters({"cmd_vel_timeout": 0.5})
@@ -13,39 +14,23 @@ Example:
     0
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Any, NamedTuple
 
-from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
-from onebot_control.joint_controllers import JointController
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
 from onebot_control.physics.engine import logger
+from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import ConfigError
 from onebot_description.timing import NS_PER_S
 
 # Solver iterations for robots whose linkage fingers must move as one, and for standing arms: with
 # 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it is exact;
 # an arm on a moving base would take three times as long.
 _ARM_ITERATIONS = 1000
-
-
-class Member(NamedTuple):
-    """One robot of a fleet: what it is and how it is controlled.
-
-    It starts at the x, y and yaw of its config.
-    """
-
-    description: Description
-    config: SimulationConfig  # if it has a drive, the drive's parameters, too
-    name: str = ""  # prefix of error messages; empty if there is no other robot
-    places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
-    controllers: Sequence[JointController[Any]] = ()  # controllers of joints that are no wheels
 
 
 class Fleet(AbstractContextManager["Fleet"]):
@@ -80,7 +65,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         prepared_robots = [_prepared(member) for member in members]
         spawns = [prepared.spawn for prepared in prepared_robots]
         world = World(spawns, _settings(members[0].config.update_rate, spawns), scene)
-        return cls([*map(_controlled, members, prepared_robots, world.robots)], world)
+        return cls([*map(_controlled, prepared_robots, world.robots)], world)
 
     @property
     def rate(self) -> float:
@@ -187,7 +172,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         spawns = [robot.body.spawn for robot in self.robots]
         spawns[row] = here
         world = self.world.replaced(row, here, _settings(self.rate, spawns))
-        robot = _controlled(member, prepared, world.robots[row])
+        robot = _controlled(prepared, world.robots[row])
         robot.continue_from(old)
         self.world.close()
         self.world, self.robots[row] = world, robot
@@ -202,31 +187,6 @@ class Fleet(AbstractContextManager["Fleet"]):
         self.close()
 
 
-class Divider:
-    """Picks evenly spaced control cycles, so that something happens ``rate`` times a second."""
-
-    def __init__(self, rate: float, cycles: float) -> None:
-        """Pick the first cycle.
-
-        Args:
-            rate: cycles to pick per second, Hz; above ``cycles``, every cycle is picked.
-            cycles: control cycles per second, Hz.
-        """
-        self._share = rate / cycles
-        self.restart()
-
-    def restart(self) -> None:
-        """Pick the next cycle."""
-        self._phase = 1.0
-
-    def due(self) -> bool:
-        """Return whether this cycle is picked; call it once per cycle."""
-        # The threshold is just below 1, so that rounding errors of the sum drop no cycle.
-        picked = self._phase >= 1.0 - 1e-9
-        self._phase += self._share - (1.0 if picked else 0.0)
-        return picked
-
-
 def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> PhysicsSettings:
     """Return the physics for cycles at ``rate``, Hz, with the iterations that the robots need."""
     settings = PhysicsSettings().fitted(rate)
@@ -236,10 +196,8 @@ def _settings(rate: float, spawns: Sequence[RobotSpawn]) -> PhysicsSettings:
 
 
 def _prepared(member: Member) -> PreparedRobot:
-    with located(member):
-        prepared = PreparedRobot.from_description(
-            member.description, member.config, member.name, member.controllers
-        )
+    with member.located():
+        prepared = PreparedRobot(member)
     for problem in prepared.ignored:
         logger.warning(problem.message(member.places))
     return prepared
@@ -255,18 +213,6 @@ def _check_rates(members: Sequence[Member]) -> None:
             raise OneBotError(f"{text}; it is the same for all robots of a world")
 
 
-def _controlled(member: Member, prepared: PreparedRobot, body: RobotBody) -> ControlledRobot:
-    with located(member):
-        return ControlledRobot(prepared, member.description, member.config, body)
-
-
-@contextmanager
-def located(member: Member) -> Iterator[None]:
-    """Add the robot's name, and the file and line of its parameters, to errors raised inside."""
-    try:
-        yield
-    except OneBotError as error:
-        placed = error.located(member.places) if isinstance(error, ConfigError) else error
-        if not member.name:
-            raise placed from None
-        raise OneBotError(f"{member.name}: {placed}") from None
+def _controlled(prepared: PreparedRobot, body: RobotBody) -> ControlledRobot:
+    with prepared.member.located():
+        return ControlledRobot(prepared, body)

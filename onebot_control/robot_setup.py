@@ -12,8 +12,8 @@ from onebot_control.control_files import default_control_file, read_control_file
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, standing, suited
-from onebot_control.fleet import Member
 from onebot_control.joint_controllers import named
+from onebot_control.prepared_robot import Member
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description, load_description
 from onebot_description.description.loading import XacroValues, load_world

@@ -18,7 +18,7 @@ from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model.robot_model import RobotModel
 
 if TYPE_CHECKING:  # what imports scipy is imported by the first goal
-    from onebot_control.navigation.grid import Scan
+    from onebot_control.navigation.grid import LevelScan
     from onebot_control.navigation.navigator import Navigator
 
 _FEWEST_RAYS = 30  # of a lidar that can map
@@ -165,13 +165,13 @@ class SimulatedNavigation:
         linear, lateral, angular = state.twist
         return PlanarPose(*state.odometry), (linear, lateral, angular)
 
-    def _scan(self) -> "Scan":
-        from onebot_control.navigation.grid import Scan
+    def _scan(self) -> "LevelScan":
+        from onebot_control.navigation.grid import LevelScan
 
         fan = self._lidar.model.horizontal
         ranges: Any = self._lidar.measure(self._core.sensed(), {"scan"})["scan"]
         step = (fan.greatest - fan.least) / (fan.samples - 1)
-        return Scan.mounted(ranges, fan.least, step, self._lidar.model.greatest, self._mount)
+        return LevelScan.mounted(ranges, fan.least, step, self._lidar.model.greatest, self._mount)
 
     def _step(self) -> None:
         """Take measurements after a control cycle, and command the next ones."""

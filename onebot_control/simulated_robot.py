@@ -315,7 +315,7 @@ class SimulatedRobot:
     @property
     def odometry(self) -> OdometryReading:
         """Pose and velocity by the wheels' odometry."""
-        (x, y, yaw), covariances, (linear, lateral, angular), _ = self._drive.state(
+        (x, y, yaw), covariances, (linear, lateral, angular), *_ = self._drive.state(
             self._controlled.pace.value
         )
         xx, xy, yy, xt, yt, tt = covariances

@@ -10,8 +10,9 @@ from typing import Any
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive_kinds import ControlConfig, standing
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet
 from onebot_control.physics.contacts import Contact
+from onebot_control.prepared_robot import Member
 from onebot_control.recording import Moment, MomentLog
 from onebot_control.sensing.instrument import Frame, Instrument, SensedWorld
 from onebot_control.sensing.rays import Rays, cast

@@ -161,7 +161,7 @@ class Ground:
         pose = self._pose(
             frame,
             grid.message.header.frame_id,
-            ((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)),
+            Transform((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)),
         )
         size = {"width": info.width * info.resolution, "height": info.height * info.resolution}
         return {"version": grid.version, **pose, **size} if pose is not None else None

@@ -54,6 +54,7 @@ class DriveState(NamedTuple):
     covariance: PoseCovariance  # covariance of that pose
     twist: PlanarTwist  # velocity by the wheels
     command: DriveCommand
+    origin: PlanarPose  # the odometry's frame in the world, as long as the wheels do not slip
 
 
 class Drive:
@@ -246,7 +247,7 @@ class Drive:
         odometry, twist = self.odometry, self.odometry.twist
         if pace != 1.0:
             twist = PlanarTwist(*[component * pace for component in twist])
-        return DriveState(odometry.pose, odometry.covariance, twist, self.command)
+        return DriveState(odometry.pose, odometry.covariance, twist, self.command, self.origin)
 
     def _limited(self, dt: float) -> Triple:
         # A timed-out command becomes a zero reference, ramped down by the limiters.

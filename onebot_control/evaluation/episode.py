@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import cloudpickle
 
 from onebot_control.evaluation.cases import Case
-from onebot_control.evaluation.rows import Outcome, packed_row, text_of, unpacked_row
+from onebot_control.evaluation.rows import EpisodeOutcome, packed_row, text_of, unpacked_row
 from onebot_control.simulation import Simulation, observers
 from onebot_description.errors import OneBotError, printable
 
@@ -111,16 +111,16 @@ def unpacked(packed: bytes) -> Work:
     return work
 
 
-def run_packed(packed: bytes, case: bytes) -> Outcome:
+def run_packed(packed: bytes, case: bytes) -> EpisodeOutcome:
     """Run the episode of a packed case by packed work."""
     try:
         work, values = unpacked(packed), cloudpickle.loads(case)
     except Exception as error:  # what it is made of raises that here
-        return Outcome(b"", _shown(error))
+        return EpisodeOutcome(b"", _shown(error))
     return run(work, values)
 
 
-def run(work: Work, case: Case) -> Outcome:
+def run(work: Work, case: Case) -> EpisodeOutcome:
     """Run the episode of a case; what it raises is an outcome, too."""
     row, error = b"", None
     with _recorded(work.recorder is not None) as simulations:
@@ -136,7 +136,7 @@ def run(work: Work, case: Case) -> Outcome:
                 recordings = [_recording(work.recorder, each) for each in simulations]
             except Exception as failed:  # the outcome is more important
                 error = f"{error or ''} (its recording failed: {_shown(failed)})".strip()
-    return Outcome(row, error, recordings)
+    return EpisodeOutcome(row, error, recordings)
 
 
 def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:

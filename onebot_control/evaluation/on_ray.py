@@ -14,7 +14,7 @@ from ray.exceptions import RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from onebot_control.evaluation.episode import TookTooLong, run_packed, unpacked
-from onebot_control.evaluation.rows import Outcome, Outcomes, machine_facts
+from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_facts
 from onebot_control.evaluation.workers import DIED, prepare_worker, too_long
 from onebot_description.errors import OneBotError
 
@@ -72,7 +72,7 @@ class Cluster:
                     try:
                         yield number, ray.get(reference)
                     except RayError:
-                        yield number, Outcome(b"", DIED)
+                        yield number, EpisodeOutcome(b"", DIED)
         finally:
             for reference in running:
                 ray.cancel(reference, force=True)
@@ -128,7 +128,7 @@ def _sentence(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _run(packed: bytes, case: bytes, timeout: float) -> Outcome:
+def _run(packed: bytes, case: bytes, timeout: float) -> EpisodeOutcome:
     """Run an episode, in a process of Ray."""
     _prepare()
     unpacked(packed)  # imports are no part of an episode's time

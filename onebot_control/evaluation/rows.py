@@ -24,7 +24,7 @@ _JOURNAL = pa.schema([("case", pa.int64()), ("row", pa.binary()), (ERROR, pa.str
 _STUDY = b"study"
 
 
-class Outcome(NamedTuple):
+class EpisodeOutcome(NamedTuple):
     """What comes of an episode: what it returned, packed, or an error; and its recordings."""
 
     row: bytes
@@ -32,7 +32,7 @@ class Outcome(NamedTuple):
     recordings: Sequence[bytes] = ()
 
 
-Outcomes = Generator[tuple[int, Outcome], None, None]
+Outcomes = Generator[tuple[int, EpisodeOutcome], None, None]
 """The outcomes of cases by their numbers, as they come; it is closed to end the episodes."""
 
 
@@ -85,7 +85,7 @@ def _plain(value: Any) -> Any:
 
 
 def table_of(
-    cases: Sequence[Case], outcomes: Sequence[Outcome], facts: Mapping[str, Any]
+    cases: Sequence[Case], outcomes: Sequence[EpisodeOutcome], facts: Mapping[str, Any]
 ) -> pa.Table:
     """Return the table of a study: the columns of cases and returned mappings, then ``error``.
 
@@ -152,7 +152,7 @@ class Journal(AbstractContextManager["Journal"]):
     What a killed process has left can be read up to the last whole row.
     """
 
-    def __init__(self, path: Path, study: str, done: Mapping[int, Outcome]) -> None:
+    def __init__(self, path: Path, study: str, done: Mapping[int, EpisodeOutcome]) -> None:
         """Begin a journal with what is done already.
 
         Raises:
@@ -169,7 +169,7 @@ class Journal(AbstractContextManager["Journal"]):
         except OSError as error:
             raise OneBotError(f"{path} cannot be written: {error.strerror}") from None
 
-    def write(self, number: int, outcome: Outcome) -> None:
+    def write(self, number: int, outcome: EpisodeOutcome) -> None:
         """Add the outcome of a case.
 
         Raises:
@@ -188,13 +188,13 @@ class Journal(AbstractContextManager["Journal"]):
             self._file.close()
 
 
-def read_journal(path: Path, study: str) -> dict[int, Outcome]:
+def read_journal(path: Path, study: str) -> dict[int, EpisodeOutcome]:
     """Return the outcomes in a journal, by the number of the case.
 
     Raises:
         OneBotError: there is none, or it is of another study.
     """
-    done: dict[int, Outcome] = {}
+    done: dict[int, EpisodeOutcome] = {}
     try:
         with path.open("rb") as file, pa.ipc.open_stream(file) as reader:
             found = (reader.schema.metadata or {}).get(_STUDY, b"").decode()
@@ -204,7 +204,8 @@ def read_journal(path: Path, study: str) -> dict[int, Outcome]:
             with suppress(pa.ArrowException, OSError):  # the last row of a killed process
                 for batch in reader:
                     done |= {
-                        row["case"]: Outcome(row["row"], row[ERROR]) for row in batch.to_pylist()
+                        row["case"]: EpisodeOutcome(row["row"], row[ERROR])
+                        for row in batch.to_pylist()
                     }
     except FileNotFoundError:
         raise OneBotError(f"there is no journal {path} to resume; leave out --resume") from None

@@ -18,7 +18,7 @@ from unittest.mock import patch
 from pebble import ProcessExpired, ProcessPool
 
 from onebot_control.evaluation.episode import run_packed, unpacked
-from onebot_control.evaluation.rows import Outcome, Outcomes, machine_facts
+from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_facts
 from onebot_description.errors import OneBotError
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
@@ -104,7 +104,7 @@ def _start(packed: bytes) -> None:
         unpacked(packed)  # now, as imports are no part of an episode's time
 
 
-def _run(case: bytes) -> Outcome:
+def _run(case: bytes) -> EpisodeOutcome:
     return run_packed(_packed, case)
 
 
@@ -154,7 +154,7 @@ def _run_all(
     packed: bytes, cases: Iterator[tuple[int, bytes]], workers: int, timeout: float
 ) -> Outcomes:
     idle = [_pool(packed) for _ in range(workers)]
-    running: dict[Future[Outcome], tuple[ProcessPool, _Task]] = {}
+    running: dict[Future[EpisodeOutcome], tuple[ProcessPool, _Task]] = {}
     again, broken = deque[_Task](), 0
     try:
         while True:
@@ -181,7 +181,7 @@ def _run_all(
                     ran = isinstance(error, ProcessExpired)  # otherwise it died before the episode
                     broken += not ran
                     if ran and task.died:
-                        outcome = Outcome(b"", DIED)
+                        outcome = EpisodeOutcome(b"", DIED)
                     else:
                         again.append(task._replace(died=task.died or ran))
                 idle.append(pool)
@@ -208,9 +208,9 @@ def _next(cases: Iterator[tuple[int, bytes]]) -> _Task | None:
     return None if found is None else _Task(*found)
 
 
-def too_long(timeout: float) -> Outcome:
+def too_long(timeout: float) -> EpisodeOutcome:
     """Return the outcome of an episode that was ended."""
-    return Outcome(b"", f"it took longer than {timeout:g} s, and was ended")
+    return EpisodeOutcome(b"", f"it took longer than {timeout:g} s, and was ended")
 
 
 def _end(pools: list[ProcessPool]) -> None:

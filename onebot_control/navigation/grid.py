@@ -33,7 +33,7 @@ def is_level(mount: Floats) -> bool:
     return bool(abs(mount[2, 2]) > _LEVEL)
 
 
-class Scan(NamedTuple):
+class LevelScan(NamedTuple):
     """A scan in the frame of its lidar, which is mounted at ``mount`` in the robot's."""
 
     ranges: Singles  # (N,), m; infinite: nothing in range; NaN or minus infinity: not known
@@ -45,7 +45,7 @@ class Scan(NamedTuple):
     @classmethod
     def mounted(
         cls, ranges: Singles, least: float, step: float, reach: float, mount: Floats
-    ) -> "Scan":
+    ) -> "LevelScan":
         """Return a scan as its lidar counts: in either direction, upright or hanging.
 
         Args:
@@ -196,7 +196,7 @@ class GridMap:
         self.version += 1
         return True
 
-    def enter(self, scan: Scan, points: Floats, pose: PlanarPose) -> Window:
+    def enter(self, scan: LevelScan, points: Floats, pose: PlanarPose) -> Window:
         """Enter a scan, and return the part of the map that it may have changed.
 
         Args:
@@ -221,7 +221,7 @@ class GridMap:
         self._fill(cells, ends)
         return window
 
-    def _reach(self, scan: Scan) -> float:
+    def _reach(self, scan: LevelScan) -> float:
         """Return how far the scan clears, m: to the greatest range that was measured."""
         ranges = scan.ranges
         if np.isposinf(ranges).any():
@@ -230,7 +230,7 @@ class GridMap:
         return float(min(self.reach, known.max(initial=0.0)))
 
     def _clear(
-        self, scan: Scan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
+        self, scan: LevelScan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
     ) -> Window:
         """Clear the cells before the ends of the rays on both of their sides."""
         half = math.ceil(reach / self.resolution)

@@ -32,7 +32,7 @@ from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
-from onebot_control.navigation.grid import GridMap, Scan, Window, placed
+from onebot_control.navigation.grid import GridMap, LevelScan, Window, placed
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.scan_matching import Walls
 from onebot_control.occupancy_grid import OccupancyGrid
@@ -369,7 +369,7 @@ class Navigator:
         odometry: PlanarPose,
         speed: Triple,
         *,
-        scan: Scan | None = None,
+        scan: LevelScan | None = None,
         scan_time: float | None = None,
         turn: float | None = None,
     ) -> Triple:
@@ -414,7 +414,7 @@ class Navigator:
         most = _JUMP + 3.0 * self.vehicle.forward * max(0.0, time - since)
         return not math.hypot(odometry.x - last.x, odometry.y - last.y) < most
 
-    def _sense(self, scan: Scan, time: float) -> None:
+    def _sense(self, scan: LevelScan, time: float) -> None:
         points = scan.points
         away = np.hypot(*(points[:, None] - self._circles[0]).transpose(2, 0, 1))
         points = points[(away > self._circles[1] + _OWN).all(axis=1)]

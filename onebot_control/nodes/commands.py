@@ -4,16 +4,17 @@ import math
 import time
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any
 
-from geometry_msgs.msg import Vector3
+from geometry_msgs.msg import Twist, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
 from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES
-from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
+from onebot_control.runtime.control_loop import LoopSlot, VelocityCommand
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Triple
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
 from onebot_description.ros.node_graph import Lasting
 from onebot_description.ros.stamp_check import StampCheck
@@ -34,19 +35,9 @@ _QOS = QoSProfile(depth=DEPTH)
 _JOINTS = "controller_manager/cmd_vel"  # its lock is that of joints, also of a robot that drives
 _STEERED = "drive"  # the topic of AckermannDriveStamped, as of F1TENTH's cars
 _USUAL = "cmd_vel"  # tutorials publish commands there
+_LOCKED = "Current goal cancelled: the robot is locked."
 _LOCKED_EVERY = 60.0  # s between two warnings that a command is ignored because of the lock
 _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discovered
-
-
-class VelocityCommand(NamedTuple):
-    """A velocity command, as received."""
-
-    linear: float  # forward, m/s
-    lateral: float  # leftward, m/s
-    angular: float  # left turn, rad/s
-    stamp: int | None  # time in its header, ns; None for a Twist
-    age: Age  # time since it was sent
-    fault: str = ""  # names the numbers that are not finite
 
 
 class CommandLock:
@@ -110,14 +101,15 @@ class CommandSubscription:
     """The velocity commands, subscribed to as Twist or as TwistStamped, whichever is published."""
 
     def __init__(
-        self, node: Node, topic: str, received: Callable[[VelocityCommand], None], warn: Warn
+        self, node: Node, topic: str, received: Callable[[Twist, Age, int | None], None], warn: Warn
     ) -> None:
         """Subscribe.
 
         Args:
             node: the subscriber.
             topic: the topic, such as ~/cmd_vel.
-            received: called with each command.
+            received: called with each command, the time since it was sent, and its stamp, ns; None
+                for a Twist.
             warn: logs a warning, given a key and a text.
         """
         self._node, self._received, self._warn = node, received, warn
@@ -187,9 +179,7 @@ class CommandSubscription:
         if kind != TWIST:
             twist, stamp = message.twist, nanoseconds(message.header.stamp)
             self._check.take(stamp, time.time_ns())
-        fault = _not_finite(linear=twist.linear, angular=twist.angular)
-        linear, angular = twist.linear, twist.angular
-        self._received(VelocityCommand(linear.x, linear.y, angular.z, stamp, self._age, fault))
+        self._received(twist, self._age, stamp)
 
 
 class CommandGate:
@@ -199,7 +189,6 @@ class CommandGate:
         lock: the robot's ~/cmd_vel_lock.
         topic: name of the topic of commands.
         subscription: subscription to it; None for a robot that stands.
-        answered: stamp of the newest command, ns.
     """
 
     def __init__(
@@ -222,13 +211,13 @@ class CommandGate:
             drives: whether the robot has a drive; else it receives no commands.
             steers: whether the drive steers; then it receives AckermannDriveStamped, too.
         """
-        self._node, self._slot, self._warn, self.answered = node, slot, warn, 0
+        self._node, self._slot, self._warn = node, slot, warn
         self.topic = f"~/{topic}"
         # Created before the commands: an unlock sent with a command is then received first.
-        self.lock = CommandLock(node, self.topic, self._brake)
+        self.lock = CommandLock(node, self.topic, lambda: slot.brake(_LOCKED))
         self.subscription: CommandSubscription | None = None
         if drives:
-            self.subscription = CommandSubscription(node, self.topic, self._receive, warn)
+            self.subscription = CommandSubscription(node, self.topic, self._on_twist, warn)
         if steers:
             kind = load_interface("ackermann_msgs/msg/AckermannDriveStamped")
             node.create_subscription(kind, _STEERED, self._on_steered, _QOS)
@@ -238,7 +227,8 @@ class CommandGate:
         """The lock of its joints, which is that of the robot if it stands."""
         if self.subscription is None:
             return self.lock
-        return CommandLock(self._node, _JOINTS, self._hold, above=self.lock)
+        hold = partial(self._slot.hold_joints, _LOCKED)
+        return CommandLock(self._node, _JOINTS, hold, above=self.lock)
 
     def _on_steered(self, message: Any) -> None:
         """Receive a speed and a steering angle, whose stamp is not used: bags have old ones."""
@@ -248,53 +238,36 @@ class CommandGate:
         drive = self._slot.robot.drive
         assert drive is not None
         finite = math.isfinite(speed) and abs(angle) < math.pi / 2.0
-        turn = speed * math.tan(angle) / drive.geometry.wheelbase if finite else 0.0
+        turn = drive.geometry.turning(speed, angle) if finite else 0.0
         fault = "" if finite else f"speed {speed}, steering_angle {angle}"
-        self._receive(VelocityCommand(speed, 0.0, turn, None, Age(0.0, 0.0), fault))
+        self._command((speed, 0.0, turn), Age(0.0, 0.0), None, fault)
 
-    def _receive(self, command: VelocityCommand) -> None:
+    def _on_twist(self, twist: Twist, age: Age, stamp: int | None) -> None:
+        linear, angular = twist.linear, twist.angular
+        fault = _not_finite(linear=linear, angular=angular)
+        self._command((linear.x, linear.y, angular.z), age, stamp, fault)
+
+    def _command(self, velocity: Triple, age: Age, stamp: int | None, not_finite: str) -> None:
         loop, now = self._slot.loop, boot_time()
         if loop is None:
             return
-        if command.stamp == 0:
+        if stamp == 0:
             text = f"{self.topic} has stamp 0, which is taken as when it was sent (logged once)"
             self._warn.once(text)
         if self.lock.locked:
-            if any(command[:3]):
+            if any(velocity):
                 text = f"{self.topic} is ignored: {self.lock.reason}"
                 self._warn("locked", text, every=_LOCKED_EVERY)
             return
-        # From here on, age it by a clock that nobody can set.
-        dated = now - command.age.least
-        if command.stamp and not loop.simulated:
-            dated = now - (time.time_ns() - command.stamp) / NS_PER_S
-        loop.post(lambda: self._accept(loop, command, dated, now - command.age.most))
+        given = now - age.least
+        if stamp and not loop.simulated:
+            given = now - (time.time_ns() - stamp) / NS_PER_S
+        fault = f"not finite: {not_finite}" if not_finite else ""
+        command = VelocityCommand(*velocity, stamp or 0, given, now - age.most, fault)
+        self._slot.command(command, self._on_ignored)
 
-    def _accept(
-        self, loop: ControlLoop, command: VelocityCommand, given: float, sent: float
-    ) -> None:
-        self.answered = max(self.answered, command.stamp or 0)
-        if sent < loop.wake.certain():
-            refused: str | None = "it was sent before this process woke from a stop"
-        elif command.fault:
-            self._warn("not finite", f"{self.topic} is ignored: not finite: {command.fault}")
-            return
-        else:
-            age = _age(loop, command, given)
-            linear, lateral, angular = command[:3]
-            refused = self._slot.robot.accept(linear, angular, age, lateral=lateral)
-        if refused:
-            self._warn("command", f"{self.topic} is ignored: {refused}")
-
-    def _brake(self) -> None:
-        if (loop := self._slot.loop) is not None:
-            loop.post(lambda: self._slot.robot.accept(0.0, 0.0, age=0.0))
-        self._hold()
-
-    def _hold(self) -> None:
-        if (loop := self._slot.loop) is not None:
-            reason = "Current goal cancelled: the robot is locked."
-            loop.post(lambda: self._slot.robot.hold_joints(reason))
+    def _on_ignored(self, reason: str) -> None:
+        self._warn("command", f"{self.topic} is ignored: {reason}")
 
 
 def _not_finite(**vectors: Vector3) -> str:
@@ -305,13 +278,3 @@ def _not_finite(**vectors: Vector3) -> str:
         for axis in "xyz"
         if not math.isfinite(getattr(vector, axis))
     )
-
-
-def _age(loop: ControlLoop, command: VelocityCommand, given: float) -> float | None:
-    """Return the age of a command, s, when it takes effect; None if it is not known.
-
-    It includes the time that the command waits in this process.
-    """
-    if loop.simulated:
-        return (loop.now_ns() - command.stamp) / NS_PER_S if command.stamp else None
-    return boot_time() - given + (loop.left if command.stamp else 0.0)

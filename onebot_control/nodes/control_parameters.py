@@ -8,14 +8,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.control_files import (
-    declared_parameters,
-    drive_node,
-    foreign_sections,
-    read_control_files,
-    read_joint_controllers,
-)
+from onebot_control.control_files import ControlFiles, drive_node
 from onebot_control.drive.parameters import DriveParameters
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.parameters.reader import (
     ConfigError,
@@ -70,14 +65,13 @@ class ControlParameters:
             ConfigError: values are wrong; it names each of them.
         """
         namespace, name = node.get_namespace(), node.get_name()
-        if issubclass(declared, DriveParameters):
-            file = read_control_files(arguments.files, namespace, name, declared)
-            declared = declared_parameters(arguments.files, namespace, name, declared)
-        else:
-            file = read_control_files(arguments.files, namespace, name)
-        self.declared, (_, *self.topics) = declared, drive_node(arguments.files)
-        self.joints = read_joint_controllers(arguments.files, namespace, name)
-        self.foreign_sections = foreign_sections(arguments.files, namespace, name)
+        drives = issubclass(declared, DriveParameters)
+        found = declared if drives else ControlConfig
+        files = ControlFiles(arguments.files, namespace, name, found)
+        file = files.parameters()
+        self.declared = declared = files.declared if drives else declared
+        _, *self.topics = drive_node(arguments.files)
+        self.joints, self.foreign_sections = files.joint_controllers(), files.foreign_sections()
         self._ignored = [*file.warnings, *self.joints.warnings]
         names = arguments.names_for(name)
         if problems := unknown_parameters(self.declared, names):

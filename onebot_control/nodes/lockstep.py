@@ -32,13 +32,13 @@ from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
-from onebot_control.fleet import Divider, Fleet
+from onebot_control.fleet import Fleet
 from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.stepped_executor import TF_TOPICS, SteppedExecutor, is_alive
 from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.runtime.control_loop import ControlLoop
-from onebot_control.runtime.pacing import wake_exactly
+from onebot_control.runtime.pacing import Divider, wake_exactly
 from onebot_control.runtime.sensing import Sensing
 from onebot_control.simulated_world import SimulatedWorld
 from onebot_description.errors import OneBotError, alike, listing

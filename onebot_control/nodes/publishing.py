@@ -20,11 +20,11 @@ from std_msgs.msg import String
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.drive import DriveState
-from onebot_control.fleet import Divider
 from onebot_control.nodes.drive_state import DriveStatePublisher
 from onebot_control.physics import SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
 from onebot_control.runtime.frames import RobotFrames
+from onebot_control.runtime.pacing import Divider
 from onebot_description.description import Description
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
@@ -176,7 +176,7 @@ class Publishers:
         if due:
             self._publish_odometry(drive, pose)
             if _is_subscribed(self._truth):
-                self._publish_ground_truth(snapshot)
+                self._publish_ground_truth(snapshot, drive)
 
     def _publish_odometry(self, drive: DriveState, pose: Transform) -> None:
         if not _is_subscribed(self._odom):
@@ -187,10 +187,10 @@ class Publishers:
         _fill_planar(self._odom_message.twist.twist, *drive.twist)
         self._odom.publish(self._odom_message)
 
-    def _publish_ground_truth(self, snapshot: Snapshot) -> None:
+    def _publish_ground_truth(self, snapshot: Snapshot, drive: DriveState) -> None:
         truth: Transform = snapshot.pose
         if not self.world_frame:
-            truth = compose(self._robot.odom_in_world.inverse().transform, truth)
+            truth = compose(drive.origin.inverse().transform, truth)
         _fill_pose(self._truth_message.pose.pose, truth)
         _fill_twist(self._truth_message.twist.twist, snapshot.velocity)
         self._truth.publish(self._truth_message)
@@ -203,7 +203,7 @@ class Publishers:
         """
         origin: tuple[str, str, Transform] | None = None
         if self._placed_frame and self.publishes_truth:
-            pose = self._robot.odom_in_world.transform if self.odom_frame else snapshot.pose
+            pose = snapshot.drive.origin.transform if snapshot.drive else snapshot.pose
             origin = self.world_frame, self._placed_frame, pose
         if origin == self._origin:
             return

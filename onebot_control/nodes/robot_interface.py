@@ -8,9 +8,8 @@ from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.controlled_robot import ControlledRobot, Snapshot, joints_of
+from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.steered import SteeredParameters
-from onebot_control.fleet import Member
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
@@ -18,6 +17,7 @@ from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
 from onebot_control.nodes.step_topics import StepTopics
+from onebot_control.prepared_robot import Member, joints_of
 from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.sensing import Channel, Sensing
@@ -104,7 +104,7 @@ class RobotInterface:
             drives=drives,
             steers=isinstance(config, SteeredParameters),
         )
-        self.step_topics = StepTopics(node, self.sensors, self.commands)
+        self.step_topics = StepTopics(node, self.slot, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = (lambda: self.publishing.odom_frame) if drives else None
         RobotServices(node, self.slot, odom, self._warn)
@@ -174,9 +174,8 @@ class RobotInterface:
         self._controllers = JointControllerNodes(self.node, self.slot, lock, clock)
         return self._controllers.nodes
 
-    def publish(self, snapshot: Snapshot, stamp: int, *, sensed: bool) -> None:
-        """Publish the state in a control cycle; see ``Publishers.publish``."""
-        self.publishing.publish(snapshot, stamp, sensed=sensed)
+    def publish_controllers(self, stamp: int) -> None:
+        """Publish the joint controllers' states in the control cycle of a ``stamp``, ns."""
         if self._controllers is not None:
             self._controllers.publish(stamp)
 

@@ -6,6 +6,7 @@ from rclpy.node import Node
 
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.robot_sensors import RobotSensors
+from onebot_control.runtime.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.timing import NS_PER_S
 
@@ -13,15 +14,18 @@ from onebot_description.timing import NS_PER_S
 class StepTopics:
     """The topics of one robot's parameter step_topics, whose messages commands have to answer."""
 
-    def __init__(self, node: Node, sensors: RobotSensors, commands: CommandGate) -> None:
+    def __init__(
+        self, node: Node, slot: LoopSlot, sensors: RobotSensors, commands: CommandGate
+    ) -> None:
         """Wait for nothing; call ``choose`` afterwards.
 
         Args:
             node: node of the robot.
+            slot: slot of the robot.
             sensors: publish the topics.
             commands: answer their messages.
         """
-        self._node, self._sensors, self._commands = node, sensors, commands
+        self._node, self._slot, self._sensors, self._commands = node, slot, sensors, commands
         self._topics: frozenset[str] = frozenset()
         self._asked = 0  # stamp of the newest message to answer, ns
 
@@ -31,7 +35,7 @@ class StepTopics:
 
     def restart(self) -> None:
         """Forget messages and answers, because time starts again."""
-        self._asked = self._commands.answered = 0
+        self._asked = self._slot.answered = 0
 
     def measured(self, topics: Set[str], stamp: int) -> None:
         """Take notice that messages with a ``stamp``, ns, are published on ``topics``."""
@@ -55,7 +59,7 @@ class StepTopics:
         cmd_vel = self._node.resolve_topic_name(self._commands.topic)
         if self._topics and not commands.connected:
             return f"nobody offered commands on {cmd_vel}"
-        if self._asked <= self._commands.answered:
+        if self._asked <= self._slot.answered:
             return ""
         stamp = f"{self._asked / NS_PER_S:.3f} s"
         return f"no command with the stamp {stamp} or a later one came on {cmd_vel}"

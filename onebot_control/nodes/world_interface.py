@@ -12,7 +12,7 @@ from onebot_control.control_files import read_control_files
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive_kinds import DRIVES, found_drive
-from onebot_control.fleet import Divider, Fleet, located
+from onebot_control.fleet import Fleet
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.publishing import ScenePublisher
@@ -24,6 +24,7 @@ from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.frames import RobotFrames, check_frames
+from onebot_control.runtime.pacing import Divider
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import SimulationConfig
@@ -178,7 +179,7 @@ class WorldInterface:
         several = len(self.robots) > 1
         members = [robot.member(robot.name if several else "") for robot in self.robots]
         for robot, member in zip(self.robots, members, strict=True):
-            with located(member):
+            with member.located():
                 self.check_frames(robot.slot.row, robot.frames())
         return Fleet.from_members(members, scene=self.scene)
 
@@ -247,7 +248,8 @@ class WorldInterface:
         sensed = sensing.due(snapshots[0].tick)
         for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
             robot.step_topics.measured(sensing.asked(row), stamp)
-            robot.publish(snapshot, stamp, sensed=row in sensed)
+            robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
+            robot.publish_controllers(stamp)
         poses = world.scene.poses if world.scene else ()
         if self._scene_publisher is not None:
             self._scene_publisher.publish(stamp, poses)

@@ -14,7 +14,7 @@ Example:
 """
 
 from onebot_control.physics.physics_settings import PhysicsSettings
-from onebot_control.physics.robot_body import JointStates, MassVelocity, Pose, RobotBody, Twist
+from onebot_control.physics.robot_body import JointStates, MassVelocity, RobotBody, Twist
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn
 from onebot_control.physics.world import World
@@ -22,7 +22,6 @@ from onebot_control.physics.world import World
 __all__ = [
     "JointStates",
     "MassVelocity",
-    "Pose",
     "RobotBody",
     "RobotSpawn",
     "SceneBodies",

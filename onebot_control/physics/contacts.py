@@ -22,7 +22,7 @@ from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Box, Cylinder, Link, Mesh, Shape, Sphere
-from onebot_description.geometry.poses import Transform, Triple, compose, inverse
+from onebot_description.geometry.poses import Transform, Triple, inverse
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 GROUND, WORLD = "ground", "world"  # names of what is no robot
@@ -266,8 +266,7 @@ class ContactRecorder:
         if place not in self._merged:
             return shapes[0][2].name
         pose = poses.get(place) or self._loaded[place[0]].link_pose(place[1])
-        local, _ = compose(inverse(pose), (point, (0.0, 0.0, 0.0, 1.0)))
-        at = np.array(local)
+        at = np.array(inverse(pose).at(point))
         return min(shapes, key=lambda item: abs(_height(item[0], item[1], at)))[2].name
 
 

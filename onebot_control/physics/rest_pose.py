@@ -50,7 +50,7 @@ class RestPose(NamedTuple):
 
     def at(self, x: float, y: float, yaw: float) -> Transform:
         """Return the pose of the root link's frame for a robot at rest at x, y (m), yaw (rad)."""
-        return (x, y, self.height), multiply(about_z(yaw), self.tilt)
+        return Transform((x, y, self.height), multiply(about_z(yaw), self.tilt))
 
 
 def settle(
@@ -79,7 +79,7 @@ def settle(
     near = bullet.getClosestPoints(robot.body, robot.ground, 1e9)
     lowest = min(point[8] for point in near)
     _check_size(robot, description, lowest)
-    robot.place(((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
+    robot.place(Transform((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
     _come_to_rest(robot, settings)
     position, rotation = robot.pose()
     touching = bullet.getContactPoints(robot.body, robot.ground)
@@ -247,8 +247,8 @@ def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
     while links := scene.fixed_at(robot):
         met.update(dict.fromkeys(links.values()))
         z += _STEP
-        robot.place(((x, y, z), rotation))
-    robot.place(((x, y, z + _ABOVE), rotation))
+        robot.place(Transform((x, y, z), rotation))
+    robot.place(Transform((x, y, z + _ABOVE), rotation))
     return list(met)
 
 

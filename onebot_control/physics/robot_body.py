@@ -36,13 +36,6 @@ class JointStates(NamedTuple):
     efforts: tuple[float, ...]  # mean of the motor in the last ``step``, Nm or N; 0 without motor
 
 
-class Pose(NamedTuple):
-    """Pose of the root link's frame (not of its centre of mass) in the world."""
-
-    translation: Triple  # m
-    rotation: Quaternion  # unit, x y z w
-
-
 class Twist(NamedTuple):
     """Velocity of the root link's frame in its own axes, as in nav_msgs/Odometry."""
 
@@ -256,12 +249,12 @@ class RobotBody:
         lower, upper, fastest = self._all_limits[row]
         self._limits[row] = lower, upper, min(fastest, velocity or math.inf)
 
-    def state(self) -> tuple[JointStates, Pose, MassVelocity]:
+    def state(self) -> tuple[JointStates, Transform, MassVelocity]:
         """Return the state of the joints, and the true pose and velocity of the root link."""
         self.world.check()
         return (
             JointStates(self.positions, self._velocities, self._efforts),
-            Pose(*self.pose),
+            self.pose,
             MassVelocity(*self._velocity, self.parts.mass_frame[0]),
         )
 

@@ -93,17 +93,17 @@ class LoadedBody(NamedTuple):
 
     def pose(self) -> Transform:
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
-        mass_pose = self.bullet.getBasePositionAndOrientation(self.body)
+        mass_pose = Transform(*self.bullet.getBasePositionAndOrientation(self.body))
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
         # Two quaternions describe a rotation; return the one with w >= 0.
-        return position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+        return Transform(position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w))
 
     def link_pose(self, index: int) -> Transform:
         """Return the pose in the world of the first link of a rigid body; -1: the root's."""
         if index < 0:
             return self.pose()
         state = self.bullet.getLinkState(self.body, index, computeForwardKinematics=True)
-        return state[4], state[5]
+        return Transform(state[4], state[5])
 
     def apply_force(self, index: int, point: Triple, force: Triple) -> None:
         """Apply a force during the next physics step.
@@ -113,7 +113,7 @@ class LoadedBody(NamedTuple):
             point: where it acts, in the frame of the body's first link, m.
             force: in the world's axes, N.
         """
-        at, _ = compose(self.link_pose(index), (point, (0.0, 0.0, 0.0, 1.0)))
+        at = self.link_pose(index).at(point)
         self.bullet.applyExternalForce(self.body, index, force, at, engine.WORLD_FRAME)
 
     def lift_weightless(self) -> None:
@@ -236,7 +236,7 @@ def load_robot(
         # One key per call: with either of these PyBullet ignores the link index.
         bullet.changeDynamics(robot, -1, **{damping: 0.0})
     dynamics = bullet.getDynamicsInfo(robot, -1)
-    mass_frame = dynamics[3], dynamics[4]
+    mass_frame = Transform(dynamics[3], dynamics[4])
     weightless = [
         (index, tuple((moment / mass).tolist()), mass * settings.gravity)
         for index, body in [(-1, root), *((indices[row], body) for row, body in enumerate(moved))]

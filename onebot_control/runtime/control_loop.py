@@ -5,14 +5,15 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent import futures
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.runtime.pace_meter import PaceMeter
 from onebot_control.runtime.pacing import Pacer, SystemStamps, wake_exactly
 from onebot_description.errors import OneBotError
-from onebot_description.timing.wake_detector import WAKE, WakeDetector
+from onebot_description.timing import NS_PER_S
+from onebot_description.timing.wake_detector import WAKE, WakeDetector, boot_time
 
 T = TypeVar("T")
 
@@ -217,8 +218,7 @@ class ControlLoop:
         if self.wake.check() > self._woke:
             self._woke = self.wake.woke
             for robot in self.fleet.robots:
-                robot.accept(0.0, 0.0)
-                robot.hold_joints(_WOKE)
+                robot.stop(_WOKE)
 
     def _call_posted(self) -> None:
         self._brake_if_woken()
@@ -247,16 +247,29 @@ class ControlLoop:
             self._call_next(min(left, _LONGEST_WAIT))
 
 
+class VelocityCommand(NamedTuple):
+    """A velocity command, as received; its times are by ``boot_time``, which nobody can set."""
+
+    linear: float  # forward, m/s
+    lateral: float  # leftward, m/s
+    angular: float  # left turn, rad/s
+    stamp: int  # time in its header, ns; 0 for none
+    given: float  # when it was given, s
+    sent: float  # the earliest time at which it can have been sent, s
+    fault: str = ""  # why it is ignored
+
+
 class LoopSlot:
     """The place of one robot in the control loop, through which the threads of its nodes reach it.
 
     Attributes:
         row: index of the robot in its fleet.
         loop: the control loop; None until all robots of the world are described.
+        answered: stamp of the newest command, ns.
     """
 
     def __init__(self, row: int) -> None:
-        self.row = row
+        self.row, self.answered = row, 0
         self.loop: ControlLoop | None = None
 
     @property
@@ -274,3 +287,38 @@ class LoopSlot:
         if self.loop is None:
             raise OneBotError("there is no robot yet")
         return self.loop
+
+    def command(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
+        """Command the robot from the next cycle on; ``ignored`` gets the reason if it is not."""
+        self.running.post(lambda: self._accept(command, ignored))
+
+    def brake(self, reason: str) -> None:
+        """Stop the robot, if there is one yet; goals of its joints end for this reason."""
+        if self.loop is not None:
+            self.loop.post(lambda: self.robot.stop(reason))
+
+    def hold_joints(self, reason: str) -> None:
+        """Hold its joints, likewise."""
+        if self.loop is not None:
+            self.loop.post(lambda: self.robot.hold_joints(reason))
+
+    def _accept(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
+        self.answered = max(self.answered, command.stamp)
+        refused: str | None = command.fault
+        if command.sent < self.running.wake.certain():
+            refused = "it was sent before this process woke from a stop"
+        elif not refused:
+            linear, lateral, angular = command[:3]
+            refused = self.robot.accept(linear, angular, self._age(command), lateral=lateral)
+        if refused:
+            ignored(refused)
+
+    def _age(self, command: VelocityCommand) -> float | None:
+        """Return the age of a command, s, when it takes effect; None if it is not known.
+
+        It includes the time that the command waits in this process.
+        """
+        loop = self.running
+        if loop.simulated:
+            return (loop.now_ns() - command.stamp) / NS_PER_S if command.stamp else None
+        return boot_time() - command.given + (loop.left if command.stamp else 0.0)

@@ -1,7 +1,7 @@
 """When control cycles are due, and their stamps: both evenly spaced, however the thread wakes up.
 
 ``Pacer`` schedules the cycles on a monotonic clock; ``SystemStamps`` gives them stamps of the
-system clock that are as evenly spaced.
+system clock that are as evenly spaced. ``Divider`` picks the cycles in which something happens.
 """
 
 import ctypes
@@ -72,6 +72,31 @@ class Pacer:
         if 0.0 < self._interval <= now - self.due:  # the wait may have changed the pace
             self.lag, self.due = now - self.due, now
             self.missed = int(self.lag / self._interval)
+
+
+class Divider:
+    """Picks evenly spaced control cycles, so that something happens ``rate`` times a second."""
+
+    def __init__(self, rate: float, cycles: float) -> None:
+        """Pick the first cycle.
+
+        Args:
+            rate: cycles to pick per second, Hz; above ``cycles``, every cycle is picked.
+            cycles: control cycles per second, Hz.
+        """
+        self._share = rate / cycles
+        self.restart()
+
+    def restart(self) -> None:
+        """Pick the next cycle."""
+        self._phase = 1.0
+
+    def due(self) -> bool:
+        """Return whether this cycle is picked; call it once per cycle."""
+        # The threshold is just below 1, so that rounding errors of the sum drop no cycle.
+        picked = self._phase >= 1.0 - 1e-9
+        self._phase += self._share - (1.0 if picked else 0.0)
+        return picked
 
 
 class SystemStamps:

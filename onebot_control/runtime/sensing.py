@@ -6,8 +6,8 @@ from queue import SimpleQueue
 from typing import Any, Protocol
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.fleet import Divider
 from onebot_control.physics.contacts import Contact
+from onebot_control.runtime.pacing import Divider
 from onebot_control.sensing.instrument import Frame, Instrument
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.sensing.surroundings import SensedRobot

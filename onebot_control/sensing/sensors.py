@@ -16,7 +16,7 @@ from onebot_control.sensing.surroundings import (
     Placed,
     RobotState,
     SensedRobot,
-    Surroundings,
+    VisibleSurfaces,
 )
 from onebot_description.description import Description
 from onebot_description.description.sensors.camera import Camera
@@ -49,7 +49,7 @@ class Sensors:
         self._world, self._cycles, self._gravity = world, cycles, gravity
         self._robots: tuple[SensedRobot, ...] = ()
         self._starts: Sequence[Quaternion] = ()
-        self._built: tuple[Sequence[SensedRobot], Surroundings, Painter] | None = None
+        self._built: tuple[Sequence[SensedRobot], VisibleSurfaces, Painter] | None = None
         self._placed: SensedWorld | None = None
 
     def enter(self, row: int, robot: SensedRobot) -> bool:
@@ -116,9 +116,9 @@ class Sensors:
             self._placed = SensedWorld(frame, placed, painter, period, self._gravity)
         return self._placed
 
-    def _build(self, robots: Sequence[SensedRobot]) -> tuple[Surroundings, Painter]:
+    def _build(self, robots: Sequence[SensedRobot]) -> tuple[VisibleSurfaces, Painter]:
         """Return the surroundings of these robots, built again if the robots have changed."""
         if self._built is None or self._built[0] is not robots:
-            surroundings = Surroundings(self._world, robots)
+            surroundings = VisibleSurfaces(self._world, robots)
             self._built = robots, surroundings, Painter(surroundings.still)
         return self._built[1:]

@@ -42,7 +42,7 @@ class LinkPose(NamedTuple):
     position: Floats  # (..., 3)
 
 
-class Surroundings:
+class VisibleSurfaces:
     """The visible surfaces of a world, its boxes and robots, without their poses.
 
     Attributes:
@@ -142,10 +142,13 @@ def _alike(keys: Iterable[K]) -> dict[K, list[int]]:
 
 
 class Placed:
-    """Surroundings at one time; poses are computed when first needed."""
+    """Visible surfaces at one time; poses are computed when first needed."""
 
     def __init__(
-        self, surroundings: Surroundings, boxes: Sequence[Transform], states: Sequence[RobotState]
+        self,
+        surroundings: VisibleSurfaces,
+        boxes: Sequence[Transform],
+        states: Sequence[RobotState],
     ) -> None:
         """Take the poses of boxes in the world, and the states of robots, by row."""
         self.surroundings, self._boxes, self._states = surroundings, boxes, states

@@ -15,7 +15,20 @@ if TYPE_CHECKING:
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-Transform = tuple[Triple, Quaternion]  # translation, m, then rotation, x y z w
+
+
+class Transform(NamedTuple):
+    """The pose of a frame in its parent's."""
+
+    translation: Triple  # m
+    rotation: Quaternion  # unit, x y z w
+
+    def at(self, point: Triple) -> Triple:
+        """Return a point of this frame, m, in its parent's."""
+        x, y, z = rotate(self.rotation, point)
+        a, b, c = self.translation
+        return a + x, b + y, c + z
+
 
 T = TypeVar("T", float, "Floats")
 
@@ -37,7 +50,7 @@ class Origin(NamedTuple):
     @property
     def transform(self) -> Transform:
         """The same pose as a transform."""
-        return self.xyz, from_rpy(self.rpy)
+        return Transform(self.xyz, from_rpy(self.rpy))
 
 
 def total(numbers: Iterable[float]) -> float:
@@ -156,22 +169,20 @@ def rpy_of_rows(rows: Sequence[Sequence[float]]) -> Triple:
 
 def compose(outer: Transform, inner: Transform) -> Transform:
     """Return the transform that applies ``inner``, then ``outer``."""
-    x, y, z = rotate(outer[1], inner[0])
-    a, b, c = outer[0]
-    return (a + x, b + y, c + z), multiply(outer[1], inner[1])
+    return Transform(outer.at(inner[0]), multiply(outer[1], inner[1]))
 
 
 def of_arrays(translation: "Floats", rotation: "Floats") -> Transform:
     """Return a translation (3,), m, and a rotation (4,), x y z w, as a transform."""
     (x, y, z), (a, b, c, w) = translation.tolist(), rotation.tolist()
-    return (x, y, z), (a, b, c, w)
+    return Transform((x, y, z), (a, b, c, w))
 
 
 def inverse(transform: Transform) -> Transform:
     """Return the transform that undoes ``transform``."""
     back = conjugate(transform[1])
     x, y, z = rotate(back, transform[0])
-    return (-x, -y, -z), back
+    return Transform((-x, -y, -z), back)
 
 
 # Vectors ----------------------------------------------------------------------------------------
@@ -203,7 +214,7 @@ class PlanarPose(NamedTuple):
     @property
     def transform(self) -> Transform:
         """The same pose in space, at height 0."""
-        return (self.x, self.y, 0.0), about_z(self.yaw)
+        return Transform((self.x, self.y, 0.0), about_z(self.yaw))
 
     def compose(self, other: "PlanarPose") -> "PlanarPose":
         """Return ``other``, which is relative to this pose, in the frame that this pose is in."""

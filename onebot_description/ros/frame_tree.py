@@ -13,6 +13,7 @@ import numpy as np
 from onebot_description.arrays import Floats
 from onebot_description.errors import did_you_mean
 from onebot_description.geometry.matrices import of_transform
+from onebot_description.geometry.poses import Transform
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
 from onebot_description.ros.transform_buffer import (
     CACHE_NS,
@@ -236,7 +237,7 @@ class FrameTree:
 
 def _matrix(found: Found) -> Floats:
     x, y, z, *turn = found.pose
-    return of_transform(((x, y, z), (turn[0], turn[1], turn[2], turn[3])))
+    return of_transform(Transform((x, y, z), (turn[0], turn[1], turn[2], turn[3])))
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -20,7 +20,7 @@ import pyarrow as pa
 
 from onebot_control import Simulation
 from onebot_control.evaluation import Case, evaluate, grid, study
-from onebot_control.evaluation.rows import Journal, Outcome
+from onebot_control.evaluation.rows import EpisodeOutcome, Journal
 from tests.benchmarks.measuring import WrongAnswer, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -131,7 +131,7 @@ def _memory_growth(early: int, late: int) -> float:
     class Measured(Journal):
         """Measures when rows come."""
 
-        def write(self, number: int, outcome: Outcome) -> None:
+        def write(self, number: int, outcome: EpisodeOutcome) -> None:
             super().write(number, outcome)
             if number in (early, late - 1):
                 workers = process.children(recursive=True)

@@ -12,7 +12,7 @@ import numpy as np
 from onebot_control.sensing import camera, lidar
 from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.rays import cast
-from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, Surroundings
+from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, VisibleSurfaces
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.lidar import Fan, Lidar
@@ -52,7 +52,7 @@ def _ratios(quick: bool) -> dict[str, float]:
     """CPU of a scan and of a picture over that of the bare calls."""
     onebot = load_description(MODEL, {"sensors_enabled": "true"})
     robot = SensedRobot(onebot, [joint.name for joint in onebot.moving_joints], {})
-    scene = Surroundings(_boxes(), [robot])
+    scene = VisibleSurfaces(_boxes(), [robot])
     at = RobotState(np.array([0, 0, 0.06]), np.array([0, 0, 0, 1.0]), np.zeros(len(robot.joints)))
     placed = Placed(scene, [], [at])
     targets = placed.targets

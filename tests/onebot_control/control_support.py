@@ -4,14 +4,15 @@ import math
 from collections.abc import Sequence
 from typing import Any, cast
 
-from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.diff_drive import DiffDriveKinematics
 from onebot_control.drive.odometry import Odometry
 from onebot_control.drive_kinds import ControlConfig
-from onebot_control.fleet import Fleet, Member
-from onebot_control.physics import JointStates, MassVelocity, Pose, RobotBody, Twist
+from onebot_control.fleet import Fleet
+from onebot_control.physics import JointStates, MassVelocity, RobotBody, Twist
+from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import rotate
+from onebot_description.geometry.poses import Transform, rotate
 
 SEPARATION, RADIUS = 0.3, 0.06  # m
 WHEELS = {
@@ -97,7 +98,7 @@ class IdealPlant:
         self.right += right * duration
         self._truth.update_from_velocities((left, right), duration)
 
-    def state(self) -> tuple[JointStates, Pose, MassVelocity]:
+    def state(self) -> tuple[JointStates, Transform, MassVelocity]:
         pose, (linear, angular) = self.base_pose(), self.base_twist()
         velocity = MassVelocity(rotate(pose.rotation, linear), angular, (0.0, 0.0, 0.0))
         return self.joint_states(), pose, velocity
@@ -105,10 +106,10 @@ class IdealPlant:
     def joint_states(self) -> JointStates:
         return JointStates((self.left, self.right), tuple(self.speeds), (0.0, 0.0))
 
-    def base_pose(self) -> Pose:
+    def base_pose(self) -> Transform:
         half = self._truth.heading / 2.0
         rotation = (0.0, 0.0, math.sin(half), math.cos(half))
-        return Pose((self._truth.x, self._truth.y, RADIUS), rotation)
+        return Transform((self._truth.x, self._truth.y, RADIUS), rotation)
 
     def base_twist(self) -> Twist:
         linear, _, angular = self._truth.kinematics.body_motion(self.speeds, ())
@@ -143,8 +144,7 @@ def controlled_robot(
     description: Description, config: ControlConfig, plant: RobotBody
 ) -> ControlledRobot:
     """A robot in this plant."""
-    part = PreparedRobot.from_description(description, config)
-    return ControlledRobot(part, description, config, plant)
+    return ControlledRobot(PreparedRobot(Member(description, config)), plant)
 
 
 def ideal_drive(plant: IdealPlant | None = None, **values: Any) -> ControlledRobot:

@@ -11,12 +11,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from onebot_control.control_files import (
-    declared_parameters,
+    ControlFiles,
     default_control_file,
     drive_node,
-    foreign_sections,
     read_control_files,
-    read_joint_controllers,
     unknown_by_node,
 )
 from onebot_control.conventions import MANAGER
@@ -202,7 +200,7 @@ def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: s
     file.write_text(USUAL + drive)
     values = read_control_files([file], "/", controller).values
     assert ControlConfig.from_parameters(values).update_rate == 200
-    assert len(read_joint_controllers([file], "/").controllers) == 3
+    assert len(ControlFiles([file], "/").joint_controllers().controllers) == 3
 
 
 def test_the_drive_may_have_another_name(file: Path) -> None:
@@ -211,8 +209,10 @@ def test_the_drive_may_have_another_name(file: Path) -> None:
     assert drive_node([file]).name == "base"
     parameters = read_control_files([file], "/", "base")
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
-    assert parameters.warnings == [] == read_joint_controllers([file], "/", "base").warnings
-    [skipped] = read_joint_controllers([file], "/", MANAGER).warnings
+    assert (
+        parameters.warnings == [] == ControlFiles([file], "/", "base").joint_controllers().warnings
+    )
+    [skipped] = ControlFiles([file], "/", MANAGER).joint_controllers().warnings
     assert skipped.startswith(
         f"{file}:4: base: is a further diff_drive_controller, or the robot st"
     )
@@ -321,7 +321,7 @@ hand:
 
 def test_a_file_names_controllers_of_several_kinds(file: Path) -> None:
     file.write_text(JOINTS)
-    controllers, places, warnings = read_joint_controllers([file], "/")
+    controllers, places, warnings = ControlFiles([file], "/").joint_controllers()
     assert not warnings
     assert [(each.kind, each.name, each.config.joint_names) for each in controllers] == [
         (TrajectoryFollower, "arm", ("elbow",)),
@@ -343,7 +343,7 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
     section = "joint_trajectory_controller: {ros__parameters: {joints: [elbow]}}\n"
     for text, joints in ((GOOD, ()), (GOOD + section, ("elbow",))):
         file.write_text(text)
-        [controller], *_ = read_joint_controllers([file], "/")
+        [controller], *_ = ControlFiles([file], "/").joint_controllers()
         assert (controller.kind, controller.config.joint_names) == (TrajectoryFollower, joints)
         assert controller.name == "joint_trajectory_controller"
 
@@ -367,7 +367,7 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
     assert JOINTS.count(old) == 1
     file.write_text(JOINTS.replace(old, new))
     with pytest.raises(ConfigError) as caught:
-        read_joint_controllers([file], "/")
+        ControlFiles([file], "/").joint_controllers()
     assert str(caught.value).startswith(text.format(file=file))
 
 
@@ -424,7 +424,7 @@ def test_what_does_not_run_is_skipped_with_a_warning(
 ) -> None:
     assert JOINTS.count(old) == 1
     file.write_text(JOINTS.replace(old, new))
-    controllers, _, warnings = read_joint_controllers([file], "/")
+    controllers, _, warnings = ControlFiles([file], "/").joint_controllers()
     assert [controller.name for controller in controllers] == left.split()
     [warning] = warnings
     assert warning.startswith(f"{file}:{said}")
@@ -432,7 +432,7 @@ def test_what_does_not_run_is_skipped_with_a_warning(
 
 def test_where_nothing_runs_trajectories_are_followed(file: Path) -> None:
     file.write_text(JOINTS.replace("elbow", "a").replace("_controller", "_other"))
-    controllers, _, warnings = read_joint_controllers([file], "/")
+    controllers, _, warnings = ControlFiles([file], "/").joint_controllers()
     assert [controller.name for controller in controllers] == ["joint_trajectory_controller"]
     assert len(warnings) == 4
 
@@ -447,10 +447,10 @@ def test_a_type_may_be_in_the_controllers_own_section(file: Path) -> None:
         )
     )
     for namespace, names in (("/", "arm boom"), ("/robot1", "boom crane")):
-        controllers, _, warnings = read_joint_controllers([file], namespace)
+        controllers, _, warnings = ControlFiles([file], namespace).joint_controllers()
         assert " ".join(controller.name for controller in controllers) == names
         assert not warnings
-    foreign = foreign_sections([file], "/robot1", MANAGER)
+    foreign = ControlFiles([file], "/robot1", MANAGER).foreign_sections()
     assert [section for _, section in foreign] == ["/arm", "/robot2/other"]
     [text, _] = foreign.values()
     assert text.startswith(f'{file}:1: section "/arm" is for none of the nodes, so it is skipped (')
@@ -463,7 +463,7 @@ def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> 
     more = "fallback_controllers: [x], node_options_args: [y]"
     manager = f"arm: {{{kind}, params_file: {other}, {more}}}"
     file.write_text(f"controller_manager: {{ros__parameters: {{{manager}, cpu_affinity: 3}}}}")
-    [controller], places, warnings = read_joint_controllers([file], "/")
+    [controller], places, warnings = ControlFiles([file], "/").joint_controllers()
     assert (controller.config.joint_names, places, warnings) == (
         ("a",),
         {"arm.joints": f"{other}:1", "arm": f"{file}:1"},
@@ -476,18 +476,20 @@ def test_maps_in_lists_are_read_as_rcl_does(file: Path) -> None:
     file.write_text("gpio: {ros__parameters: {command_interfaces: {a: [{interfaces: [b, c]}]}}}\n")
     [(_, parameters)] = read_sections(file.read_text(), "f").items()
     assert parameters.values == {"command_interfaces.a.interfaces": ["b", "c"]}
-    assert len(foreign_sections([file], "/", MANAGER)) == 1
+    assert len(ControlFiles([file], "/", MANAGER).foreign_sections()) == 1
 
 
 @pytest.mark.parametrize("enforced", [True, False])
 def test_the_managers_limits_are_the_controllers_default(file: Path, enforced: bool) -> None:
     manager = f"  ros__parameters:\n    enforce_command_limits: {str(enforced).lower()}\n"
     file.write_text(JOINTS.replace("  ros__parameters:\n", manager, 1))
-    arm = read_joint_controllers([file], "/").controllers[0]
+    arm = ControlFiles([file], "/").joint_controllers().controllers[0]
     assert arm.config.enforce_command_limits is enforced
     own = JOINTS.replace("joints: [elbow]", "joints: [elbow], enforce_command_limits: true")
     file.write_text(own.replace("  ros__parameters:\n", manager, 1))
-    assert read_joint_controllers([file], "/").controllers[0].config.enforce_command_limits
+    assert (
+        ControlFiles([file], "/").joint_controllers().controllers[0].config.enforce_command_limits
+    )
 
 
 def test_joints_that_a_section_without_a_type_names_say_which_drive_it_is(file: Path) -> None:
@@ -499,7 +501,7 @@ def test_joints_that_a_section_without_a_type_names_say_which_drive_it_is(file: 
         ("traction_joint_name: '', wheel_radius: 0.1", ControlConfig),
     ):
         file.write_text(section % named)
-        assert declared_parameters([file], "/", "velocity_controller", ControlConfig) is kind
+        assert ControlFiles([file], "/", "velocity_controller", ControlConfig).declared is kind
         warnings = read_control_files([file], "/", "velocity_controller").warnings
         assert bool(warnings) == (kind is ControlConfig)
 

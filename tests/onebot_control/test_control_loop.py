@@ -8,13 +8,14 @@ from typing import cast
 import pytest
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.fleet import Divider, Fleet
+from onebot_control.fleet import Fleet
 from onebot_control.physics import World
 from onebot_control.runtime.control_loop import (
     ControlLoop,
     LoopSlot,
 )
 from onebot_control.runtime.pace_meter import PaceMeter
+from onebot_control.runtime.pacing import Divider
 from onebot_description.errors import OneBotError
 from onebot_description.timing.wake_detector import WakeDetector
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive

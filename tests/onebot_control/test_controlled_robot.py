@@ -6,10 +6,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from onebot_control.controlled_robot import ControlledRobot, PreparedRobot, Snapshot
+from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
 from onebot_control.joint_controllers import JointController
 from onebot_control.physics import JointStates, RobotBody
+from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
@@ -71,7 +72,7 @@ def ignored_of(*joints: str) -> list[str]:
         JointController(TrajectoryFollower, f"arm{row}", {"joints": [joint]})
         for row, joint in enumerate(joints)
     ]
-    prepared = PreparedRobot.from_description(robot(), config(), "", controllers)
+    prepared = PreparedRobot(Member(robot(), config(), controllers=controllers))
     assert len(prepared.controllers) == len(joints) - len(prepared.ignored)
     return [problem.message() for problem in prepared.ignored]
 
@@ -94,7 +95,7 @@ def test_a_controller_of_no_joint_is_refused() -> None:
     )
     other = JointController(TrajectoryFollower, "other", {"joints": ["finger"]})
     with pytest.raises(OneBotError, match='arm.joints: joint "left_wheel_joynt" .*did you mean'):
-        PreparedRobot.from_description(robot(), config(), "", [wrong, other])
+        PreparedRobot(Member(robot(), config(), controllers=[wrong, other]))
 
 
 def test_parameters_that_do_not_suit_a_driven_robot_change_nothing() -> None:

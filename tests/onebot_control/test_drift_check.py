@@ -8,8 +8,9 @@ from onebot_control.control_files import default_control_file, read_control_file
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive_kinds import ControlConfig
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet
 from onebot_control.physics.scene import load_scene
+from onebot_control.prepared_robot import Member
 from onebot_description.description import load_description
 from onebot_description.elements.packages import package_share
 from onebot_description.geometry.poses import PlanarPose

@@ -4,8 +4,9 @@ from typing import Any
 
 import pytest
 
-from onebot_control.controlled_robot import DEFAULT_CONTROLLER, Snapshot
-from onebot_control.fleet import Fleet, Member
+from onebot_control.controlled_robot import Snapshot
+from onebot_control.fleet import Fleet
+from onebot_control.prepared_robot import DEFAULT_CONTROLLER, Member
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from onebot_control import OneBotError, Simulation
-from onebot_control.navigation.grid import Scan
+from onebot_control.navigation.grid import LevelScan
 from onebot_control.navigation.navigator import Failure, Navigator
 from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control import drive_models
@@ -167,7 +167,7 @@ def test_in_a_given_map_it_finds_itself():
             reading, odometry = robot.scan(), robot.odometry
             step = float(reading.angles[1] - reading.angles[0])
             mount = PlanarPose(-0.03)
-            scan = Scan(reading.ranges, float(reading.angles[0]), step, 12.0, mount)
+            scan = LevelScan(reading.ranges, float(reading.angles[0]), step, 12.0, mount)
             pose = PlanarPose(odometry.x, odometry.y, odometry.yaw)
             navigator.update(simulation.time, pose, (0.0, 0.0, 0.0), scan=scan)
             known_pose, true_pose = navigator.pose, robot.pose

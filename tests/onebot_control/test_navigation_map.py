@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from onebot_control.navigation.grid import GridMap, Scan, Window
+from onebot_control.navigation.grid import GridMap, LevelScan, Window
 from onebot_control.navigation.map_files import load_map, save_map
 from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.errors import OneBotError
@@ -17,14 +17,14 @@ RAYS, STEP = 360, math.tau / 360
 BEARINGS = -math.pi + STEP * np.arange(RAYS)
 
 
-def room_scan(pose: PlanarPose = ORIGIN, half: float = 2.02, reach: float = 12.0) -> Scan:
+def room_scan(pose: PlanarPose = ORIGIN, half: float = 2.02, reach: float = 12.0) -> LevelScan:
     """The ranges in a square room around the origin, seen from a pose in it."""
     angles = BEARINGS + pose.yaw
     cos, sin = np.cos(angles), np.sin(angles)
     with np.errstate(divide="ignore"):
         x = (np.copysign(half, cos) - pose.x) / cos
         y = (np.copysign(half, sin) - pose.y) / sin
-    return Scan(np.minimum(x, y).astype(np.float32), -math.pi, STEP, reach)
+    return LevelScan(np.minimum(x, y).astype(np.float32), -math.pi, STEP, reach)
 
 
 def entered(*poses: PlanarPose, times: int = 3, **room: float) -> GridMap:
@@ -66,7 +66,7 @@ def test_a_thin_thing_between_two_rays_is_not_cleared():
     grid = GridMap()
     ranges = np.full(RAYS, 4.0, np.float32)
     ranges[RAYS // 2] = 2.0  # straight ahead
-    scan = Scan(ranges, -math.pi, STEP, 12.0)
+    scan = LevelScan(ranges, -math.pi, STEP, 12.0)
     for _ in range(5):
         grid.enter(scan, scan.points, PlanarPose())
     assert value(grid, 2.01, 0.01) == OCCUPIED
@@ -79,7 +79,7 @@ def test_rays_without_an_end():
     ranges[BEARINGS > 0.0] = np.nan
     ranges[BEARINGS > 2.0] = -np.inf
     grid = GridMap(reach=3.0)
-    scan = Scan(ranges, -math.pi, STEP, 12.0)
+    scan = LevelScan(ranges, -math.pi, STEP, 12.0)
     grid.enter(scan, scan.points, PlanarPose())
     assert value(grid, 0.0, -2.5) == FREE
     assert value(grid, 0.0, 1.0) == value(grid, -1.0, 0.3) == UNKNOWN

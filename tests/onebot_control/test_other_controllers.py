@@ -17,12 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from onebot_control import robot_setup
-from onebot_control.control_files import read_joint_controllers
-from onebot_control.fleet import Member
+from onebot_control.control_files import ControlFiles
 from onebot_control.joint_controllers import JOINT_CONTROLLERS
 from onebot_control.nodes import controller_node
 from onebot_control.nodes.joint_controller_nodes import controller_interfaces
 from onebot_control.nodes.lockstep import Lockstep
+from onebot_control.prepared_robot import Member
 from onebot_control.simulation import Simulation
 from onebot_description.description import Description
 from onebot_description.ros.domains import used_domain
@@ -123,7 +123,7 @@ def started(
     """The robot with the controllers of the control file; all that they ignore is logged."""
     file = folder / "control.yaml"
     file.write_text(control)
-    controllers = read_joint_controllers([file], "/").controllers
+    controllers = ControlFiles([file], "/").joint_controllers().controllers
     start = {"initial_positions.finger": OPEN}
     with pytest.MonkeyPatch.context() as patch, used_domain() as domain:
         patch.setattr(controller_node, "_IGNORED_EVERY", 0.0)

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import pytest
 
 from onebot_control.control_files import (
+    ControlFiles,
     drive_node,
-    foreign_sections,
     read_control_files,
-    read_joint_controllers,
 )
 from onebot_control.conventions import MANAGER
 from onebot_control.drive_kinds import ControlConfig
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet
+from onebot_control.prepared_robot import Member
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
@@ -258,14 +258,14 @@ PROJECTS = {
 def fleet_of(file: Path, robot: Description, namespace: str, name: str) -> tuple[Fleet, list[str]]:
     """The robot with its controllers, and what is said of the file but of inactive ones."""
     config = read_control_files([file], namespace, name)
-    controllers = read_joint_controllers([file], namespace, name)
+    controllers = ControlFiles([file], namespace, name).joint_controllers()
     member = Member(
         robot,
         read(SimulationConfig if name == MANAGER else ControlConfig, config.values),
         places=controllers.places,
         controllers=controllers.controllers,
     )
-    foreign = foreign_sections([file], namespace, name).values()
+    foreign = ControlFiles([file], namespace, name).foreign_sections().values()
     return Fleet.from_members([member]), [*config.warnings, *controllers.warnings, *foreign]
 
 

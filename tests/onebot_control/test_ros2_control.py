@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from onebot_control.controlled_robot import PreparedRobot
-from onebot_control.fleet import Fleet, Member
+from onebot_control.fleet import Fleet
 from onebot_control.joint_controllers import JointController
+from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.simulation import Simulation
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.following import TrajectoryFollower
@@ -163,7 +163,7 @@ def test_other_command_interfaces_are_refused_by_name(kind: str) -> None:
     mixed = robot(other, listed("right", POSITION))
     with pytest.raises(OneBotError, match=f"joint left: {said}"):
         named = JointController(PositionForwarder, "arm", {"joints": ["left"]})
-        PreparedRobot.from_description(mixed, SimulationConfig(), controllers=[named])
+        PreparedRobot(Member(mixed, SimulationConfig(), controllers=[named]))
     assert positions(mixed, {"right": 0.4}) == pytest.approx([0.4, 0.0], abs=1e-6)
 
 

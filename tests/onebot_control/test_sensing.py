@@ -15,8 +15,9 @@ from PIL import Image
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive_kinds import ControlConfig
-from onebot_control.fleet import Fleet, Member
-from onebot_control.physics import JointStates, MassVelocity, Pose
+from onebot_control.fleet import Fleet
+from onebot_control.physics import JointStates, MassVelocity
+from onebot_control.prepared_robot import Member
 from onebot_control.runtime.sensing import Channel, Sensing, SensingThread
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays
 from onebot_control.sensing.rays import cast
@@ -25,7 +26,7 @@ from onebot_control.sensing.surroundings import (
     Placed,
     RobotState,
     SensedRobot,
-    Surroundings,
+    VisibleSurfaces,
 )
 from onebot_description.description import load_description, parse_description
 from onebot_description.description.loading import load_world
@@ -36,7 +37,7 @@ from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.elements.sensor import Sensor, SensorModel
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Origin
+from onebot_description.geometry.poses import Origin, Transform
 from tests.onebot_control.control_support import WHEELS, robot
 from tests.support import wait_for
 
@@ -63,7 +64,7 @@ def still(tick: int, positions: Sequence[float], speeds: Sequence[float] = ()) -
     """A robot whose base rests 2 m above the ground, while its joints may move."""
     zero = (0.0, 0.0, 0.0)
     joints = JointStates(tuple(positions), tuple(speeds) or (0.0,) * len(positions), ())
-    pose, velocity = Pose((1.0, 2.0, 2.0), (*zero, 1.0)), MassVelocity(zero, zero, zero)
+    pose, velocity = Transform((1.0, 2.0, 2.0), (*zero, 1.0)), MassVelocity(zero, zero, zero)
     return Snapshot(tick, joints, pose, velocity, 1.0, None)
 
 
@@ -114,7 +115,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
         for n, text in enumerate(kinds)
     ]
     moves = [link(f"moving{n}", shape(text), kind="floating") for n, text in enumerate(kinds)]
-    scene = Surroundings(world(*stands, *moves), [])
+    scene = VisibleSurfaces(world(*stands, *moves), [])
     sensor = Lidar(Fan(36, -math.pi, 3.0), Fan(), 0.0, 30.0)
     fan = lidar.lidar_rays(sensor)
     places = rng.uniform((-4, -4, 0.2), (4, 4, 1.5), (1000, 3, 3))
@@ -144,7 +145,7 @@ def test_ranges_to_planes_cylinders_and_spheres_are_right_to_1_mm():
 
 def test_a_lidar_reports_what_is_out_of_range_and_clamps_its_noise():
     wall = world(link("wall", shape('<box size="1 8 2"/>', "2.5 0 1")))
-    scene = Surroundings(wall, [])
+    scene = VisibleSurfaces(wall, [])
     sensor = Lidar(Fan(3, -0.5, 0.5), Fan(4, -0.2, 0.2), 0.5, 10.0, Noise(stddev=0.1))
     fan = lidar.lidar_rays(sensor)
 
@@ -206,7 +207,7 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
     fan, at = lidar.lidar_rays(sensor), np.array([0.0, 0.0, 0.4])
 
     def distances():
-        scene = Surroundings(
+        scene = VisibleSurfaces(
             world(link("still", *shapes), link("box", shapes[1], kind="floating")), []
         )
         placed = Placed(scene, [((-2.0, -2.0, 0.0), (0.0, 0.0, 0.3, 0.95))], [])
@@ -221,7 +222,7 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
 
 def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
     """Its corners are within a pixel, its depth within 2 mm, and the cloud is the depth."""
-    scene = Surroundings(
+    scene = VisibleSurfaces(
         world(link("box", shape('<box size="1 1 1"/>', "3 0 1.5", color="0 0 1 1"))), []
     )
     sensor = Camera(1.0472, 320, 240, 0.1, 50.0, 0.1, 10.0)
@@ -268,7 +269,7 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
     )
     flag = f'<mesh filename="file://{tmp_path}/flag.obj"/>'
     for kind, boxes in (("fixed", ()), ("floating", STILL)):
-        scene = Surroundings(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
+        scene = VisibleSurfaces(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
         sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
         pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.5])
         placed = Placed(scene, boxes, [])
@@ -288,7 +289,7 @@ def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float,
     pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 1.2])
     pictures = []
     for text in (mirrored, '<box size="1 1 1"/>'):
-        scene = Surroundings(world(link("box", shape(text, "2 0 0.5"))), [])
+        scene = VisibleSurfaces(world(link("box", shape(text, "2 0 0.5"))), [])
         outwards = scene.still.normals * scene.still.solid.corners[scene.still.solid.faces[:, 0]]
         assert ((outwards - scene.still.normals * (2, 0, 0.5)).sum(axis=1) > 0.4).all()
         targets = Placed(scene, (), []).targets
@@ -314,7 +315,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
         fleet.robots[0].accept(0.3, 0.0)
         state = [fleet.cycle()[0] for _ in range(300)][-1]
         plant, held = fleet.robots[0].body, fleet.robots[0].held
-    around = Surroundings(scene, [SensedRobot(onebot, plant.joints, held)])
+    around = VisibleSurfaces(scene, [SensedRobot(onebot, plant.joints, held)])
     placed = Placed(around, (), [RobotState(*state.pose, state.joints.positions)])
     camera_link = placed.link(0, "camera_link")
     assert camera_link is not None

@@ -42,6 +42,13 @@ class SteeredGeometry(NamedTuple):
         """The least radius of a curve, m, of the middle of the rear axle."""
         return self.wheelbase / math.tan(self.limit) if self.limit < _QUARTER else 0.0
 
+    def turning(self, speed: float, angle: float) -> float:
+        """Return the velocity of turning to the left, rad/s, at a speed, m/s, and a steering angle.
+
+        The angle, rad to the left, is that of a wheel in the middle of the front axle.
+        """
+        return speed * math.tan(angle) / self.wheelbase
+
     def __str__(self) -> str:
         text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
         return f"{text}, least radius of a curve {self.least_radius:.3g} m"

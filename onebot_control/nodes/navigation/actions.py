@@ -144,7 +144,7 @@ def _smooth(context: Context, request: Any, result: Any) -> None:
     result.path, result.was_completed = context.maps.path_message(points), True
 
 
-class Row(NamedTuple):
+class ActionRow(NamedTuple):
     """An action."""
 
     name: str
@@ -155,24 +155,24 @@ class Row(NamedTuple):
 
 
 ACTIONS = (
-    Row("navigate_to_pose", "NavigateToPose", _to_pose),
-    Row("navigate_through_poses", "NavigateThroughPoses", _through_poses),
-    Row("follow_waypoints", "FollowWaypoints", _waypoints),
-    Row("follow_path", "FollowPath", _follow_path),
-    Row("spin", "Spin", _spin, elapsed="total_elapsed_time"),
-    Row("backup", "BackUp", partial(_straight, -1.0), elapsed="total_elapsed_time"),
-    Row(
+    ActionRow("navigate_to_pose", "NavigateToPose", _to_pose),
+    ActionRow("navigate_through_poses", "NavigateThroughPoses", _through_poses),
+    ActionRow("follow_waypoints", "FollowWaypoints", _waypoints),
+    ActionRow("follow_path", "FollowPath", _follow_path),
+    ActionRow("spin", "Spin", _spin, elapsed="total_elapsed_time"),
+    ActionRow("backup", "BackUp", partial(_straight, -1.0), elapsed="total_elapsed_time"),
+    ActionRow(
         "drive_on_heading", "DriveOnHeading", partial(_straight, 1.0), elapsed="total_elapsed_time"
     ),
-    Row("wait", "Wait", _wait, elapsed="total_elapsed_time"),
-    Row("compute_path_to_pose", "ComputePathToPose", answer=_plan, elapsed="planning_time"),
-    Row(
+    ActionRow("wait", "Wait", _wait, elapsed="total_elapsed_time"),
+    ActionRow("compute_path_to_pose", "ComputePathToPose", answer=_plan, elapsed="planning_time"),
+    ActionRow(
         "compute_path_through_poses",
         "ComputePathThroughPoses",
         answer=_plan,
         elapsed="planning_time",
     ),
-    Row("smooth_path", "SmoothPath", answer=_smooth, elapsed="smoothing_duration"),
+    ActionRow("smooth_path", "SmoothPath", answer=_smooth, elapsed="smoothing_duration"),
 )
 
 
@@ -207,7 +207,7 @@ def offer_actions(node: Node, context: Context) -> "list[NavigationAction]":
 class NavigationAction:
     """One of the actions."""
 
-    def __init__(self, node: Node, clocked: _WithClock, context: Context, row: Row) -> None:
+    def __init__(self, node: Node, clocked: _WithClock, context: Context, row: ActionRow) -> None:
         """Offer it, with the clock of ``clocked``."""
         self._node, self._context, self._row = node, context, row
         self._type = load_interface(f"nav2_msgs/action/{row.kind}")

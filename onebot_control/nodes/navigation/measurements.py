@@ -12,7 +12,7 @@ from sensor_msgs.msg import Imu, LaserScan
 from std_msgs.msg import Bool
 
 from onebot_control.conventions import DRIVE_CONTROLLER
-from onebot_control.navigation.grid import Scan, is_level
+from onebot_control.navigation.grid import LevelScan, is_level
 from onebot_control.nodes.velocity_messages import VELOCITY_TYPES, twist_of, velocity_message
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
@@ -38,10 +38,10 @@ class TimedScan(NamedTuple):
     """A scan, and when it was measured."""
 
     stamp_ns: int
-    scan: Scan
+    scan: LevelScan
 
 
-class Motion(NamedTuple):
+class TimedOdometry(NamedTuple):
     """The robot's odometry."""
 
     stamp_ns: int
@@ -109,7 +109,7 @@ class Measurements:
         """
         self._node, self._jumped, self._overruled = node, jumped, overruled
         self.transforms = Transforms(node)
-        self.motion: Motion | None = None
+        self.motion: TimedOdometry | None = None
         self.locked = False
         self._scans = deque[TimedScan](maxlen=_SCANS)
         self._turned: float | None = None
@@ -165,7 +165,7 @@ class Measurements:
             return
         before, stamp = self.motion, nanoseconds(message.header.stamp)
         frames = message.header.frame_id, message.child_frame_id
-        self.motion = Motion(stamp, *frames, pose, speed)
+        self.motion = TimedOdometry(stamp, *frames, pose, speed)
         if before is not None and (text := _jump(before, self.motion)):
             self._scans.clear()
             self._jumped(text)
@@ -192,17 +192,17 @@ class Measurements:
             self._overruled("the robot was locked")
 
 
-def scan_of(message: LaserScan, mount: Floats) -> Scan:
+def scan_of(message: LaserScan, mount: Floats) -> LevelScan:
     """Return a LaserScan of a lidar that is mounted at ``mount`` (4, 4) in the robot's frame."""
     ranges = np.asarray(message.ranges, np.float32)
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < message.range_min, -np.inf, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
     least, step = float(message.angle_min), float(message.angle_increment)
-    return Scan.mounted(ranges, least, step, float(message.range_max), mount)
+    return LevelScan.mounted(ranges, least, step, float(message.range_max), mount)
 
 
-def _jump(before: Motion, after: Motion) -> str:
+def _jump(before: TimedOdometry, after: TimedOdometry) -> str:
     """Return a sentence if the robot cannot have driven from one odometry to the other."""
     elapsed = (after.stamp_ns - before.stamp_ns) / NS_PER_S
     if elapsed < 0.0:

@@ -23,7 +23,7 @@ from onebot_control.nodes.navigation.measurements import (
     COMMAND_TOPIC,
     Commands,
     Measurements,
-    Motion,
+    TimedOdometry,
 )
 from onebot_control.nodes.robot_services import planar_pose
 from onebot_control.occupancy_grid import OccupancyGrid
@@ -137,7 +137,7 @@ class NavigatorNode(Node):
         if self._navigator is not None:
             self._navigator.use_vehicle(vehicle)
 
-    def _start(self, motion: Motion) -> None:
+    def _start(self, motion: TimedOdometry) -> None:
         assert self._vehicle is not None
         parameters, start = self._settings, self._settings.initial_pose
         self._navigator = Navigator(
@@ -183,7 +183,7 @@ class NavigatorNode(Node):
         self._maps.step(navigator)
         self._tell(navigator)
 
-    def _publish_transform(self, navigator: Navigator, motion: Motion) -> None:
+    def _publish_transform(self, navigator: Navigator, motion: TimedOdometry) -> None:
         pose = navigator.pose.compose(motion.pose.inverse())
         values = np.array([[pose.x, pose.y, 0.0, *about_z(pose.yaw)]])
         frames = (self._settings.global_frame,), (motion.odom_frame,)

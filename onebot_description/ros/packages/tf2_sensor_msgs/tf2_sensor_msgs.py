@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointCloud2
 from sensor_msgs_py.point_cloud2 import dtype_from_fields
 from std_msgs.msg import Header
 
-from onebot_description.geometry import matrices
+from onebot_description.geometry import matrices, poses
 
 
 def to_msg_msg(msg: Any) -> Any:
@@ -27,7 +27,7 @@ def from_msg_msg(msg: Any) -> Any:
 def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray[np.float64]:
     """Return points (N, 3) in the transform's frame."""
     at, turn = transform.translation, transform.rotation
-    pose = (at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w)
+    pose = poses.Transform((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
     return matrices.transformed(point_cloud, matrices.of_transform(pose))
 
 

@@ -1,0 +1,167 @@
+"""A robot before it enters a world: what is simulated of it, and which joints controllers move."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from onebot_control.conventions import DEFAULT_JOINT_CONTROLLER
+from onebot_control.drive.wheels.geometry import Wheels
+from onebot_control.joint_controllers import JointController
+from onebot_control.physics import RobotSpawn
+from onebot_control.physics.simulated_model import (
+    check_interfaces,
+    commandable,
+    independent,
+    simulated_model,
+    without_limits,
+)
+from onebot_control.simulation_parameters import SimulationConfig
+from onebot_control.trajectories.following import TrajectoryFollower
+from onebot_description.description import Description
+from onebot_description.errors import OneBotError, listing, unknown_names
+from onebot_description.parameters.reader import ConfigError, Problem
+
+DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
+"""The controller of joints that is used if the control file names none."""
+
+
+class Member(NamedTuple):
+    """One robot of a fleet: what it is and how it is controlled.
+
+    It starts at the x, y and yaw of its config.
+    """
+
+    description: Description
+    config: SimulationConfig  # if it has a drive, the drive's parameters, too
+    name: str = ""  # prefix of error messages; empty if there is no other robot
+    places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
+    controllers: Sequence[JointController[Any]] = ()  # of joints that are no wheels; the default
+
+    @contextmanager
+    def located(self) -> Iterator[None]:
+        """Add its name, and the file and line of its parameters, to errors raised inside."""
+        try:
+            yield
+        except OneBotError as error:
+            placed = error.located(self.places) if isinstance(error, ConfigError) else error
+            if not self.name:
+                raise placed from None
+            raise OneBotError(f"{self.name}: {placed}") from None
+
+
+class PreparedRobot:
+    """What to simulate and to control of a robot.
+
+    Attributes:
+        member: the robot as given.
+        wheels: its wheels; None: its base stands still.
+        spawn: what the world loads.
+        held: positions of joints that do not move, by name.
+        mimic_joints: joints that mimic wheels or casters.
+        controllers: the active controllers of its other joints, by name.
+        controlled: joints of each controller, by the controller's name.
+        ignored: controllers that are inactive, and parameters without effect.
+    """
+
+    def __init__(self, member: Member) -> None:
+        """Prepare a robot for a world.
+
+        Raises:
+            OneBotError: config and description do not suit each other.
+        """
+        self.member, config = member, member.config
+        description = independent(member.description)
+        self.wheels: Wheels | None = None
+        if config.drive is not None:
+            self.wheels = config.drive.wheels(description)
+            config.drive.fitted(self.wheels)
+        wheels = self.wheels
+        candidates = member.controllers or [DEFAULT_CONTROLLER]
+        joints = {item.name: joints_of(item, description, wheels) for item in candidates}
+        candidates = [item for item in candidates if joints[item.name]]
+        inactive = _inactive(description, wheels, candidates, joints)
+        names = {problem.key for problem in inactive}
+        self.controllers = {item.name: item for item in candidates if item.name not in names}
+        self.controlled = {name: joints[name] for name in self.controllers}
+        commanded = tuple([joint for joints in self.controlled.values() for joint in joints])
+        check_interfaces(description, commanded, stands=wheels is None)
+        unlimited = [
+            joint
+            for name, controller in self.controllers.items()
+            if not controller.config.enforce_command_limits
+            for joint in self.controlled[name]
+        ]
+        description = without_limits(description, unlimited)
+        commanded += tuple(wheels.steering) if wheels else ()
+        simulated, self.held, self.mimic_joints, gears, starts = simulated_model(
+            description, wheels, commanded, config.initial_positions
+        )
+        if member.name:
+            simulated = replace(simulated, source=f"{member.name}: {simulated.source}")
+        self.spawn = RobotSpawn(
+            simulated,
+            driven=wheels.names if wheels else (),
+            x=config.x,
+            y=config.y,
+            yaw=config.yaw,
+            name=member.name,
+            commanded=commanded,
+            steering=wheels.steering if wheels else (),
+            gears=gears,
+            starts=starts,
+            fixed_base=wheels is None,
+            links=description.links,
+        )
+        self.ignored = inactive + [
+            Problem(f"{name}.{problem.key}", problem.text)
+            for name, controller in self.controllers.items()
+            for problem in controller.config.ignored(self.controlled[name])
+        ]
+
+
+def joints_of(
+    controller: JointController[Any], description: Description, wheels: Wheels | None
+) -> Sequence[str]:
+    """Return the joints that a controller commands: those it names, or all commandable ones."""
+    return controller.config.joint_names or commandable(description, wheels)
+
+
+def _inactive(
+    description: Description,
+    wheels: Wheels | None,
+    controllers: Sequence[JointController[Any]],
+    joints: Mapping[str, Sequence[str]],
+) -> list[Problem]:
+    """Return why controllers are inactive: the robot has none of their joints, or others move them.
+
+    Raises:
+        ConfigError: only some joints of a controller move, or it is the only one and none moves.
+    """
+    owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
+    moving = [joint.name for joint in description.moving_joints]
+    inactive, problems = list[Problem](), list[Problem]()
+    for controller in controllers:
+        names = joints[controller.name]
+        missing = [
+            Problem(
+                f"{controller.name}.{controller.config.joints_parameter}",
+                f'joint "{joint}" does not move{hint}',
+            )
+            for joint, hint in unknown_names(names, moving)
+        ]
+        shared = [joint for joint in names if joint in owners]
+        if missing and (len(missing) < len(names) or len(controllers) == 1):
+            problems += missing
+        elif missing:
+            text = f"is inactive: no joint of the robot is {listing(names)}"
+            inactive.append(Problem(controller.name, text))
+        elif shared:
+            text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
+            inactive.append(Problem(controller.name, text))
+        else:
+            owners.update(dict.fromkeys(names, controller.name))
+    if problems:
+        raise ConfigError(problems)
+    return inactive
