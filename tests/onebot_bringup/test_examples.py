@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_control.navigation.map_files import load_map
+from tests.onebot_bringup.cli_support import onebot
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess, Peer
 from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
@@ -200,3 +201,12 @@ def test_go_to(run: Callable[[str], list[str]], tmp_path: Path) -> None:
     assert _numbers(goal)[0] <= 50.0 and _numbers(belief)[0] <= 30.0
     data = load_map(tmp_path / "maze.yaml").data
     assert (data == 100).sum() > 50 and (data == 0).sum() > 1000
+
+
+@pytest.mark.slow
+def test_worlds_are_crossed() -> None:
+    """Each of its cases; this is the first in the densest."""
+    [path] = [each for each in SCRIPTS if each.name == "15_worlds.py"]
+    assert _command(path)[:3] == ["onebot", "evaluate", path.name]
+    done = onebot("evaluate", str(path), "--case", "200")
+    assert "density: 0.25\nseed: 0\nreached: True\n" in done.stdout, done
