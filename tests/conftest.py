@@ -29,9 +29,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A later run must not discover the nodes of one that was killed.
 end_with_this_process()
 
-# How long an example takes is the machine's affair.
+# How long an example takes is the machine's affair. Each run draws other examples.
 settings.register_profile(
-    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    "any machine", deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("any machine")
 

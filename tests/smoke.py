@@ -45,7 +45,8 @@ def _bring_up(name: str, folder: Path) -> None:
 
 def _draw(folder: Path) -> None:
     picture = folder / "onebot.png"
-    command = ["onebot", "snapshot", str(picture), str(DRAWN)]
+    size = ["--width", "320", "--height", "240"]  # Mesa draws it with processors
+    command = ["onebot", "snapshot", str(picture), str(DRAWN), *size]
     print(f"$ {' '.join(command)}", flush=True)
     done = subprocess.run(command, cwd=folder, timeout=600, stderr=subprocess.PIPE, text=True)
     if "Traceback" in done.stderr:

@@ -37,7 +37,7 @@ from tests.support import wait_for
 
 ONEBOT = Path("onebot_description/urdf/onebot.urdf.xacro")
 NAMES = ("left_wheel_joint", "right_wheel_joint", "base_link", "left_wheel", "odom", "world")
-EXAMPLES = 40  # others in each run
+EXAMPLES = 20  # others in each run
 any_content = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
 
 
@@ -107,7 +107,7 @@ def test_robot_state_publisher(start_node: Callable[..., Node]) -> None:
     """Bytes of any kind; the next good message is published, whatever the stamps before it were."""
     node = start_node(lambda: RobotStatePublisher(parse_description(ARM)))
     published = Published(node)
-    feed(node, lambda: None, names=("lead", "follow"), examples=100)
+    feed(node, lambda: None, names=("lead", "follow"), examples=40)
     for second in (100, 200):
         state = JointState(name=["lead"], position=[0.5])
         state.header.stamp.sec = second
@@ -128,7 +128,7 @@ def test_joint_state_publisher(start_node: Callable[..., Node]) -> None:
         if "robot_description" in subscription.topic_name:
             subscription.callback(String(data=ARM))
     published.count = 0
-    feed(node, node._output.publish, names=("lead", "follow"), examples=60)
+    feed(node, node._output.publish, names=("lead", "follow"), examples=30)
     assert published.count > 0
     assert published.not_finite == []
 
@@ -155,7 +155,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
         assert interface._failure is None
 
     feed(node, driven, ("teleport", "set_odometry", "description"))
-    feed(node, driven, ("cmd_vel",), examples=60)
+    feed(node, driven, ("cmd_vel",), examples=30)
     ticks = interface.loop.fleet.ticks
     wait_for(
         lambda: interface._failure or interface.loop.fleet.ticks > ticks + 10, "control cycles"

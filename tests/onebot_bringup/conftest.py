@@ -8,6 +8,8 @@ import pytest
 from onebot_description.ros.domains import used_domain
 
 if TYPE_CHECKING:
+    from selenium.webdriver import Chrome
+
     from tests.onebot_bringup.steering_support import Steering
     from tests.steering_browser_support import Page
 
@@ -28,14 +30,24 @@ def shared(domain: int) -> "Iterator[tuple[int, Steering]]":
         yield domain, node
 
 
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Page]":
-    """One browser for all tests of a file; each opens its own node's page."""
-    from tests.steering_browser_support import Page  # most tests here have no browser
-    from tests.support_browser import browser
+@pytest.fixture(scope="session")
+def window(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Chrome]":
+    """One browser for all files of a process: it takes seconds to start."""
+    from tests.support_browser import browser  # most tests here have no browser
 
     with browser(tmp_path_factory.mktemp("profile")) as driver:
-        yield Page(driver)
+        yield driver
+
+
+@pytest.fixture(scope="module")
+def chromium(window: "Chrome") -> "Iterator[Page]":
+    """The browser as the tests of a file share it; each opens its own node's page."""
+    from tests.steering_browser_support import Page
+
+    page = Page(window)
+    yield page
+    page.emulate_nothing()
+    window.get("about:blank")
 
 
 @pytest.fixture

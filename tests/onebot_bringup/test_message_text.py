@@ -5,7 +5,7 @@ import math
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovariance, Twist, TwistStamped
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterValue
 from sensor_msgs.msg import JointState
@@ -181,7 +181,6 @@ def test_mistakes(kind: type, text: str, parts: list[str]) -> None:
         assert part in error
 
 
-@settings(max_examples=50)
 @given(
     st.builds(
         lambda names, values: (names, values),

@@ -21,7 +21,7 @@ from tests.support import wait_for
 
 pytestmark = pytest.mark.slow
 
-SEQUENCES = 2000  # of each keyboard
+SEQUENCES = 500  # of each keyboard
 BATCH = 250  # in one script
 
 # The page's own modules, with a clock that only `replay` moves, and a server that answers soon.

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from onebot_bringup.viewer.view_config import (
@@ -35,7 +34,6 @@ def _source(tmp_path: Path, text: str = TEXT) -> ViewSource:
     return ViewSource(str(tmp_path / "view.yaml"))
 
 
-@hypothesis_settings(max_examples=20)
 @given(robot=st.sampled_from(["onebot", "mrm"]), data=st.data())
 def test_any_settings_of_our_views_can_be_saved_and_read_again(robot, data):
     """Every setting; of a word or a fraction, that may have few values, the one that it has."""

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -98,7 +98,6 @@ def _text(description):
     return ElementTree.fromstring(physics_urdf(description, rigid_bodies(description), {}))
 
 
-@settings(deadline=None, max_examples=60)
 @given(parts)
 def test_mass_center_and_inertia_add_up(parts):
     """A chain of turned links with turned inertials, some massless, weighs what its parts weigh."""
@@ -170,7 +169,6 @@ def test_what_is_not_simulated_is_refused(extra, text):
     assert str(caught.value) == f"r.urdf:1: {text}"
 
 
-@settings(deadline=None, max_examples=40)
 @given(robots(), st.data())
 def test_the_reduced_robot_moves_as_the_whole_one(urdf, data):
     """Bodies and collisions are, at any positions, where the description has them."""
@@ -214,7 +212,6 @@ def _shapes(description, model, q):
     return sorted([round(value, 6) + 0.0 for value in row] for row in rows)
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.tuples(positive, positive, positive), st.tuples(angles, angles, angles))
 def test_principal_axes_give_the_inertia_back(halves, rpy):
     """Moments in a right-handed frame of their own, which is turned, not mirrored."""

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from onebot_control.physics import PhysicsSettings, RobotSpawn, World
@@ -138,7 +137,6 @@ _speeds = st.one_of(
 )
 
 
-@hypothesis_settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(_speeds, _speeds, st.integers(1, 20)), max_size=12))
 def test_no_command_makes_the_state_non_finite(commands):
     """Any finite speeds, however wild, leave a robot near the ground with a pose."""

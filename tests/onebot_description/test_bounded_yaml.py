@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_bringup.bags.bag_reader import Bag
@@ -81,7 +81,6 @@ _damages = st.lists(
 )
 
 
-@settings(max_examples=50)
 @given(st.sampled_from(_SEEDS), _damages)
 def test_a_damaged_file_is_read_or_refused(
     text: str, damages: list[tuple[float, int, str]]

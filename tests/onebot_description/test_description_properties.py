@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import (
@@ -24,7 +24,6 @@ EDITS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(SEEDS), EDITS)
 def test_damage_is_always_explained(seed: bytes, edits: list[tuple[int, int, bytes]]) -> None:
     for start, length, piece in edits:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
@@ -116,7 +116,6 @@ _factor = st.sampled_from([-2.0, -0.5, 0.25, 1.0, 3.0])
 _offset = st.sampled_from([-0.125, 0.0, 0.25])
 
 
-@settings(max_examples=30)
 @given(st.lists(st.tuples(_factor, _offset), min_size=1, max_size=4), st.floats(-1.0, 1.0))
 def test_each_joint_of_a_chain_follows_the_one_before(
     links: list[tuple[float, float]], position: float
@@ -135,7 +134,6 @@ def test_each_joint_of_a_chain_follows_the_one_before(
     assert positions[0] == pytest.approx(position)
 
 
-@settings(max_examples=30)
 @given(st.lists(st.tuples(_factor, _offset), min_size=1, max_size=3), st.sampled_from([-1.0, 1.0]))
 def test_a_leader_goes_as_far_and_as_fast_as_the_narrowest_follower(
     links: list[tuple[float, float]], toward: float

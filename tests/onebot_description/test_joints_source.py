@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
@@ -73,7 +73,6 @@ _edits = st.lists(
 )
 
 
-@settings(deadline=None)
 @given(_edits)
 def test_limits_are_never_exceeded_and_velocities_integrate(edits: list) -> None:
     source = source_from(ROBOT, edits[0][0])

@@ -20,7 +20,7 @@ from onebot_description.joints.mimic import resolve
 from onebot_description.joints.motion_limits import joint_limits
 from tests.support import assert_time_grows_with_size
 
-COUNT = 3_000
+COUNT = 1_500
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 

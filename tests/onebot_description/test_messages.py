@@ -2,7 +2,7 @@
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from hypothesis import given, settings
+from hypothesis import given
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
@@ -40,7 +40,6 @@ def test_tf_reads_as_rclpy_wrote_it(message):
     np.testing.assert_array_equal(found, np.reshape(moves, (-1, 7)))
 
 
-@settings(max_examples=30)
 @given(messages(Odometry))
 def test_odometry_is_read_as_rclpy_wrote_it(message):
     read = odometry_sample(serialized(message))

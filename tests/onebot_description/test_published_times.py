@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.ros.wire.state_converter import PublishedTimes
@@ -74,7 +74,6 @@ def test_a_clock_set_back_is_noticed_by_messages_that_are_not_published() -> Non
     assert warnings == ["clock"]
 
 
-@settings(deadline=None, max_examples=50)
 @given(
     interval=st.integers(0, 5),
     messages=st.lists(

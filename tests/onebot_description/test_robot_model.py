@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 import yourdfpy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_description.description import Mimic, parse_description
@@ -24,7 +24,6 @@ def _peer(urdf):
     return peer
 
 
-@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_joint_transforms_equal_yourdfpys(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -44,7 +43,6 @@ def test_joint_transforms_equal_yourdfpys(urdf, data):
         np.testing.assert_allclose(of_poses(model.fixed.constant)[row], expected, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=50)
 @given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
 def test_link_poses_are_the_chain_of_transforms(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -63,7 +61,6 @@ def test_link_poses_are_the_chain_of_transforms(urdf, data):
     np.testing.assert_array_equal(root, np.broadcast_to(np.eye(4), root.shape))
 
 
-@settings(deadline=None, max_examples=50)
 @given(robots(kinds=("fixed", "revolute", "prismatic", "continuous")), st.data())
 def test_the_jacobian_is_the_derivative_of_the_link_poses(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -95,7 +92,6 @@ def _formula(joints, q):
     return np.concatenate((translations, rotations), axis=-1).astype(float)
 
 
-@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_batches_follow_the_formula(urdf, data):
     model = RobotModel.from_description(parse_description(urdf))
@@ -167,7 +163,6 @@ def _mimic_chain(*rules):
 _number = st.floats(-2.0, 2.0)
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.lists(st.tuples(_number, _number), min_size=1, max_size=4), _number)
 def test_a_chain_of_mimics_is_folded_from_its_leader(rules, leader):
     model = _mimic_chain(*rules)

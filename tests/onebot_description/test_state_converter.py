@@ -8,7 +8,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -178,7 +178,6 @@ def edits(draw, messages):
     return broken(draw, draw(st.sampled_from(messages)))
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     robots(),
     st.data(),
@@ -317,7 +316,6 @@ def test_the_builtin_outlives_its_converter():
 # A plan's arithmetic ------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=50)
 @given(robots(), st.data())
 def test_a_plan_agrees_with_the_model(urdf, data):
     model = _model(urdf)
