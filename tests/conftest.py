@@ -3,7 +3,9 @@
 import gc
 import os
 import signal
+from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +41,12 @@ settings.load_profile("any machine")
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """As many processes as cores for a few files, more for all: tests wait for other processes.
 
-    The quick ones most of their time; the slow ones draw, too, with all cores.
+    Those of nodes most of their time; the slow ones draw, too, with all cores.
     """
     cores = len(os.sched_getaffinity(0))
     if config.option.file_or_dir:  # a process would take longer to start than it saves
         return cores
-    return min(cores + 1 if config.option.markexpr == "slow" else 2 * cores, _MOST_WORKERS)
+    return min(cores + 1 if config.option.markexpr == "slow" else 3 * cores, _MOST_WORKERS)
 
 
 def pytest_collection() -> None:
@@ -65,17 +67,38 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return b"mark.slow" not in collection_path.read_bytes() or None
 
 
+@cache
+def _shares(file: Path) -> bool:
+    """Whether tests of a file share what takes long to start."""
+    return b'scope="module"' in file.read_bytes()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Begin with what takes long: no process is to be left with it in the end.
+
+    Of the slow tests, those are the files whose tests share something, and those of the whole
+    project; of the fast ones the files of few tests, which wait for nodes: beside those of many,
+    which compute, all cores have something to do.
+    """
+    if config.option.markexpr == "slow":
+        items.sort(key=lambda item: (not _shares(item.path), len(item.path.parts)))
+    else:
+        count = Counter(item.path for item in items)
+        items.sort(key=lambda item: count[item.path])
+
+
 class SlowScheduling(LoadScopeScheduling):
     """Each test runs in the next free process, but those that share a browser in one."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
-        shared = b'scope="module"' in (self.config.rootpath / file).read_bytes()
-        return file if shared else nodeid
+        return file if _shares(self.config.rootpath / file) else nodeid
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> SlowScheduling | None:
     """Of the slow tests some take a minute, too long for whole files in turn (--dist=loadfile)."""
+    config.option.loadscopereorder = False  # it would begin with the files of most tests
     return SlowScheduling(config, log) if config.option.markexpr == "slow" else None
 
 

@@ -68,6 +68,7 @@ def test_nodes_that_have_just_begun_heed_ctrl_c(running: RunningProcess) -> None
     stop_by_first_signal(running)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("running", [ONEBOT], indirect=True)
 @pytest.mark.parametrize("up", ["driving robot", "open http://127.0.0.1:"])
 def test_nodes_that_are_up_or_being_made_heed_ctrl_c(running: RunningProcess, up: str) -> None:

@@ -20,7 +20,7 @@ from onebot_bringup.cli.doctor import (
     pybullet,
     shared_memory,
 )
-from onebot_bringup.viewer.rendering import renderer_problem
+from onebot_bringup.viewer.rendering import NO_RENDERER, TOO_OLD
 from onebot_description.ros.shared_memory import (
     FOLDER,
     find_segments,
@@ -28,6 +28,8 @@ from onebot_description.ros.shared_memory import (
 )
 from tests.onebot_bringup.cli_support import onebot
 from tests.support import wait_for
+
+PROBLEMS = NO_RENDERER, TOO_OLD
 
 
 def test_dependencies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,15 +136,15 @@ def test_report(ros_domain: int) -> None:
     assert lines[0].startswith("onebot ") and len(lines) == 10
     assert all(re.match(r"(ok  |note)     [\w ]+: ", line) for line in lines[1:]), done.stdout
     assert "ok       messages: discovered and received from another process" in lines
-    problem = renderer_problem()
-    verdict = f"onebot snapshot does not work: {problem}" if problem else "draws pictures"
-    assert lines[-1].endswith(f" renderer: {verdict}")
+    verdicts = ["draws pictures", *(f"onebot snapshot does not work: {p}" for p in PROBLEMS)]
+    assert lines[-1].partition(" renderer: ")[2] in verdicts
     assert f"of {rclpy.__path__[0]}" in done.stdout
 
 
 def test_broken_environment(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A middleware that is not installed: what to do, no traceback, exit code 1."""
-    monkeypatch.setattr(doctor, "_required", list)  # pip takes its time, and has no part in it
+    monkeypatch.setattr(doctor, "_required", list)  # pip takes its time, and has no part in it,
+    monkeypatch.setattr(doctor, "_renderer", lambda: doctor.Verdict(OK, ""))  # nor has a picture
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_connextdds")
     done = onebot("doctor", "--timeout", "1")
     assert done.returncode == 1 and "Traceback" not in done.stderr

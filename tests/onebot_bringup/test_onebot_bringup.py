@@ -163,6 +163,7 @@ def test_the_control_file_names_the_drive(peer, tmp_path):
             assert node.output.count(text) == 1
 
 
+@pytest.mark.slow
 def test_steer_serves_the_page_with_the_view(peer):
     """One address is named, of the page that holds the view, when both are there.
 

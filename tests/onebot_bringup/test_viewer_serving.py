@@ -115,6 +115,7 @@ recording.close()
 """
 
 
+@pytest.mark.slow
 def test_a_browser_that_does_not_read_costs_little_memory():
     """It keeps neither the recording nor other viewers waiting, and then gets the newest of each.
 
