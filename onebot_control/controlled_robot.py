@@ -278,7 +278,7 @@ class ControlledRobot:
         self.pace.cycle(self.period)
         self._base.decide(self.period)
         if self.ticks % self._drift_cycles == 0:
-            self._base.compare(self.true_pose, lambda: self.body.obstructed)
+            self._base.compare(self.true_pose, self.body.obstructed)
         for name, follower in self.followers.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())

@@ -169,9 +169,8 @@ class RobotBody:
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
         self._update(self._read_joints())
 
-    @property
     def obstructed(self) -> bool:
-        """Whether something other than the ground touches the robot."""
+        """Return whether something other than the ground touches the robot."""
         self.world.check()
         own_bodies = {self.parts.body, self.parts.ground}
         points = self.world.bullet.getContactPoints(self.parts.body)

@@ -78,7 +78,6 @@ class IdealPlant:
 
     joints = ("left_wheel_joint", "right_wheel_joint")
     scene = None
-    obstructed = False
 
     def __init__(self, left: float = 0.0, right: float = 0.0) -> None:
         self.left, self.right = left, right
@@ -120,6 +119,9 @@ class IdealPlant:
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
         self._truth.set_pose(x, y, yaw)
+
+    def obstructed(self) -> bool:
+        return False
 
     def close(self) -> None:
         self.closed = True

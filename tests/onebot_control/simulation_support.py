@@ -9,14 +9,13 @@ import numpy as np
 from onebot_control.physics import (
     JointStates,
     PhysicsSettings,
-    Pose,
     RobotBody,
     RobotSpawn,
     Twist,
     World,
 )
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import yaw_of
+from onebot_description.geometry.poses import Transform, yaw_of
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
 URDF = (ROBOTS / "diff_drive.urdf").read_text()
@@ -44,7 +43,7 @@ class Simulation(World):
     def joint_states(self) -> JointStates:
         return self.robots[0].state()[0]
 
-    def base_pose(self) -> Pose:
+    def base_pose(self) -> Transform:
         return self.robots[0].state()[1]
 
     def base_twist(self) -> Twist:
