@@ -20,11 +20,13 @@ GENUINE = "class Costmap:\n    genuine = True\n"
 IS_GENUINE = "from nav2_msgs.msg import Costmap; print(hasattr(Costmap, 'genuine'))"
 
 
-def run(code: str, python: Path | str = sys.executable, **variables: str) -> str:
+def run(code: str, *options: str, python: Path | str = sys.executable, **variables: str) -> str:
     """Return the output, or the last line of an error, of a Python elsewhere."""
     names = ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
     environment = {key: value for key, value in os.environ.items() if key not in names}
-    done = run_to_end([str(python), "-c", code], cwd="/", env={**environment, **variables})
+    done = run_to_end(
+        [str(python), *options, "-c", code], cwd="/", env={**environment, **variables}
+    )
     return done.stdout.strip() or done.stderr.strip().splitlines()[-1]
 
 
@@ -43,6 +45,20 @@ def test_it_imports_nothing_before_it_is_used() -> None:
     assert run(code) == "[]"
     imported = "import sys\ntry: import nothing\nexcept ImportError: print(*sys.modules)"
     assert "onebot" not in run(imported)
+
+
+def test_it_is_asked_while_its_own_needs_are_imported(tmp_path: Path) -> None:
+    """As by ``copy``, which tries ``org.python``: xml.etree needs it, and site may have neither."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/package.xml").write_text("<package><name>mine</name></package>")
+    code = f"""
+import sys; sys.path.append({str(SITE)!r})
+import onebot_description.ros.packages as packages; packages.install()
+import copy; print(copy.deepcopy([1]), "xml.etree" in sys.modules)
+"""
+    checkout = Path(__file__).parents[1]
+    variables = {"ROS_PACKAGE_PATH": str(tmp_path), "PYTHONPATH": str(checkout)}
+    assert run(code, "-S", **variables) == "[1] False"
 
 
 def test_each_package_is_found() -> None:
@@ -104,8 +120,8 @@ def test_a_genuine_package_in_the_system(seeing: Path, genuine: Path, tmp_path: 
     user = tmp_path / "user" / SITE.relative_to(sys.prefix)
     user.parent.mkdir(parents=True)
     user.symlink_to(genuine)
-    assert run(IS_GENUINE, seeing) == "False"
-    assert run(IS_GENUINE, seeing, PYTHONUSERBASE=str(tmp_path / "user")) == "True"
+    assert run(IS_GENUINE, python=seeing) == "False"
+    assert run(IS_GENUINE, python=seeing, PYTHONUSERBASE=str(tmp_path / "user")) == "True"
 
 
 def test_another_ros_switches_it_off(tmp_path: Path) -> None:

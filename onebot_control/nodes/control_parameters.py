@@ -72,7 +72,7 @@ class ControlParameters:
         self.declared = declared = files.declared if drives else declared
         _, *self.topics = drive_node(arguments.files)
         self.joints, self.foreign_sections = files.joint_controllers(), files.foreign_sections()
-        self._ignored = [*file.warnings, *self.joints.warnings]
+        self._ignored = [*dict.fromkeys([*file.warnings, *self.joints.warnings])]
         names = arguments.names_for(name)
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)

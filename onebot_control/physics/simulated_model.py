@@ -267,8 +267,8 @@ class _Roles:
     ) -> None:
         self._joints = {joint.name: joint for joint in description.moving_joints}
         self._check(description, {*commanded, *positions}, commanded)
-        self._check_starts(positions)
         interfaces = description.interfaces
+        self._check_starts(positions, interfaces)
         of_file = {name: it.start for name, it in interfaces.items() if it.start is not None}
         self._given = {**of_file, **positions}
         self.passive = {
@@ -300,10 +300,13 @@ class _Roles:
                 text = f'follows "{mimic.joint}" by <mimic>; command that one'
                 raise OneBotError(f"{where} {text}")
 
-    def _check_starts(self, positions: Mapping[str, float]) -> None:
+    def _check_starts(
+        self, positions: Mapping[str, float], interfaces: Mapping[str, JointInterfaces]
+    ) -> None:
         """Raise OneBotError if a start position is beyond its joint's limits."""
         for name, at in positions.items():
-            if fault := self._joints[name].start_fault(at):
+            limits = interfaces[name].limits if name in interfaces else {}
+            if fault := self._joints[name].start_fault(at, *limits.get("position", ())):
                 raise OneBotError(f"initial_positions.{name}: {fault}")
 
     def _place(self, joint: Joint) -> float:

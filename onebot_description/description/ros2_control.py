@@ -39,7 +39,7 @@ def _interfaces(findings: Findings, element: Element, joint: Joint) -> JointInte
         if element.find("limits[@enable='false']") is None
         and part.find("limits[@enable='false']") is None
     }
-    start = _start(findings, element, joint)
+    start = _start(findings, element, joint, *limits.get("position", (-math.inf, math.inf)))
     faults = findings.by_severity("problem")[earlier:]
     return JointInterfaces(commands, start, limits, mimics != "false", faults)
 
@@ -56,15 +56,20 @@ def _limits(findings: Findings, command: Element) -> tuple[float, float]:
     return least, greatest
 
 
-def _start(findings: Findings, element: Element, joint: Joint) -> float | None:
-    """Return the initial value of a joint's position; None if there is none."""
+def _start(
+    findings: Findings, element: Element, joint: Joint, least: float, greatest: float
+) -> float | None:
+    """Return the initial value of a joint's position; None if there is none.
+
+    ``least`` and ``greatest`` are the limits of its command interface.
+    """
     state = element.find("state_interface[@name='position']")
     if state is None:
         return None
     start = _number(state, "initial_value", math.nan, findings.problem)
     if math.isnan(start):
         return None
-    if fault := joint.start_fault(start):
+    if fault := joint.start_fault(start, least, greatest):
         findings.problem(element, f"initial_value {fault}")
         return None
     return start

@@ -29,6 +29,8 @@ from onebot_description.errors import OneBotError, shortened
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 PACKAGE_PATH = "package_path"  # the argument of commands
 _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
+_NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # in a package.xml
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
 _LEVELS = 4  # below a folder that is searched, which may be anybody's home
@@ -278,15 +280,17 @@ def _folders_in(folder: Path) -> list[Path]:
 
 def package_name(folder: Path) -> str:
     """The package's name in the package.xml in ``folder``; "" if there is none."""
-    from xml.etree import ElementTree  # slow to import
-
     file = folder / "package.xml"
     if not file.is_file():  # a FIFO would never end
         return ""
     try:
-        return ElementTree.parse(file).findtext("name", "").strip()
-    except (OSError, ValueError, LookupError, ElementTree.ParseError):
+        text = file.read_text(errors="replace")
+    except OSError:
         return ""
+    # Without an XML parser: its imports fail while Python imports a module that it needs, whose
+    # own optional imports ask the finder of ``ros.packages`` for a package.
+    found = _NAME.search(_COMMENT.sub("", text))
+    return found[1] if found else ""
 
 
 def _missing(name: str, folder: Path | None) -> OneBotError:

@@ -199,9 +199,14 @@ class Joint:
             math.inf if self.upper is None else self.upper,
         )
 
-    def start_fault(self, position: float) -> str:
-        """Return that a start position, rad or m, is beyond the limits; "" if it is not."""
-        lower, upper = self.range
+    def start_fault(
+        self, position: float, least: float = -math.inf, greatest: float = math.inf
+    ) -> str:
+        """Return that a start position, rad or m, is beyond the limits; "" if it is not.
+
+        ``least`` and ``greatest`` are further limits, those of its command interface.
+        """
+        lower, upper = max(self.range[0], least), min(self.range[1], greatest)
         if lower - _ROUNDING <= position <= upper + _ROUNDING:
             return ""
         return f"{position:g} is beyond the joint's limits, {lower:g} to {upper:g}"

@@ -33,6 +33,7 @@ _BOOLS = {
 }
 _INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|[0-9]+)")
 _DOUBLE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_VARIABLE = re.compile(r"\$\(var \w+\)")  # a variable of a launch file
 _NOT_FINITE = re.compile(r"([-+]?)\.?(inf|infinity|nan)", re.IGNORECASE)
 
 Unknown = Callable[[Iterable[str]], list[Problem]]
@@ -55,6 +56,7 @@ class Parameters:
         self.places.update(later.places)
         self.shared = (self.shared - later.values.keys()) | later.shared
         self.sections += later.sections
+        self.warnings += [text for text in later.warnings if text not in self.warnings]
 
     def drop_shared(self, unknown: Unknown) -> None:
         """Drop unknown parameters in sections for several nodes, which are for other nodes."""
@@ -97,7 +99,7 @@ def read_sections(text: str, name: str) -> dict[str, Parameters]:
     sections: dict[str, Parameters] = {}
 
     def gather(node: yaml.Node, path: str) -> None:
-        for key, value in file.pairs(node):
+        for key, value in file.pairs(node, repeatable=True):
             if key.value == _MARK:
                 parameters = _section(file, value)
                 if path.rpartition("/")[2] in ("*", "**"):
@@ -110,6 +112,8 @@ def read_sections(text: str, name: str) -> dict[str, Parameters]:
 
     if file.root is not None:
         gather(file.root, "")
+    for parameters in sections.values():
+        parameters.warnings += file.warnings
     return sections
 
 
@@ -121,10 +125,15 @@ def section_matches(section: str, node: str) -> bool:
 
 
 class _YamlFile:
-    """The tree of a YAML file, None if it is empty; errors name file and line."""
+    """The tree of a YAML file, None if it is empty; errors name file and line.
+
+    Attributes:
+        warnings: a line for each thing that has no effect, as it is read.
+    """
 
     def __init__(self, text: str, name: str) -> None:
-        self._name = name
+        self._name, self._variables = name, set[str]()
+        self.warnings: list[str] = []
         try:
             self.root = bounded_yaml.compose(text)
         except yaml.YAMLError as error:
@@ -136,8 +145,13 @@ class _YamlFile:
             reason = " ".join(part for part in (error.context, error.problem) if part)
             raise self._error(line, f"invalid YAML: {reason}") from None
 
-    def pairs(self, node: yaml.Node) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-        """Return keys and values of a map, whose names must be plain and differ."""
+    def pairs(
+        self, node: yaml.Node, *, repeatable: bool = False
+    ) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+        """Return keys and values of a map, whose names must be plain.
+
+        They must differ, too, unless they are ``repeatable``, as those of sections are to rcl.
+        """
         if not isinstance(node, yaml.MappingNode):
             what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
             self.fail(node, f"{what} stands where a map belongs")
@@ -145,7 +159,7 @@ class _YamlFile:
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 self.fail(key, "a name must be a plain word")
-            if key.value in lines:
+            if key.value in lines and (key.value == _MARK or not repeatable):
                 self.fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
             lines[key.value] = key.start_mark.line + 1
         return list(node.value)
@@ -155,16 +169,25 @@ class _YamlFile:
     ) -> Iterator[tuple[str, str, yaml.Node]]:
         """Yield dotted name, place and value of each entry of a map and of the maps in it.
 
-        With ``merge``, the maps in a list are one map, as they are to rcl.
+        With ``merge``, the maps in a list, and those of one name, are one map, as they are to rcl.
         """
-        for key, value in self.pairs(node):
-            name = prefix + key.value
+        for key, value in self.pairs(node, repeatable=merge):
+            name = prefix + (self.text(key) if merge else key.value)
             maps = value.value if merge and isinstance(value, yaml.SequenceNode) else [value]
             if maps and all(isinstance(item, yaml.MappingNode) and item.value for item in maps):
                 for item in maps:
                     yield from self.entries(item, f"{name}.", merge=merge)
             else:
                 yield name, f"{self._name}:{key.start_mark.line + 1}", value
+
+    def text(self, node: yaml.ScalarNode) -> str:
+        """Return the text of a node without variables of launch files; warn once of each."""
+        for variable in {*_VARIABLE.findall(node.value)} - self._variables:
+            self._variables.add(variable)
+            line = node.start_mark.line + 1
+            text = f"{variable} is for ros2 launch to replace; it is left out"
+            self.warnings.append(f"{self._name}:{line}: {text}")
+        return _VARIABLE.sub("", node.value)
 
     def fail(self, node: yaml.Node, text: str) -> NoReturn:
         """Raise the error about what is wrong at ``node``."""
@@ -180,6 +203,9 @@ def _section(file: _YamlFile, node: yaml.Node) -> Parameters:
     for name, place, value in file.entries(node, merge=True):
         # rcl cannot infer the type of an empty list, and treats it as not given.
         if value.value or isinstance(value, yaml.ScalarNode):
+            if earlier := parameters.places.get(name):
+                text = f"{place}: {name}: is at {earlier}, too; this one, the later one, counts"
+                file.warnings.append(text)
             parameters.values[name] = _value(file, name, value)
             parameters.places[name] = place
     return parameters
@@ -203,11 +229,12 @@ def _value(file: _YamlFile, name: str, node: yaml.Node) -> Any:
 def _scalar(file: _YamlFile, name: str, node: Any) -> bool | int | float | str:
     if not isinstance(node, yaml.ScalarNode):
         file.fail(node, f"{name}: a list holds plain values only")
+    text = file.text(node)
     if node.style:  # quoted, or a block of text
-        return str(node.value)
+        return text
     if not node.value:
         file.fail(node, f"{name}: has no value")
-    return plain_value(node.value)
+    return plain_value(text)
 
 
 def plain_value(text: str) -> bool | int | float | str:
@@ -342,8 +369,9 @@ class LiveParameters:
 
     @property
     def warning(self) -> str | None:
-        """A warning if the files have sections, but none for this node."""
-        return no_section(self.file, self.files, self._node)
+        """What is ignored; or that the files have sections, but none for this node."""
+        missing = no_section(self.file, self.files, self._node)
+        return "\n".join(filter(None, [*self.file.warnings, missing])) or None
 
     def pin(self, names: Iterable[str], values: Mapping[str, Any]) -> None:
         """Remember the parameters of these ``names``, which the command line sets."""

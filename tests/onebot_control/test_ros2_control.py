@@ -116,6 +116,9 @@ def test_limits_of_a_command_interface() -> None:
     """Of positions, those beyond are refused; those of velocity and effort are the motor's."""
     wide, narrow = limited("position", -3, 3), limited("position", -0.1, 0.2)
     switched_off = limited("position", -0.1, 0.2, '<limits enable="false"/>')
+    start = '<state_interface name="position"><param name="initial_value">0.3</param>'
+    beyond = robot(listed("right", f"{narrow}{start}</state_interface>"))
+    assert "initial_value 0.3 is beyond the joint's limits, -0.1 to 0.2" in problem(beyond)
     for inside in (wide, switched_off):
         assert positions(robot(listed("right", inside)), {"right": 0.4})[0] == pytest.approx(0.4)
     with pytest.raises(OneBotError, match="0.4 is above the joint's limit 0.2"):

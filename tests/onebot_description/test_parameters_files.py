@@ -101,8 +101,8 @@ def test_sections(section: str, node: str, matches: bool) -> None:
         ("jsp:\n  ros__parameters:\n    rate: [1, 2\n", "file.yaml:4: invalid YAML"),
         ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: invalid YAML"),
         (
-            "jsp:\n  ros__parameters:\n    rate: 1\n    rate: 2\n",
-            "twice, first on line 3",
+            "a:\n  ros__parameters: {}\n  ros__parameters: {}\n",
+            ':3: "ros__parameters" is here twice',
         ),
         ("jsp:\n  ros__parameters:\n    a: [1, 2.0]\n", ":3: a: a list holds values of one kind"),
         ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
@@ -118,6 +118,28 @@ def test_mistakes_name_file_and_line(text: str, words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         read_parameters(text, "file.yaml", "/jsp")
     assert words in str(caught.value)
+
+
+def test_names_may_be_repeated() -> None:
+    """Maps of one name are one map, as to rcl; of two values the later one counts."""
+    text = """\
+/**:
+  jsp:
+    ros__parameters: {gains: {p: 1.0}, rate: 1, gains: {d: 2.0}}
+/**:
+  jsp:
+    ros__parameters: {"$(var prefix)rate": 2, frames: [$(var prefix)a, b$(var side)]}
+"""
+    found = read_parameters(text, "f.yaml", "/jsp")
+    assert found.values == {"gains.p": 1.0, "rate": 2, "gains.d": 2.0, "frames": ["a", "b"]}
+    assert found.warnings == [
+        "f.yaml:6: $(var prefix) is for ros2 launch to replace; it is left out",
+        "f.yaml:6: $(var side) is for ros2 launch to replace; it is left out",
+    ]
+    twice = "jsp:\n  ros__parameters:\n    rate: 1\n    rate: 2\n"
+    assert read_parameters(twice, "f.yaml", "/jsp").warnings == [
+        "f.yaml:4: rate: is at f.yaml:3, too; this one, the later one, counts"
+    ]
 
 
 def test_other_yaml_files_are_maps_with_lines_too() -> None:
