@@ -32,12 +32,11 @@ from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
-from onebot_control.fleet import Fleet
 from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.stepped_executor import TF_TOPICS, SteppedExecutor, is_alive
 from onebot_control.nodes.world_interface import WorldInterface
-from onebot_control.runtime.control_loop import ControlLoop
+from onebot_control.runtime.control_loop import SteppedLoop
 from onebot_control.runtime.pacing import Divider, wake_exactly
 from onebot_control.runtime.sensing import Sensing
 from onebot_control.simulated_world import SimulatedWorld
@@ -49,7 +48,6 @@ from onebot_description.ros.run_node import ros_errors
 from onebot_description.ros.topic_qos import is_transient_local
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.timing import NS_PER_S
-from onebot_description.timing.wake_detector import WakeDetector
 
 S = TypeVar("S")  # the simulation
 T = TypeVar("T")
@@ -502,38 +500,3 @@ def _place(function: Any) -> str:
     name = getattr(function, "__qualname__", None) or repr(function)
     code = getattr(function, "__code__", None)
     return f"{name} ({code.co_filename}:{code.co_firstlineno})" if code else name
-
-
-class SteppedLoop(ControlLoop):
-    """A control loop without a thread, whose cycles ``Simulation.run`` runs."""
-
-    def __init__(self, fleet: Fleet, publish: Callable[[Sequence[Snapshot], int], None]) -> None:
-        """See ``ControlLoop``."""
-        super().__init__(fleet, publish, simulated=True, wake=WakeDetector(lambda: 0.0))
-
-    def start(self) -> None:
-        """Do nothing: ``Simulation.run`` runs the cycles."""
-
-    def post(self, function: Callable[[], object]) -> None:
-        """Call ``function`` now: it is between two cycles."""
-        function()
-
-    def call(self, function: Callable[[], T]) -> T:
-        """Call ``function`` now: it is between two cycles."""
-        return function()
-
-    def set_factor(self, factor: float) -> None:
-        """Ignore the pace: a Simulation always runs as fast as possible."""
-
-    def pause(self, paused: bool) -> None:
-        """Refuse to pause, as ``step`` refuses to step."""
-        if paused:
-            self.step()
-
-    def step(self, cycles: int = 1) -> None:
-        """Refuse to step.
-
-        Raises:
-            OneBotError: always.
-        """
-        raise OneBotError("time passes in Simulation.run only")

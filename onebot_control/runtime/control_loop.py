@@ -247,6 +247,41 @@ class ControlLoop:
             self._call_next(min(left, _LONGEST_WAIT))
 
 
+class SteppedLoop(ControlLoop):
+    """A control loop without a thread, whose cycles ``Simulation.run`` runs."""
+
+    def __init__(self, fleet: Fleet, publish: Callable[[Sequence[Snapshot], int], None]) -> None:
+        """See ``ControlLoop``."""
+        super().__init__(fleet, publish, simulated=True, wake=WakeDetector(lambda: 0.0))
+
+    def start(self) -> None:
+        """Do nothing: ``Simulation.run`` runs the cycles."""
+
+    def post(self, function: Callable[[], object]) -> None:
+        """Call ``function`` now: it is between two cycles."""
+        function()
+
+    def call(self, function: Callable[[], T]) -> T:
+        """Call ``function`` now: it is between two cycles."""
+        return function()
+
+    def set_factor(self, factor: float) -> None:
+        """Ignore the pace: a Simulation always runs as fast as possible."""
+
+    def pause(self, paused: bool) -> None:
+        """Refuse to pause, as ``step`` refuses to step."""
+        if paused:
+            self.step()
+
+    def step(self, cycles: int = 1) -> None:
+        """Refuse to step.
+
+        Raises:
+            OneBotError: always.
+        """
+        raise OneBotError("time passes in Simulation.run only")
+
+
 class VelocityCommand(NamedTuple):
     """A velocity command, as received; its times are by ``boot_time``, which nobody can set."""
 

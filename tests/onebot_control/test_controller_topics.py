@@ -1,7 +1,9 @@
 """What topics, services and parameters of velocity_controller do, in step with a simulation."""
 
+import sys
 import time
 from collections.abc import Mapping
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -43,6 +45,36 @@ def transform_of(pose: Any, position: str = "translation", rotation: str = "rota
 def by_child(messages: list[TFMessage]) -> Mapping[str, Any]:
     """The last transform of each frame."""
     return {each.child_frame_id: each for message in messages for each in message.transforms}
+
+
+ROOMS = ("nodes", "runtime", "simulated_world", "fleet", "controlled_robot", "drive", "physics")
+
+
+def test_a_twist_goes_down_and_back_once(ros_simulation: RosSimulation) -> None:
+    """Each call is to a room below, but the one that publishes the state of a control cycle."""
+    stepped = Stepped(ros_simulation(robot()))
+    odom, upward, rooms = stepped.hear(Odometry, ODOM), set[tuple[str, str]](), set[str]()
+
+    def room(frame: FrameType | None) -> str:
+        name = frame.f_globals["__name__"].split(".") if frame else []
+        return name[1] if name[:1] == ["onebot_control"] and name[1] in ROOMS else ""
+
+    def follow(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and (called := room(frame)):
+            caller = frame.f_back
+            while caller and not room(caller):
+                caller = caller.f_back
+            rooms.add(called)
+            if caller and ROOMS.index(called) < ROOMS.index(room(caller)):
+                upward.add((room(caller), called))
+
+    sys.setprofile(follow)
+    try:
+        stepped.drive(twist(0.3), 1.0)
+    finally:
+        sys.setprofile(None)
+    assert x(odom[-1]) > 0.1 and rooms == {*ROOMS}
+    assert upward == {("simulated_world", "nodes")}
 
 
 def test_a_lock_stops_the_robot_whoever_drives(
