@@ -1,7 +1,8 @@
-"""The kinds of drives, by their types in ros2_control; a new kind is a row of ``DRIVES``."""
+"""The kinds of drives, by their types in ros2_control; a new kind is a row of the table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from onebot_control.drive.diff_drive import DiffDriveParameters
@@ -35,37 +36,28 @@ class ControlConfig(DiffDriveParameters, SimulationConfig):
         return read(cls, values)
 
 
-@dataclass(frozen=True)
-class MecanumConfig(MecanumParameters, SimulationConfig):
-    """All parameters of the node of a mecanum drive."""
-
-
-@dataclass(frozen=True)
-class OmniConfig(OmniParameters, SimulationConfig):
-    """All parameters of the node of a drive by omni wheels."""
-
-
-@dataclass(frozen=True)
-class SteeringConfig(SteeringControllerParameters, SimulationConfig):
-    """All parameters of the node of a car, a bicycle or a tricycle with driven rear wheels."""
-
-
-@dataclass(frozen=True)
-class TricycleConfig(TricycleParameters, SimulationConfig):
-    """All parameters of the node of a tricycle whose steered wheel is driven."""
+@cache
+def _all_parameters(drive: type[DriveParameters[Any]]) -> type[SimulationConfig]:
+    """Return the dataclass of all parameters of a drive's node: its own and the simulation's."""
+    values = {"__doc__": drive.__doc__, "__module__": __name__}
+    kind: type[SimulationConfig] = type(drive.__name__, (drive, SimulationConfig), values)
+    return dataclass(frozen=True)(kind)
 
 
 DEFAULT_DRIVE = "diff_drive_controller/DiffDriveController"
+_OTHER_DRIVES: Mapping[str, type[DriveParameters[Any]]] = {
+    "mecanum_drive_controller/MecanumDriveController": MecanumParameters,
+    "clearpath_mecanum_drive_controller/MecanumDriveController": MecanumParameters,
+    "husarion_mecanum_drive_controller/MecanumDriveController": MecanumParameters,
+    "omni_wheel_drive_controller/OmniWheelDriveController": OmniParameters,
+    "ackermann_steering_controller/AckermannSteeringController": SteeringControllerParameters,
+    "bicycle_steering_controller/BicycleSteeringController": SteeringControllerParameters,
+    "tricycle_steering_controller/TricycleSteeringController": SteeringControllerParameters,
+    "tricycle_controller/TricycleController": TricycleParameters,
+}
 DRIVES: Mapping[str, type[SimulationConfig]] = {
     DEFAULT_DRIVE: ControlConfig,
-    "mecanum_drive_controller/MecanumDriveController": MecanumConfig,
-    "clearpath_mecanum_drive_controller/MecanumDriveController": MecanumConfig,
-    "husarion_mecanum_drive_controller/MecanumDriveController": MecanumConfig,
-    "omni_wheel_drive_controller/OmniWheelDriveController": OmniConfig,
-    "ackermann_steering_controller/AckermannSteeringController": SteeringConfig,
-    "bicycle_steering_controller/BicycleSteeringController": SteeringConfig,
-    "tricycle_steering_controller/TricycleSteeringController": SteeringConfig,
-    "tricycle_controller/TricycleController": TricycleConfig,
+    **{kind: _all_parameters(drive) for kind, drive in _OTHER_DRIVES.items()},
 }
 """The parameters of each drive's node, by the drive's type."""
 

@@ -14,13 +14,7 @@ from onebot_bringup.launch.settings import BringupSettings, StandingSettings
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.drive_kinds import (
-    ControlConfig,
-    MecanumConfig,
-    OmniConfig,
-    SteeringConfig,
-    TricycleConfig,
-)
+from onebot_control.drive_kinds import DRIVES, ControlConfig
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
@@ -35,10 +29,15 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "robot_state_publisher": (StateParameters,),
     "joint_state_publisher": (JointsConfig,),
     "velocity_controller": (ControlConfig,),
-    "mecanum_drive_controller": (MecanumConfig,),
-    "omni_wheel_drive_controller": (OmniConfig,),
-    "ackermann_steering_controller": (SteeringConfig,),
-    "tricycle_controller": (TricycleConfig,),
+    **{
+        kind.partition("/")[0]: (DRIVES[kind],)
+        for kind in (
+            "mecanum_drive_controller/MecanumDriveController",
+            "omni_wheel_drive_controller/OmniWheelDriveController",
+            "ackermann_steering_controller/AckermannSteeringController",
+            "tricycle_controller/TricycleController",
+        )
+    },
     "joint_trajectory_controller": (TrajectoryConfig,),
     "forward_command_controller": (ForwardConfig,),
     "navigator": (NavigatorParameters,),

@@ -4,7 +4,18 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from onebot_control.drive_kinds import DRIVES
 from onebot_description.description import Description, parse_description
+
+MECANUM, OMNI, STEERING, TRICYCLE = (
+    DRIVES[kind]
+    for kind in (
+        "mecanum_drive_controller/MecanumDriveController",
+        "omni_wheel_drive_controller/OmniWheelDriveController",
+        "ackermann_steering_controller/AckermannSteeringController",
+        "tricycle_controller/TricycleController",
+    )
+)
 
 RADIUS, LENGTH, WIDTH, CIRCLE = 0.05, 0.15, 0.14, 0.18
 BASE, TRACK, STEERS = (

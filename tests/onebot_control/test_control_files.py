@@ -18,7 +18,7 @@ from onebot_control.control_files import (
     unknown_by_node,
 )
 from onebot_control.conventions import MANAGER
-from onebot_control.drive_kinds import ControlConfig, MecanumConfig, TricycleConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
@@ -27,6 +27,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters.files import Parameters, read_sections
 from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.command_line import RosArguments
+from tests.onebot_control.drive_models import MECANUM, TRICYCLE
 from tests.ros_support import ros_args
 
 GOOD = """\
@@ -496,8 +497,8 @@ def test_joints_that_a_section_without_a_type_names_say_which_drive_it_is(file: 
     """Whatever the description shows; empty names are none."""
     section = "velocity_controller: {ros__parameters: {%s}}"
     for named, kind in (
-        ("traction_joint_name: front, wheelbase: 0.5", TricycleConfig),
-        ("front_left_wheel_command_joint_name: fl, wheel_separation_x: 0.3", MecanumConfig),
+        ("traction_joint_name: front, wheelbase: 0.5", TRICYCLE),
+        ("front_left_wheel_command_joint_name: fl, wheel_separation_x: 0.3", MECANUM),
         ("traction_joint_name: '', wheel_radius: 0.1", ControlConfig),
     ):
         file.write_text(section % named)

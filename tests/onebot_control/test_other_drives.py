@@ -15,10 +15,6 @@ from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive_kinds import (
     DRIVES,
     ControlConfig,
-    MecanumConfig,
-    OmniConfig,
-    SteeringConfig,
-    TricycleConfig,
     found_drive,
 )
 from onebot_description.description import Description, load_description, parse_description
@@ -30,9 +26,13 @@ from tests.onebot_control.drive_models import (
     CIRCLE,
     CORNERS,
     LENGTH,
+    MECANUM,
+    OMNI,
     RADIUS,
+    STEERING,
     STEERS,
     TRACK,
+    TRICYCLE,
     WIDTH,
     car,
     mecanum,
@@ -132,14 +132,14 @@ _FDIR = "".join(
     [
         (ONEBOT, ControlConfig),
         (_plain(), ControlConfig),
-        (_plain(_FDIR), MecanumConfig),
-        (_plain(_plugin("gz-sim-mecanum-drive-system")), MecanumConfig),
-        (_plain(_plugin("libgazebo_ros_planar_move.so")), MecanumConfig),
-        (mecanum(), MecanumConfig),
-        (omni(3), OmniConfig),
-        (omni(4, math.pi / 4.0), OmniConfig),
-        (car(), SteeringConfig),
-        (tricycle(), SteeringConfig),
+        (_plain(_FDIR), MECANUM),
+        (_plain(_plugin("gz-sim-mecanum-drive-system")), MECANUM),
+        (_plain(_plugin("libgazebo_ros_planar_move.so")), MECANUM),
+        (mecanum(), MECANUM),
+        (omni(3), OMNI),
+        (omni(4, math.pi / 4.0), OMNI),
+        (car(), STEERING),
+        (tricycle(), STEERING),
     ],
 )
 def test_the_description_says_which_drive_it_is(description: Description, kind: type) -> None:
@@ -152,12 +152,12 @@ def test_the_description_says_which_drive_it_is(description: Description, kind: 
         (
             _plain(),
             {f"{corner}_wheel_command_joint_name": f"{corner}_joint" for corner in CORNERS},
-            MecanumConfig,
+            MECANUM,
         ),
         (
             tricycle(),
             {"traction_joint_name": "front_joint", "steering_joint_name": "front_steering"},
-            TricycleConfig,
+            TRICYCLE,
         ),
         (_plain(), {"right_wheel_names": ["rear_right_joint"]}, None),
     ],
@@ -414,9 +414,9 @@ def test_standard_topics(
 
 def test_onebots_file_suits_all_drives() -> None:
     """What it has for any drive counts; limits of driving forward are those of driving sideways."""
-    values = read_control_files([default_control_file()], "/", "velocity_controller", MecanumConfig)
+    values = read_control_files([default_control_file()], "/", "velocity_controller", MECANUM)
     assert values.warnings == []
-    config = read(MecanumConfig, values.values)
+    config = read(MECANUM, values.values)
     assert config.lateral == config.linear and config.lateral.max_acceleration == 0.5
     assert "left_wheel_noise" not in values.values
 

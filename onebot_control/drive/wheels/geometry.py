@@ -43,15 +43,25 @@ class Wheels:
         skids: whether the wheels slide sideways in turns.
     """
 
-    groups: Sequence[Sequence[str]] = ()
-    steering: Sequence[str] = ()
     free: Sequence[str] = ()
     rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
     several_radii = "driven wheels need the same"  # the remedy
 
-    def __init__(self, description: Description) -> None:
-        """Read the joints that turn; which of them are wheels, a drive's own class decides."""
+    def __init__(
+        self,
+        description: Description,
+        groups: Sequence[Sequence[str]] = (),
+        steering: Sequence[str] = (),
+    ) -> None:
+        """Read the joints that turn; a drive's own class may find out later which are its wheels.
+
+        Args:
+            description: the robot.
+            groups: names of the driven joints, those that turn as one wheel together.
+            steering: names of the joints that steer wheels.
+        """
+        self.groups, self.steering = groups, steering
         self.description, self.gear = description, RunningGear.of(description)
         self.axles, self.tyres, self.rigid = self.gear.axles, self.gear.tyres, self.gear.rigid
 
