@@ -25,9 +25,7 @@ class Transform(NamedTuple):
 
     def at(self, point: Triple) -> Triple:
         """Return a point of this frame, m, in its parent's."""
-        x, y, z = rotate(self.rotation, point)
-        a, b, c = self.translation
-        return a + x, b + y, c + z
+        return compose(self, Transform(point, (0.0, 0.0, 0.0, 1.0))).translation
 
 
 T = TypeVar("T", float, "Floats")
@@ -169,7 +167,9 @@ def rpy_of_rows(rows: Sequence[Sequence[float]]) -> Triple:
 
 def compose(outer: Transform, inner: Transform) -> Transform:
     """Return the transform that applies ``inner``, then ``outer``."""
-    return Transform(outer.at(inner[0]), multiply(outer[1], inner[1]))
+    x, y, z = rotate(outer[1], inner[0])
+    a, b, c = outer[0]
+    return Transform((a + x, b + y, c + z), multiply(outer[1], inner[1]))
 
 
 def of_arrays(translation: "Floats", rotation: "Floats") -> Transform:
