@@ -9,10 +9,24 @@ From Python, without ROS, start with a ``Simulation``::
         simulation.run(2.0)
         print(simulation.robot.pose, simulation.robot.scan().ahead)
 
-``simulation.robot`` is a ``SimulatedRobot``. It returns its true ``RobotPose`` and
-``PlanarVelocity``, its ``OdometryReading``, the ``JointState`` of each joint, and what its sensors
-measure: a ``Scan``, an ``ImuReading``, or arrays. To simulate several robots, pass a ``RobotSetup``
-for each. A mistake in a file or an argument raises a ``OneBotError``.
+What the package exports:
+
+- ``Simulation``: Simulates one or several robots in one world; time advances only in ``run``.
+- ``RobotSetup``: Model, start pose and parameters of one of several robots.
+- ``SimulatedRobot``: One robot: takes commands, and returns its true state and measurements.
+- ``SimulatedNavigation``: Drives a robot to goals; ``robot.navigation`` returns it.
+- ``RobotPose``, ``PlanarVelocity``: True pose and velocity of a robot.
+- ``OdometryReading``: Pose and velocity by the wheels.
+- ``JointState``: Measured state of one joint.
+- ``Scan``, ``ImuReading``: Measurements of a lidar and of an IMU; other sensors return arrays.
+- ``Contact``: A place where something touches a robot.
+- ``OccupancyGrid``: The true map; ``simulation.occupancy_grid`` returns it.
+- ``Moment``: The poses and joints of all robots at one time, from ``simulation.moments``.
+- ``Lockstep``: Runs ROS nodes in lockstep; ``simulation.ros`` returns it. It needs ROS.
+- ``OneBotEnv``: A Gymnasium environment. It needs ``pip install 'onebot-robots[gym]'``.
+- ``OneBotError``: A mistake in a file or an argument, which a user can fix.
+
+``onebot_control.evaluation`` runs an episode for many cases.
 
 To run the ROS node: ``python -m onebot_control.velocity_controller``.
 """
@@ -36,13 +50,15 @@ __all__ = [
     "RobotPose",
     "RobotSetup",
     "Scan",
+    "SimulatedNavigation",
     "SimulatedRobot",
     "Simulation",
     "__version__",
 ]
 
 if TYPE_CHECKING:
-    # Not in __all__: ``import *`` would need ROS.
+    # Not in __all__: ``import *`` would need Gymnasium and ROS.
+    from onebot_control.environment import OneBotEnv as OneBotEnv
     from onebot_control.nodes.lockstep import Lockstep as Lockstep
     from onebot_control.occupancy_grid import OccupancyGrid
     from onebot_control.physics.contacts import Contact
@@ -56,6 +72,7 @@ if TYPE_CHECKING:
         RobotPose,
         Scan,
     )
+    from onebot_control.simulated_navigation import SimulatedNavigation
     from onebot_control.simulated_robot import SimulatedRobot
     from onebot_control.simulation import Simulation
     from onebot_description.errors import OneBotError
@@ -64,6 +81,7 @@ else:
         globals(),
         {
             "onebot_control.physics.contacts": ("Contact",),
+            "onebot_control.environment": ("OneBotEnv",),
             "onebot_control.occupancy_grid": ("OccupancyGrid",),
             "onebot_control.nodes.lockstep": ("Lockstep",),
             "onebot_control.recording": ("Moment",),
@@ -72,6 +90,7 @@ else:
                 *("ImuReading", "JointState", "OdometryReading"),
                 *("RobotPose", "Scan", "PlanarVelocity"),
             ),
+            "onebot_control.simulated_navigation": ("SimulatedNavigation",),
             "onebot_control.simulated_robot": ("SimulatedRobot",),
             "onebot_control.simulation": ("Simulation",),
             "onebot_description.errors": ("OneBotError",),

@@ -8,9 +8,14 @@ From Python, without ROS::
     model = RobotModel.from_description(description)
     poses = model.link_poses(model.positions({"arm_joint": 0.5}))  # (links, 7)
 
-``load_description`` reads and checks a URDF or xacro file, ``parse_description`` a text; both
-return a ``Description``. A ``RobotModel`` computes the poses of links. A mistake in a file raises a
-``DescriptionError``, a ``OneBotError`` that lists every problem with its line.
+What the package exports:
+
+- ``load_description``: Read a robot description, expand it if it is xacro, and check it.
+- ``parse_description``: Read and check URDF text; xacro is not expanded.
+- ``Description``: A robot, or a world, as read from URDF.
+- ``RobotModel``: Forward kinematics of a robot with M moving joints, independent of ROS.
+- ``DescriptionError``: A robot description that cannot be used; lists every problem with its line.
+- ``OneBotError``: A mistake that a user can fix.
 
 To run the nodes: ``python -m onebot_description.robot_state_publisher`` and
 ``python -m onebot_description.joint_state_publisher``.
@@ -57,6 +62,8 @@ def lazy(
 ) -> "Callable[[str], object]":
     """Return a ``__getattr__`` for a package that imports its names when they are first used.
 
+    The package's ``__dir__`` lists the names, so that ``help`` shows them.
+
     Args:
         package: the package's ``globals()``, which get each name with its first use.
         modules: for each module to import from, the names in it. "__version__" is always added.
@@ -74,9 +81,14 @@ def lazy(
         package[name] = value
         return value
 
-    if "pdoc" in sys.modules:  # it documents what is in ``globals()``
-        for name in package["__all__"]:
-            package[name] = find(name)
+    package["__dir__"] = lambda: sorted({*package, *package["__all__"]})
+    if "pdoc" in sys.modules:  # it documents the names in ``__all__`` that are in ``globals()``
+        for name in homes:
+            try:
+                package[name] = find(name)
+            except ImportError:  # of an extra or of ROS, which is not installed
+                continue
+        package["__all__"] = sorted(homes.keys() & package.keys())
     return find
 
 

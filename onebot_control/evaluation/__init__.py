@@ -11,12 +11,14 @@ Example::
 
     table = evaluate(drive_home, grid(seed=range(100), lookahead=[0.3, 0.6]))
 
-``onebot evaluate`` does so with the function and the cases of a file.
+``onebot evaluate`` does this with the function and the cases of a file.
 """
 
 import onebot_description
 
 TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+
+__docformat__ = "google"
 
 __all__ = ["Case", "evaluate", "grid", "summary"]
 
