@@ -2,7 +2,7 @@
 
 It needs ``pip install 'onebot-robots[gym]'``. Importing this module registers ``OneBot-v0`` and
 ``OneBot-Maze-v0``; so does the id ``onebot_control.environment:OneBot-Maze-v0``, for
-``gymnasium.make_vec`` with several environments in processes of their own (vectorization_mode
+``gymnasium.make_vec`` with several environments in their own processes (vectorization_mode
 "async"), too.
 
 Example:
@@ -33,7 +33,7 @@ from onebot_description.parameters.values import Rule, ValueType
 
 _FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
 _NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this
-_FRONT = 0.25  # m, greatest distance from the lidar to the robot's outline
+_FRONT = 0.25  # m, maximum distance from the lidar to the robot's outline
 # m, rad, m/s, rad/s; a space has to be finite, and odometry beyond it is clipped.
 _ODOMETRY = np.array([1e4, 1e4, math.pi, 10.0, 100.0], np.float32)
 

@@ -3,7 +3,7 @@
 
 Run it alone with ``python -m onebot_control.navigator [FILE] --ros-args ...``, beside a simulation,
 a real robot or a recording; FILE is the robot's URDF or xacro file. Parameters and interfaces have
-Nav2's names, so that Nav2's clients work. For several robots, as velocity_controller has it, one
+Nav2's names, so that Nav2's clients work. For several robots, as in velocity_controller, one
 process runs a node for each: ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2``.
 
 Subscribes:

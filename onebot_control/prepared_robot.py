@@ -37,7 +37,7 @@ class Member(NamedTuple):
     config: SimulationConfig  # if it has a drive, the drive's parameters, too
     name: str = ""  # prefix of error messages; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
-    controllers: Sequence[JointController[Any]] = ()  # of joints that are no wheels; the default
+    controllers: Sequence[JointController[Any]] = ()  # default: for all but wheels
 
     @contextmanager
     def located(self) -> Iterator[None]:

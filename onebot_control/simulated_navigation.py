@@ -17,11 +17,11 @@ from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model.robot_model import RobotModel
 
-if TYPE_CHECKING:  # what imports scipy is imported by the first goal
+if TYPE_CHECKING:  # the first goal imports the modules that need scipy
     from onebot_control.navigation.grid import LevelScan
     from onebot_control.navigation.navigator import Navigator
 
-_FEWEST_RAYS = 30  # of a lidar that can map
+_FEWEST_RAYS = 30  # minimum rays of a lidar that can map
 
 
 class SimulatedNavigation:

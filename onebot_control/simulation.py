@@ -358,11 +358,11 @@ class Simulation(AbstractContextManager["Simulation"]):
         Args:
             resolution: edge of a cell, m.
             height: height above the ground, m; a ramp is there only where it is higher.
-            bounds: least x and y, greatest x and y of the map, m; None for what is there, with the
+            bounds: minimum x and y, maximum x and y of the map, m; None for what is there, with the
                 corners of cells at multiples of the resolution.
 
         Raises:
-            ValueError: a length is not above 0, or bounds are not least before greatest.
+            ValueError: a length is not above 0, or bounds are not minimum before maximum.
             OneBotError: nothing is there, and there are no bounds; or there are too many cells.
         """
         if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):

@@ -53,7 +53,7 @@ class BroadcasterConfig:
 class SimulationConfig:
     """Parameters of the simulation and of joint_state_broadcaster, for driving and standing robots.
 
-    The table in README.md explains them.
+    The table in docs/drives.md explains them.
     """
 
     robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
@@ -88,7 +88,7 @@ class SimulationConfig:
     )
     world_frame_id: str = parameter(
         WORLD_FRAME,
-        "frame of the truth and parent of odom; empty: the truth in odom, unless there is a world",
+        "frame of ground truth and parent of odom; empty: odom, unless there is a world",
     )
     ground_truth_tf: bool = parameter(
         True, "publish world_frame_id -> odom_frame_id on TF, unless another node localizes"

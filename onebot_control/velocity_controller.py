@@ -18,9 +18,9 @@ Subscribes:
     drive (ackermann_msgs/msg/AckermannDriveStamped, reliable, depth 10): speed and steering angle
         of a car; its stamp is not used.
     ~/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): after true the robot brakes and ignores
-        all commands until false, whoever publishes them; if ~/cmd_vel is remapped, the lock is too.
+        all commands until false, from any publisher; if ~/cmd_vel is remapped, the lock is too.
     controller_manager/cmd_vel_lock (std_msgs/msg/Bool, reliable, depth 10): the lock of joints that
-        controllers move, which ~/cmd_vel_lock locks, too; see README.md.
+        controllers move, which ~/cmd_vel_lock locks, too.
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): moves the robot to a pose, at rest, unless
         something is in the way; frame_id is world_frame_id (or empty) or odom_frame_id. The
         odometry does not change.
@@ -48,7 +48,7 @@ Publishes (reliable, depth 10, unless noted):
     ~/cmd_vel_out (geometry_msgs/msg/TwistStamped): the limited command, every control cycle, if
         publish_limited_velocity is true; otherwise the topic does not exist.
     measurements of the sensors in the URDF (LaserScan, PointCloud2, Imu, Image and CameraInfo of
-        sensor_msgs), on each sensor's topics while somebody subscribes; see README.md.
+        sensor_msgs), on each sensor's topics while they have subscribers.
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Otherwise
         stamps are system time, and there is no /clock.
@@ -75,7 +75,7 @@ If several robots share a world, ~/pause, ~/step and real_time_factor of any nod
 them; update_rate must be the same for all; use_sim_time, world and paused are the first robot's.
 
 The drive is differential, mecanum, of omni wheels or steered: as the control file's type says, or
-else the description; README.md lists them. Parameters are those of its standard controller, of
+else the description; docs/drives.md lists them. Parameters are those of its standard controller, of
 joint_state_broadcaster and the simulation. A change takes effect at once, or is rejected with the
 reason.
 """

@@ -86,7 +86,7 @@ def lazy(
         for name in homes:
             try:
                 package[name] = find(name)
-            except ImportError:  # of an extra or of ROS, which is not installed
+            except ImportError:  # an extra, or ROS, is not installed
                 continue
         package["__all__"] = sorted(homes.keys() & package.keys())
     return find

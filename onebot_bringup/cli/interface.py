@@ -22,7 +22,7 @@ from onebot_description.ros.wire.interface_text import (
 )
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
-_SITE = Path(sysconfig.get_path("purelib"))  # where editors look for stubs
+_SITE = Path(sysconfig.get_path("purelib"))  # editors look for stubs here
 _FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
 
 

@@ -323,7 +323,7 @@ class _Teleop:
             sys.stdout.flush()
 
     def _subscriber_note(self) -> str:
-        """Return what is known of the robot: the least radius of its curves, or that it is gone."""
+        """Return what is known of the robot: its minimum turning radius, or that it is gone."""
         from onebot_bringup.steering.command_topic import command_subscribers
 
         if self._publisher.get_subscription_count():

@@ -1,4 +1,4 @@
-"""A ROS node drives OneBot to x = 1 m in step with the simulation: both runs are equal to the bit.
+"""A ROS node drives OneBot to x = 1 m in lockstep with the simulation: both runs are bit-identical.
 
 Run it with `python 05_lockstep.py`. By `rclpy.spin` the node drives that of `onebot_bringup`, too.
 """

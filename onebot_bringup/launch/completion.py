@@ -17,7 +17,7 @@ from onebot_bringup.launch.arguments import listed
 from onebot_description.errors import OneBotError
 
 Completer = Callable[..., Iterable[str]]
-"""A completer as argcomplete has them, called with keyword arguments."""
+"""A completer of argcomplete, called with keyword arguments."""
 
 
 def complete_line(complete: Callable[[list[str]], object]) -> NoReturn:

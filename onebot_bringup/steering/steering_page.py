@@ -205,8 +205,8 @@ class SteeringPage(Node):
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
-            "others": self._navigation.others(commands.others),  # who else publishes commands
-            "navigation": self._navigation.line,  # what the robot's navigator does
+            "others": self._navigation.others(commands.others),  # other publishers of commands
+            "navigation": self._navigation.line,  # state of the robot's navigator
             # Locked wheels or joints ignore all commands until a page moves them again.
             "locked": commands.locked or self._joints.locked,
             "wheels_locked": commands.locked,

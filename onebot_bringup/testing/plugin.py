@@ -1,6 +1,6 @@
 """The pytest plugin: fixtures with robots for the users' tests.
 
-``simulation`` makes a ``Simulation``, ``ros_simulation`` one with nodes in step, and ``bringup``
+``simulation`` makes a ``Simulation``, ``ros_simulation`` one with lockstep nodes, and ``bringup``
 starts a bringup as processes. Each test has its own ROS domain, ``ros_domain``, so that parallel
 tests (``pytest -n 8``) never interfere. Everything is closed after the test.
 """
@@ -34,7 +34,7 @@ class SimulationFixture(Protocol):
 
 
 class RosSimulationFixture(Protocol):
-    """Type of the fixture ``ros_simulation``: as ``simulation``, with ROS nodes in step."""
+    """Type of the fixture ``ros_simulation``: as ``simulation``, with ROS nodes in lockstep."""
 
     def __call__(self, *args: Any, **arguments: Any) -> Lockstep[Simulation]: ...
 
@@ -92,7 +92,7 @@ def ros_simulation(
 
         def make(*args: Any, **arguments: Any) -> Lockstep[Simulation]:
             if simulations:
-                text = "a test has one simulation with nodes in step"
+                text = "a test has one simulation with nodes in lockstep"
                 raise OneBotError(f"{text}; robots={{...}} puts several robots into it")
             of_ros = {name: arguments.pop(name) for name in _OF_ROS & arguments.keys()}
             if rclpy.ok() and (domain := rclpy.get_default_context().get_domain_id()) != ros_domain:

@@ -55,7 +55,7 @@ def link_corners(link: Link, marker: float) -> Floats | None:
 
 
 def box_around(points: Floats) -> Floats:
-    """Return the (2, 3) least and greatest coordinates of points (N, 3)."""
+    """Return the (2, 3) minimum and maximum coordinates of points (N, 3)."""
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 

@@ -19,7 +19,7 @@ _NAMES = tuple(field.name for field in dataclasses.fields(SpeedLimits))
 _OMNI = {"robot_radius", "wheel_names"}  # parameters of omni_wheel_drive_controller
 _STEERING = {"steering_joints_names", "steering_joint_name"}  # a steered drive has one of them
 _LENGTHS = "wheelbase", "minimum_turning_radius"  # lengths of a steered drive, m
-_STEERING_LIMIT = 0.5  # rad; assumed if the least radius is not known
+_STEERING_LIMIT = 0.5  # rad; assumed if the minimum radius is not known
 PREFIXES = *_AXES, *_OMNI, *_STEERING, *_LENGTHS
 """The parameters of a controller that are read here, or the prefixes of their names."""
 NAMES = frozenset(f"{axis}.{name}" for axis in _AXES for name in _NAMES).union(PREFIXES[3:])
@@ -66,7 +66,7 @@ def _speed_limits(axis: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _least_radius(values: Mapping[str, Any]) -> float:
-    """Return the least radius of a steered drive, m; 0 for any other drive."""
+    """Return the minimum radius of a steered drive, m; 0 for any other drive."""
     if values.keys().isdisjoint(_STEERING):
         return 0.0
     wheelbase, radius = (_length(values.get(name)) for name in _LENGTHS)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarTwist
 _REST = (0.0, 0.0, 0.0)
-_ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+_ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
 
 
@@ -66,7 +66,7 @@ class Drive:
     Attributes:
         wheels: the driven wheels.
         config: the parameters in force.
-        geometry: the drive's lengths, before multipliers; a type of its own for each drive.
+        geometry: the drive's lengths, before multipliers; its own type for each drive.
         odometry: the robot's pose and twist by its wheels, in the time of the cycles.
         command: the command in force.
         origin: the odometry's frame in the world, as long as the wheels do not slip.

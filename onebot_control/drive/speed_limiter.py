@@ -49,8 +49,8 @@ class SpeedLimits:
     max_acceleration_reverse: float = _negative(
         "speeds up reverse motion, m/s2 or rad/s2", "minus max_acceleration"
     )
-    min_jerk: float = _negative("the least jerk, m/s3 or rad/s3", "minus max_jerk")
-    max_jerk: float = _positive("the greatest jerk, m/s3 or rad/s3")
+    min_jerk: float = _negative("the minimum jerk, m/s3 or rad/s3", "minus max_jerk")
+    max_jerk: float = _positive("the maximum jerk, m/s3 or rad/s3")
 
     # Parameters of older versions.
     min_acceleration: float = _negative("older name of max_deceleration", "not given")

@@ -206,12 +206,12 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     wheelbase: float = read_from_urdf("distance between the axles")
     steering_limit: float = parameter(
         0.0,
-        "the greatest steering angle, rad; 0: by the joints' limits",
+        "the maximum steering angle, rad; 0: by the joints' limits",
         at_least=0.0,
         at_most=_QUARTER,
     )
     minimum_turning_radius: float = parameter(
-        0.0, "the least radius of a curve, m, which the node sets; a value given is without effect"
+        0.0, "the minimum radius of a curve, m, which the node sets; other values have no effect"
     )
 
     @property
@@ -231,7 +231,7 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
             wheels: the wheels.
             radius: of the driven wheels, m.
             tracks: distances of the driven and of the steered wheels, m.
-            most: the greatest steering angle, rad.
+            most: the maximum steering angle, rad.
         """
         geometry = wheels.geometry(radius, self.wheelbase, *tracks)
         limit = self.steering_limit or min(geometry.limit, most)
@@ -315,12 +315,12 @@ class SteeringLimits:
         0.0, "the farthest to the left, rad; 0: by the joint's limits", at_least=0.0
     )
     max_velocity: float = parameter(
-        0.0, "the greatest speed, rad/s; 0: by the joint's limits", at_least=0.0
+        0.0, "the maximum speed, rad/s; 0: by the joint's limits", at_least=0.0
     )
 
 
 def _most(what: str) -> Any:
-    text = f"the greatest {what} of the driven wheel"
+    text = f"the maximum {what} of the driven wheel"
     return parameter(math.nan, text, at_least=0.0, nan="no limit")
 
 

@@ -115,7 +115,7 @@ def run_packed(packed: bytes, case: bytes) -> EpisodeOutcome:
     """Run the episode of a packed case by packed work."""
     try:
         work, values = unpacked(packed), cloudpickle.loads(case)
-    except Exception as error:  # what it is made of raises that here
+    except Exception as error:  # its own code may raise anything here
         return EpisodeOutcome(b"", _shown(error))
     return run(work, values)
 

@@ -18,7 +18,7 @@ from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_fac
 from onebot_control.evaluation.workers import DIED, prepare_worker, too_long
 from onebot_description.errors import OneBotError
 
-_RETRIES = 1  # of a case whose worker or node died
+_RETRIES = 1  # retries of a case whose worker or node died
 _GRACE = 10.0  # s after its time until an episode that stays in compiled code is ended
 _PROCESSOR = "processor"
 

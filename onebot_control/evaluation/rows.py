@@ -139,7 +139,7 @@ def machine_facts() -> dict[str, str]:
 
 
 def study_digest(name: str, source: str, cases: Sequence[Case]) -> str:
-    """Return a text that tells a study from others: its function, source and cases."""
+    """Return a text that identifies a study: its function, source and cases."""
     digest = hashlib.sha256(f"{name}\n{source}".encode())
     for case in cases:
         digest.update(repr({key: text_of(value) for key, value in case.items()}).encode())

@@ -172,7 +172,7 @@ def _source(function: Episode) -> str:
 
 
 def _write_recordings(folder: Path, number: int, recordings: Sequence[bytes]) -> None:
-    (folder / f"{number}.rrd").unlink(missing_ok=True)  # of an earlier run
+    (folder / f"{number}.rrd").unlink(missing_ok=True)  # left by an earlier run
     for index, data in enumerate(recordings, 1):
         file = folder / (f"{number}.rrd" if index == 1 else f"{number}-{index}.rrd")
         try:

@@ -72,7 +72,7 @@ class _Context(SpawnContext):
     Process = _Process
 
 
-_stack = ExitStack()  # what a worker holds to its end
+_stack = ExitStack()  # resources that a worker holds until it ends
 _packed = b""  # the work of this worker
 
 
@@ -117,7 +117,7 @@ class _Task(NamedTuple):
 class Processes:
     """Processes of this computer.
 
-    Each has a pool of its own, so that one that is killed while it holds a lock of its pool cannot
+    Each has its own pool, so that one that is killed while it holds a lock of its pool cannot
     stop the others.
 
     Attributes:

@@ -44,8 +44,8 @@ class Surroundings(NamedTuple):
 
     distances: Singles  # (2 rows, 2 columns), from the middles of quarters of cells, m
     field: Floats  # (rows, columns), cost to go
-    most: float  # what counts as the cost to go where it is more, or unknown
-    origin: tuple[float, float]  # of the lower left corner of the first cell, m
+    most: float  # maximum cost to go; also that of unknown places
+    origin: tuple[float, float]  # lower left corner of the first cell, m
     resolution: float  # edge of a cell, m
     path: Floats = np.zeros((0, 2))  # first points of the way, one for each cell, m
 

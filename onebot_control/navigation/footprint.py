@@ -50,13 +50,13 @@ class Vehicle:
 
     @property
     def half_width(self) -> float:
-        """Half of the width of the least gap that the robot can drive through, m."""
+        """Half of the width of the narrowest gap that the robot can drive through, m."""
         across = np.abs(self.footprint).max(axis=0)
         return float(across.min() if self.sideways else across[1])
 
     @property
     def outer_radius(self) -> float:
-        """Radius of the least circle about the robot's frame around the footprint, m."""
+        """Radius of the smallest circle about the robot's frame around the footprint, m."""
         return float(np.hypot(*self.footprint.T).max())
 
     def circles(self) -> tuple[Floats, Floats]:

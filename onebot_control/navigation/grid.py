@@ -20,12 +20,12 @@ from onebot_description.geometry.poses import PlanarPose
 Mask = NDArray[np.bool_]
 
 _HIT, _MISS = 0.9, -0.4  # log-odds by which a ray's end fills a cell, and a ray clears it
-_LEAST, _MOST = -2.0, 3.5  # so that a cell can change within a second
+_LEAST, _MOST = -2.0, 3.5  # bounds that let a cell change within a second
 _FULL = 30.0  # ends in a cell, after which its mean stays
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells before its end in which a ray clears nothing
 _MOST_CELLS = 16_000_000
-_LEVEL = math.cos(0.1)  # of the angle by which a lidar's plane may be inclined
+_LEVEL = math.cos(0.1)  # cosine of a lidar plane's maximum inclination
 
 
 def is_level(mount: Floats) -> bool:
@@ -39,7 +39,7 @@ class LevelScan(NamedTuple):
     ranges: Singles  # (N,), m; infinite: nothing in range; NaN or minus infinity: not known
     least: float  # angle of the first ray, rad; positive to the left
     step: float  # angle between rays, rad
-    reach: float  # greatest range, m
+    reach: float  # maximum range, m
     mount: PlanarPose = PlanarPose()
 
     @classmethod
@@ -52,7 +52,7 @@ class LevelScan(NamedTuple):
             ranges: (N,), m.
             least: angle of the first ray, rad, about the lidar's z axis.
             step: angle between rays, rad; negative: clockwise about that axis.
-            reach: greatest range, m.
+            reach: maximum range, m.
             mount: (4, 4), pose of the lidar in the robot's frame.
         """
         if mount[2, 2] < 0.0:  # it hangs, so that its angles are positive to the right
@@ -100,7 +100,7 @@ class Window(NamedTuple):
         )
 
     def union(self, other: "Window | None") -> "Window":
-        """Return the least part that holds this one and another."""
+        """Return the smallest part that holds this one and another."""
         if other is None:
             return self
         low, high = map(min, self[:2], other[:2]), map(max, self[2:], other[2:])
@@ -222,7 +222,7 @@ class GridMap:
         return window
 
     def _reach(self, scan: LevelScan) -> float:
-        """Return how far the scan clears, m: to the greatest range that was measured."""
+        """Return how far the scan clears, m: to the maximum range that was measured."""
         ranges = scan.ranges
         if np.isposinf(ranges).any():
             return min(self.reach, scan.reach)

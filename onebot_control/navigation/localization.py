@@ -20,7 +20,7 @@ _SLIP, _SKID = 0.3, 0.4  # error of a way, m per m, and of a turn by the wheels,
 _GYRO_SKID = 0.01  # rad per rad, of an IMU
 _STILL = 0.004  # m and rad, error of each step
 _TRUSTED = 0.4  # share of a scan on walls from which a match counts
-_LEAST_RATIO, _MOST_RATIO = 0.7, 1.6  # what a turn may be of what the wheels say
+_LEAST_RATIO, _MOST_RATIO = 0.7, 1.6  # bounds of a turn relative to the wheels' turn
 _LEARNT = 0.15  # rad; from such turns between matches it is learnt how wheels lie
 
 
@@ -47,8 +47,8 @@ class Localizer:
         """Begin at a pose in the map, with its covariance (3, 3); None: it is known exactly."""
         self.place(pose, covariance)
         self.turn_ratio = 1.0
-        self._last: PlanarPose | None = None  # by the odometry
-        self._turned = np.zeros(2)  # by the wheels and by matches, rad, absolute sums
+        self._last: PlanarPose | None = None  # pose by the odometry
+        self._turned = np.zeros(2)  # absolute sums by wheels and by matches, rad
 
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
         """Take the robot to be at a pose, with a covariance (3, 3); None: it is known exactly."""

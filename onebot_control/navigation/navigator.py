@@ -61,7 +61,7 @@ _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
 _STUCK = 5.0  # s in which the robot has to move
 _MOVED = 0.15  # m, or three times as many rad, that count as moving
-_RECOVERIES = 6  # without progress between them
+_RECOVERIES = 6  # maximum number without progress between them
 _NEAR_GOAL = 0.4  # m
 _EASY = 0.7  # share of the speed from which the robot could just stop
 
@@ -174,7 +174,7 @@ class Navigator:
             self._costmap.update(Window(0, 0, *self.map.shape))
         self._walls = Walls(self.map.walls())
         self._followed: Floats | None = None
-        self._corridor: Singles | None = None  # by how much prices are higher off a followed path
+        self._corridor: Singles | None = None  # surcharge of each cell off a followed path
         self._scans = 0
         self._scanned: float | None = None
         self._field: CostToGo | None = None
@@ -711,7 +711,7 @@ class Navigator:
         return True
 
     def _visit(self, part: Window) -> None:
-        """Take over that ways through a part are dearer; the field hears of it later."""
+        """Take over that ways through a part are dearer; the field is updated later."""
         self._visited = part.union(self._visited)
         if self.time - self._repriced > _REPRICE_EVERY:
             self._costmap.price(self._visited)

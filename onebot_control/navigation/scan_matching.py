@@ -22,7 +22,7 @@ _FREE = 1.0  # m by which a pair may be off along a straight wall
 _SIGMA = 0.02  # m, error of a point of a wall
 _GATES = (0.5, 0.35, 0.25, 0.2, 0.15, 0.15, 0.12, 0.12)  # m; farther pairs do not count
 _ROBUST = 3.0  # standard deviations from which a pair counts less
-_PAIRS = 0.5  # of neighbouring rays, so much count as independent
+_PAIRS = 0.5  # fraction of neighbouring rays that counts as independent
 _RAYS = 240  # rays that are matched
 
 
@@ -31,7 +31,7 @@ class Match(NamedTuple):
 
     pose: PlanarPose
     covariance: Floats  # (3, 3), of x, y, yaw, m and rad
-    share: float  # of the scan's ends that lie on walls, 0 to 1
+    share: float  # fraction of the scan's ends that lie on walls, 0 to 1
 
 
 class Walls:
@@ -64,7 +64,8 @@ class Walls:
         straight = np.clip(1.0 - (middle - half) / (_STRAIGHT * (middle + half) + 1e-12), 0.0, 1.0)
         across = 1.0 / (middle - half + _SIGMA**2)
         along = 1.0 / (middle + half + _SIGMA**2 + straight * _FREE**2)
-        cos, sin = ((xx - yy) / 2.0, xy) / np.maximum(half, 1e-12)  # of twice the wall's direction
+        # Cosine and sine of twice the wall's direction
+        cos, sin = ((xx - yy) / 2.0, xy) / np.maximum(half, 1e-12)
         sums, differences = (along + across) / 2.0, (along - across) / 2.0
         information = sums + differences * cos, differences * sin, sums - differences * cos
         return np.stack(information, axis=1)

@@ -88,7 +88,7 @@ class ControlParameters:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of what the files have in vain, and of older names, each with its place."""
+        """Warnings of entries without effect, and of older names, each with its place."""
         limits = self.config.drive.limits if self.config.drive else {}
         problems = [
             Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}")

@@ -1,4 +1,4 @@
-"""Stops publishing the truth on TF as soon as another node localizes the robot (REP-105).
+"""Stops publishing ground truth on TF as soon as another node localizes the robot (REP-105).
 
 A frame has only one parent in TF. If a localizer such as AMCL or slam_toolbox publishes the parent
 of odom, the simulation does not publish the true one any more.
@@ -33,7 +33,7 @@ class LocalizerWatch:
 
         Args:
             nodes: nodes of the robots, whose own publishers do not count.
-            robots: publish the truth.
+            robots: publish ground truth.
         """
         self._nodes, self._all_robots = nodes, robots
         self._robots: Mapping[str, Publishers] = {}  # those whose truth is on TF, by odom frame

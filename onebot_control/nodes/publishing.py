@@ -46,7 +46,7 @@ class Publishers:
     Attributes:
         world_frame: frame of true poses; "" for none.
         odom_frame: frame of the odometry.
-        localized: whether another node has published a parent of odom; then the truth is not on TF.
+        localized: whether another node has published a parent of odom; then ground truth leaves TF.
         truths: parents, stamps in ns and poses of odom that were published lately.
     """
 
@@ -80,7 +80,7 @@ class Publishers:
         """Publish this robot from now on, with its current parameters and ``frames``."""
         self._robot, config = robot, robot.config
         drive = config.drive
-        self._in_scene = robot.body.world.scene is not None  # there, odom drifts from the truth
+        self._in_scene = robot.body.world.scene is not None  # there, odom drifts
         self.world_frame, odom, base, _ = frames
         self.odom_frame = odom
         self.localized = self.localized and config.ground_truth_tf
@@ -118,13 +118,13 @@ class Publishers:
 
     @property
     def publishes_truth(self) -> bool:
-        """Whether the truth is on TF."""
+        """Whether ground truth is on TF."""
         if self.localized or not self.world_frame:
             return False
         return self._robot.config.ground_truth_tf
 
     def give_way(self, source: str) -> None:
-        """Take the truth off TF, because another node publishes ``source``, a parent of odom."""
+        """Take ground truth off TF, because another node publishes ``source``, a parent of odom."""
         self.localized = True
         text = f"another node publishes {source} on TF, so {self.world_frame} -> {self.odom_frame}"
         text += " is not published any more; a restart, or ground_truth_tf set to false and to true"

@@ -12,7 +12,7 @@ from onebot_description.ros.wire.interfaces import load_interface
 
 
 class SimulationServices:
-    """The node ``simulation`` of a world, with its services, in a thread of its own.
+    """The node ``simulation`` of a world, with its services, in its own thread.
 
     The thread lets a step wait for commands, which the robots' nodes receive meanwhile.
     """

@@ -1,4 +1,4 @@
-"""Spins nodes in a thread of their own."""
+"""Spins nodes in their own thread."""
 
 import threading
 from collections.abc import Callable, Iterable

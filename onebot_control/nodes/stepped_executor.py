@@ -42,7 +42,7 @@ class SteppedExecutor(Executor):
     rclpy's executors iterate over a set of nodes, whose order differs from process to process, and
     build a wait set for each wait, which takes longer than all callbacks of most nodes. This one
     builds it when a node's entities have changed. It does not wait for the nodes' own subscriptions
-    to /clock: whoever runs it sets their time.
+    to /clock: the caller sets their time.
 
     Half of all entities are events, such as the log of a QoS that does not match. They have
     callbacks only when entities have changed, or when ``look_for_events`` was set to true.

@@ -34,7 +34,7 @@ _AGAIN = (20, 2)  # cycles from one look at what is near to the next: if nothing
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
 _Box = tuple[
     int, Sequence[float], Sequence[float]
-]  # a robot's body, and its least and greatest x, y, z
+]  # a robot's body, and its minimum and maximum x, y, z
 _Names = tuple[str, str, str]  # the first fields of a ``Contact``
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # see ``Body.collisions``
 # PyBullet's list after a step, and poses before it of bodies of several links.
@@ -320,7 +320,7 @@ def _height(shape: Shape, pose: Floats, point: Floats) -> float:
 
 @lru_cache(maxsize=256)
 def _planes(mesh: Mesh) -> tuple[Floats, Floats]:
-    """Return the planes of a mesh's convex hull, as PyBullet has it: normals (F, 3), offsets."""
+    """Return the planes of a mesh's convex hull, as in PyBullet: normals (F, 3), offsets."""
     from trimesh.convex import convex_hull  # slow to import
 
     hull = convex_hull(read_mesh(mesh)[0])

@@ -1,4 +1,4 @@
-"""Maps what stands in a scene at some height, by its collision shapes."""
+"""Maps the things of a scene at some height, by its collision shapes."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ def occupancy_grid(
         boxes: poses of its movable boxes.
         resolution: edge of a cell, m.
         height: height at which to look, m.
-        bounds: least x, least y, greatest x and greatest y, m; None: around what is there.
+        bounds: minimum x, minimum y, maximum x and maximum y, m; None: around what is there.
 
     Raises:
         OneBotError: there is nothing at that height, and there are no bounds; or there would be

@@ -154,14 +154,14 @@ def _come_to_rest(robot: LoadedBody, settings: PhysicsSettings) -> None:
 
 
 def _base_speed(robot: LoadedBody) -> float:
-    """Return the greatest speed of the base, m/s or rad/s."""
+    """Return the maximum speed of the base, m/s or rad/s."""
     linear, angular = robot.bullet.getBaseVelocity(robot.body)
     speeds: list[float] = [*linear, *angular]
     return max(map(abs, speeds))
 
 
 def _fastest(robot: LoadedBody) -> float:
-    """Return the greatest speed of the base and the joints, m/s or rad/s."""
+    """Return the maximum speed of the base and the joints, m/s or rad/s."""
     joints = robot.bullet.getJointStates(robot.body, list(robot.joints.values()))
     speeds: list[float] = [_base_speed(robot), *(abs(state[1]) for state in joints)]
     return max(speeds)

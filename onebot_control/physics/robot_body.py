@@ -238,8 +238,8 @@ class RobotBody:
 
         Args:
             name: the joint.
-            effort: the greatest effort, Nm or N; 0 for that of the joint.
-            velocity: the greatest velocity, rad/s or m/s; 0 for that of the joint.
+            effort: the maximum effort, Nm or N; 0 for that of the joint.
+            velocity: the maximum velocity, rad/s or m/s; 0 for that of the joint.
         """
         row = self.commanded.index(name)
         motor = len(self.driven) + row
@@ -369,5 +369,5 @@ class RobotBody:
 
 
 def _strength(effort: float, friction: float) -> float:
-    """Return the greatest effort of a motor, of which its joint's friction takes a part."""
+    """Return the maximum effort of a motor, of which its joint's friction takes a part."""
     return max(effort - friction, friction)

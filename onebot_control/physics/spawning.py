@@ -22,9 +22,9 @@ from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
 FARTHEST = 10_000.0
-# Gears: fraction of the error that is corrected in a step, and the greatest force, N or Nm.
+# Gears: fraction of the error that is corrected in a step, and the maximum force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
-_HOLDING = 1e6  # N, greatest force that holds the hub of a skidding wheel on its axle
+_HOLDING = 1e6  # N, maximum force that holds the hub of a skidding wheel on its axle
 _DETERMINATE = 3  # wheels up to which their loads are determinate; more share them as springs do
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 

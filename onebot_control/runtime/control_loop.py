@@ -24,7 +24,7 @@ _WOKE = "Current goal cancelled: the controller was stopped meanwhile, or had no
 
 
 class ControlLoop:
-    """Runs the control cycles of a world's robots at a fixed pace, in a thread of its own.
+    """Runs the control cycles of a world's robots at a fixed pace, in its own thread.
 
     Other threads post functions, which the loop calls between two cycles, so no locks are needed.
 

@@ -20,7 +20,7 @@ from onebot_description.description.sensors.noise import Noise
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _INFOS = frozenset({"camera_info", "depth_camera_info"})
 _FIELD_OF_VIEW, _FARTHEST = 1.0, 1e4  # rad, horizontally, and m, of pictures
-_LEVEL = 1e-6  # sine of the least angle between a picture's axis and the vertical
+_LEVEL = 1e-6  # sine of the minimum angle between a picture's axis and the vertical
 _KEPT = 30_000_000  # bytes; glibc never reuses blocks above 32 MB
 
 

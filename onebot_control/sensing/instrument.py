@@ -146,7 +146,7 @@ class Instrument(ABC, Generic[M]):
             pose: pose of the sensor.
             rays: rays of the sensor.
             least: least distance that is measured, in lengths of the directions.
-            reach: greatest distance, in lengths of the directions.
+            reach: maximum distance, in lengths of the directions.
         """
         placed = world.placed
         self._unseen = self._unseen or [self.sensor.link, *self._housing(world, pose, rays, least)]

@@ -15,7 +15,7 @@ from onebot_description.arrays import Floats, Singles
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 
-_MARGIN = 1e-4  # m; a range that rounding lifts above the greatest one is still measured
+_MARGIN = 1e-4  # m; a range that rounding lifts above the maximum is still measured
 
 
 def angles(fan: Fan) -> Floats:
@@ -26,7 +26,7 @@ def angles(fan: Fan) -> Floats:
 
 
 def lidar_rays(lidar: Lidar) -> Rays:
-    """Return the rays of a lidar, row by row from the lowest, each from its least angle on."""
+    """Return the rays of a lidar, row by row from the lowest, each from its minimum angle on."""
     up, across = np.meshgrid(angles(lidar.vertical), angles(lidar.horizontal), indexing="ij")
     flat = np.cos(up)
     directions = np.stack([flat * np.cos(across), flat * np.sin(across), np.sin(up)], axis=-1)
@@ -46,7 +46,7 @@ def ranges(
 ) -> Singles:
     """Return the measured ranges (N,), m (REP-117).
 
-    Ranges beyond the greatest one are infinite, those below the least one minus infinity.
+    Ranges beyond the maximum are infinite, those below the minimum minus infinity.
 
     Args:
         lidar: the sensor.

@@ -64,7 +64,7 @@ class Cones(NamedTuple):
         Args:
             starts: (B, 3), the cones' apex in the boxes' frames.
             turns: (B, 3, 3), rotations from the cones' frame to the boxes' frames.
-            boxes: (B, 2, 3), least and greatest corners.
+            boxes: (B, 2, 3), minimum and maximum corners.
         """
         axes = self.axes @ turns.transpose(0, 2, 1)
         sides = np.subtract(starts > boxes[:, 1], starts < boxes[:, 0], dtype=float)
@@ -115,7 +115,7 @@ class Rays:
         return overlaps
 
     def nearest(self, centers: Floats, radii: Floats) -> Singles:
-        """Return the least distances (B,) at which rays can hit spheres; see ``near``."""
+        """Return the minimum distances (B,) at which rays can hit spheres; see ``near``."""
         distances: Floats = np.sqrt((centers * centers).sum(axis=1)) - radii
         return (distances / self._longest).astype(np.float32)
 
@@ -143,7 +143,7 @@ class Hits(NamedTuple):
     def within(self, least: float, greatest: float, measured: Singles) -> Singles:
         """Return distances (N,) as they were ``measured``, if they are in range (REP-117).
 
-        Those beyond the greatest distance are infinite, those below the least one minus infinity.
+        Those beyond the maximum distance are infinite, those below the minimum minus infinity.
         """
         far = (self.surfaces == NOTHING) | (self.distances > np.float32(greatest))
         result = np.where(far, np.float32(np.inf), measured)
@@ -160,7 +160,7 @@ class Targets(NamedTuple):
     positions: Floats  # (B, 3)
     centers: Floats  # (B, 3), of spheres around them
     radii: Floats  # (B,)
-    boxes: Floats  # (B, 2, 3), least and greatest corner around them, in their frames
+    boxes: Floats  # (B, 2, 3), minimum and maximum corner around them, in their frames
 
 
 def cast(
@@ -180,7 +180,7 @@ def cast(
         position: (3,), of the sensor in the world, m.
         still: everything that stands still, in the world's frame; its index is 0.
         targets: everything that may move; indices begin with 1.
-        reach: greatest distance, in lengths of the directions.
+        reach: maximum distance, in lengths of the directions.
         skipped: indices of targets that cannot be hit; NOTHING is ignored.
     """
     directions = rays.turned(rotation)

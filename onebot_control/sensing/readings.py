@@ -105,7 +105,7 @@ class Scan:
             (REP-117).
         angles: (N,), of the rays about z of the lidar, rad; 0 is ahead, positive to the left.
         range_min: least range, m.
-        range_max: greatest range, m.
+        range_max: maximum range, m.
     """
 
     ranges: NDArray[np.float32]

@@ -46,7 +46,7 @@ _ICOSAHEDRON = 0.292  # m, that height for an icosahedron of radius 1; each subd
 _LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
 
 
-# Corners and triangles of a cube of length 1, as trimesh has them, which is slow to import.
+# Corners and triangles of a cube of length 1, as in trimesh, which is slow to import.
 _CUBE = np.array([*itertools.product((-0.5, 0.5), repeat=3)])
 _CUBE_FACES = np.array(
     [
@@ -74,7 +74,7 @@ class Solid(NamedTuple):
 
     @property
     def box(self) -> Floats:
-        """The bounding box: least and greatest corner (2, 3), m; the origin without triangles."""
+        """The bounding box: minimum and maximum corner (2, 3), m; the origin without triangles."""
         corners = self.corners if len(self.corners) else np.zeros((1, 3))
         return np.array([corners.min(axis=0), corners.max(axis=0)], float)
 

@@ -2,7 +2,7 @@
 
 A joint cannot get there if it stands still elsewhere for a second of simulated time, as a finger
 that presses on something does, or if it comes no nearer for five seconds: it swings, because its
-motor is too weak to lift it. "Nearer" compares the greatest error in each second with those before,
+motor is too weak to lift it. "Nearer" compares the maximum error in each second with those before,
 so a joint that swings about its goal less and less can get there, and so can one that is late
 because of its velocity limit.
 
@@ -22,8 +22,8 @@ from collections.abc import Mapping, Sequence
 _NEAR = 1e-4  # rad or m; at its goal, a joint has at most this error,
 _STILL = 1e-3  # rad/s or m/s; and at most this velocity
 _WINDOW = 1.0  # s; a joint that moves less than _NEAR within it stands still
-_PATIENCE = 5  # windows without a smaller greatest error, until a joint cannot get there
-_ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+_PATIENCE = 5  # windows without a smaller maximum error, until a joint cannot get there
+_ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 
 
 class Arrival:
@@ -69,7 +69,7 @@ class _Progress:
 
     def __init__(self) -> None:
         self.stalled = False
-        self._best = math.inf  # the smallest of the windows' greatest errors, rad or m
+        self._best = math.inf  # the smallest of the windows' maximum errors, rad or m
         self._waited = 0  # windows since then
         self._least, self._most = math.inf, -math.inf  # errors in the current window
 

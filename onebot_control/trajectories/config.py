@@ -162,7 +162,7 @@ class JointParameters:
 class TrajectoryConfig(JointControllerConfig):
     """joint_trajectory_controller's parameters.
 
-    The table in README.md explains them. Only positions are commanded.
+    The table in docs/arms.md explains them. Only positions are commanded.
 
     Attributes:
         of_joints: parameters of single joints, dotted name to value; see ``joint_constraints``.

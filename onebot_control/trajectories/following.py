@@ -59,7 +59,7 @@ GOAL_TOLERANCE_VIOLATED = -5
 PREEMPTED = "Current goal preempted by new incoming action."
 REPLACED = "Current goal preempted by another trajectory, which is not an action goal."
 RESET = "Current goal cancelled by a reset."
-ROUNDING = 1e-9  # s; greatest rounding error of a sum of periods
+ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 
 
 class Outcome(NamedTuple):

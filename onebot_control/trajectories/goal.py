@@ -32,8 +32,8 @@ class FollowedJoint(NamedTuple):
 class MotorLimits(NamedTuple):
     """Limits of a joint's motor in addition to the joint's own; 0 for no further limit."""
 
-    effort: float  # the greatest, Nm or N
-    velocity: float  # the greatest, rad/s or m/s
+    effort: float  # the maximum, Nm or N
+    velocity: float  # the maximum, rad/s or m/s
 
 
 class TrajectoryGoal(NamedTuple):

@@ -55,7 +55,7 @@ class GripperCommandConfig(JointControllerConfig):
         20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
     )
     max_effort: float = parameter(
-        0.0, "the greatest effort of goals without their own, N or Nm; 0: of <limit>", at_least=0.0
+        0.0, "the maximum effort of goals without their own, N or Nm; 0: of <limit>", at_least=0.0
     )
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
@@ -66,7 +66,7 @@ class GripperConfig(GripperCommandConfig):
     """parallel_gripper_action_controller's parameters."""
 
     max_velocity: float = parameter(
-        0.0, "the greatest velocity of such goals, m/s or rad/s; 0: of <limit>", at_least=0.0
+        0.0, "the maximum velocity of such goals, m/s or rad/s; 0: of <limit>", at_least=0.0
     )
     state_interfaces: tuple[str, ...] = ignored(
         ("position", "velocity"), "position, velocity and effort are measured"
@@ -79,8 +79,8 @@ class GripperGoal(NamedTuple):
     """A goal of a gripper, as its client sends it."""
 
     positions: Sequence[float]  # one, rad or m
-    effort: float = 0.0  # the greatest one, Nm or N; 0: the parameter's
-    velocity: float = 0.0  # the greatest one, rad/s or m/s; 0: the parameter's
+    effort: float = 0.0  # the maximum, Nm or N; 0: the parameter's
+    velocity: float = 0.0  # the maximum, rad/s or m/s; 0: the parameter's
 
 
 class GripperFollower(PositionForwarder):

@@ -1,4 +1,4 @@
-"""Runs a function in a process of its own, with limited memory and processor time.
+"""Runs a function in its own process, with limited memory and processor time.
 
 Forking takes some milliseconds, but is safe only in a process without other threads: nobody would
 release their locks in the child, such as the loader's. A process with threads (a node) starts an
@@ -71,7 +71,7 @@ class Place:
 
 
 def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
-    """Run a function in a process of its own, and return its result.
+    """Run a function in its own process, and return its result.
 
     Args:
         function: ``module:name`` of a function that takes the request and a ``Place``.

@@ -51,7 +51,7 @@ class Clutter(NamedTuple):
 
     urdf: str
     goal: tuple[float, float]  # beyond the field, m
-    length: float  # of the shortest way there, m
+    length: float  # length of the shortest way there, m
     clearance: float  # mean distance of that way's points to the nearest obstacle, m
     cylinders: Floats  # (N, 2), their centres, m
 

@@ -28,7 +28,7 @@ _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
 # The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
 _SLIDES = 0.2
-_OBLIQUE = math.sin(math.radians(5.0))  # sine of the least angle between oblique lines
+_OBLIQUE = math.sin(math.radians(5.0))  # sine of the minimum angle between oblique lines
 _ROUNDING = 1e-9  # rad
 
 

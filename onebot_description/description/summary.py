@@ -82,7 +82,7 @@ def _walk(description: Description) -> list[tuple[str, str, Joint | None]]:
 
 
 def _joint_cells(joint: Joint | None) -> _Row:
-    """Return name, kind, axis, range, and greatest speed and effort of a joint."""
+    """Return name, kind, axis, range, and maximum speed and effort of a joint."""
     if joint is None:
         return ("", "", "", "", "")
     has_axis = joint.kind not in ("fixed", "floating")

@@ -21,7 +21,7 @@ _BOUNDS = Bounds()
 def expand(
     path: Path, arguments: Mapping[str, str]
 ) -> tuple[xml.Document, tuple[Path, ...], tuple[str, ...]]:
-    """Run xacro on a file with an absolute path, in a process of its own.
+    """Run xacro on a file with an absolute path, in its own process.
 
     Returns:
         The expanded document, the files read (``path`` first), and xacro's warnings.

@@ -194,7 +194,7 @@ class _PlainCollada:
         numbers, common = self._named[position.get("source", "")]
         (accessor,) = common
         (indices,) = self._all("p", part)
-        # In 32 bits, as pycollada has them.
+        # float32, as in pycollada.
         places = np.fromstring(numbers.text or "", np.float32, sep=" ")
         rows = np.fromstring(indices.text or "", int, sep=" ")
         _require(

@@ -29,7 +29,7 @@ from onebot_description.errors import OneBotError, shortened
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 PACKAGE_PATH = "package_path"  # the argument of commands
 _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
-_NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # in a package.xml
+_NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # the name in a package.xml
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"

@@ -8,7 +8,7 @@ from onebot_description.geometry.poses import Origin
 
 
 class SensorModel(ABC):
-    """What a sensor measures; each kind of sensor has a model of its own."""
+    """What a sensor measures; each kind of sensor has its own model."""
 
     @property
     @abstractmethod

@@ -179,8 +179,8 @@ class Joint:
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
     lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
     upper: float | None = None
-    velocity: float | None = None  # greatest speed, rad/s or m/s
-    effort: float | None = None  # greatest torque or force, Nm or N
+    velocity: float | None = None  # maximum speed, rad/s or m/s
+    effort: float | None = None  # maximum torque or force, Nm or N
     acceleration: float | None = None  # rad/s^2 or m/s^2 (URDF 1.2); nothing here enforces it
     deceleration: float | None = None  # likewise
     jerk: float | None = None  # likewise, rad/s^3 or m/s^3
@@ -193,7 +193,7 @@ class Joint:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the greatest position, rad or m; infinite where there is no limit."""
+        """The minimum and maximum position, rad or m; infinite where there is no limit."""
         return (
             -math.inf if self.lower is None else self.lower,
             math.inf if self.upper is None else self.upper,
@@ -217,7 +217,7 @@ class JointInterfaces(NamedTuple):
 
     commands: tuple[str, ...]  # command interfaces, such as "position"; empty: it is not driven
     start: float | None = None  # initial_value of its position, rad or m
-    # Least and greatest command by command interface, rad, m or per second; infinite: no limit.
+    # Minimum and maximum command by command interface, rad, m or per second; infinite: no limit.
     limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
     mimics: bool = True  # whether it follows the joint that its <mimic> names
     faults: tuple[str, ...] = ()  # problems with which ros2_control would not start

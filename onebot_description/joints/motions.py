@@ -120,7 +120,7 @@ class Keyframes(Motion):
             speed: rad/s or m/s, at least 0.
             start: rad or m.
             lower: least position, rad or m.
-            upper: greatest position, rad or m.
+            upper: maximum position, rad or m.
         """
         if speed <= 0.0 or lower == upper:
             return cls.hold(start)

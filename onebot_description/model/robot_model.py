@@ -184,7 +184,7 @@ class RobotModel:
             not contain, are at their origin.
         floating: names of the links that floating joints carry.
         lower: (M,), least positions in rad or m; minus infinity without limit.
-        upper: (M,), greatest positions in rad or m; infinite without limit.
+        upper: (M,), maximum positions in rad or m; infinite without limit.
     """
 
     def __init__(self, description: Description) -> None:

@@ -189,7 +189,7 @@ class Leaf(NamedTuple):
 
     @property
     def default_text(self) -> str:
-        """The default as YAML has it; "required" if there is none."""
+        """The default as YAML; "required" if there is none."""
         if self.default is REQUIRED:
             return "required"
         return yaml_text(ros_value(self.type, self.default))
@@ -298,7 +298,7 @@ def is_of_every_node(name: str) -> bool:
 def defaults(kind: type) -> dict[str, Any]:
     """Return every parameter of the dataclass ``kind`` whose name is fixed, with its default.
 
-    Values are as ROS has them: lists, and an empty one for a list that is not given.
+    Values are as in ROS: lists, and an empty list for one that is not given.
     """
     fixed = (leaf for leaf in leaves(kind) if "<" not in leaf.name)
     return {leaf.name: ros_value(leaf.type, leaf.default) for leaf in fixed}
@@ -340,7 +340,7 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
 
     Args:
         kind: a dataclass of parameters.
-        values: dotted names, or nested maps as YAML has them, to values; what is missing has its
+        values: dotted names, or nested maps as in YAML, to values; what is missing has its
             default.
         places: where each was written, such as ``joints.yaml:7``, for the error.
 

@@ -11,10 +11,10 @@ from typing import Any
 from onebot_description.errors import did_you_mean, shortened
 
 MAX_PORT = 65535
-"""The greatest number of a TCP port."""
+"""The maximum number of a TCP port."""
 
 LARGEST = 1e60
-"""The greatest absolute value of a parameter: products of a few of them are finite."""
+"""The maximum absolute value of a parameter: products of a few of them are finite."""
 
 INT64 = range(-(2**63), 2**63)
 """The integers that a parameter may have."""
@@ -179,14 +179,14 @@ def _join(separator: str, *words: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as Python has it: arrays and tuples as lists, numpy's scalars as numbers."""
+    """Return a value as plain Python: arrays and tuples as lists, numpy's scalars as numbers."""
     if hasattr(value, "tolist"):  # array.array and numpy, which is slow to import, have it
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
 
 
 def yaml_text(value: Any) -> str:
-    """Return a value as YAML has it on one line; an empty string for None."""
+    """Return a value as YAML on one line; an empty string for None."""
     if value is None:
         return ""
     if isinstance(value, list):

@@ -29,7 +29,7 @@ ROW = np.dtype([("parent", "i8"), ("child", "i8"), ("stamp_ns", "i8"), ("pose", 
 
 _LONGEST_NS = 2**61  # the sum of a stamp and a cache time must not overflow
 _UNLIMITED = 2**62
-_NO_FRAME = "NO_PARENT"  # what tf2 calls frame number 0
+_NO_FRAME = "NO_PARENT"  # tf2's name of frame number 0
 _LOOP, _UNCONNECTED, _EMPTY, _ONE_TIME, _TOO_LATE, _TOO_EARLY = range(1, 7)  # _transform_buffer.c
 
 

@@ -126,7 +126,7 @@ def _one_row(batch: Any) -> ReadyColumn:
 def joinable(
     rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
 ) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
-    """Group consecutive rows of the same columns; a large row is a group of its own."""
+    """Group consecutive rows of the same columns; a large row is its own group."""
     if len(rows) == 1:
         return [[*rows]]
 

@@ -49,7 +49,7 @@ class ShapeAsset(NamedTuple):
     """A shape ready to be logged."""
 
     glb: bytes  # binary glTF
-    bounds: NDArray[np.float64]  # (2, 3), least and greatest corner, m
+    bounds: NDArray[np.float64]  # (2, 3), minimum and maximum corner, m
     colored: bool  # has its own colours, which override the URDF's, as in RViz
     warnings: tuple[str, ...] = ()  # a sentence for each file that it lacks for its look
 

@@ -327,7 +327,7 @@ class Stamps:
 
 # Share of its time that the viewer may spend on one display, and the most seconds it can save up.
 _SHARE, _SAVED = 0.25, 0.5
-_FADING, _FEW = 0.7, 0.1  # decay of earlier messages' weight per call, and the least weight
+_FADING, _FEW = 0.7, 0.1  # decay of earlier messages' weight per call, and the minimum weight
 _BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
 
 

@@ -315,7 +315,7 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
 
     Args:
         values: (N,) numbers.
-        bounds: values of the first and the last colour; None for the least and greatest value.
+        bounds: values of the first and the last colour; None for the minimum and maximum value.
         table: (256,) colours.
     """
     if not len(values):

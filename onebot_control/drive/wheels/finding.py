@@ -25,13 +25,13 @@ from onebot_description.model.rigid_bodies import rigid_frames
 _MIDDLE = 0.005  # m; a wheel closer to the middle line is on neither side
 _GROUND = 0.1  # a wheel on the ground is at most this fraction of its radius above the lowest one
 _ALIKE = 0.01  # relative difference of radii in a set; also m above the lowest wheel
-_ACROSS = math.cos(math.radians(1.0))  # cosine of the greatest angle of an axle to the lateral axis
-_LEVEL = math.sin(math.radians(1.0))  # sine of the greatest angle of an axle to the ground
+_ACROSS = math.cos(math.radians(1.0))  # cosine of the maximum angle of an axle to the lateral axis
+_LEVEL = math.sin(math.radians(1.0))  # sine of the maximum angle of an axle to the ground
 _TRAIL = 0.1  # a caster's wheel trails its swivel by at least this fraction of its radius
-_VERTICAL = 0.9  # cosine of the greatest angle of a swivel joint to the vertical
+_VERTICAL = 0.9  # cosine of the maximum angle of a swivel joint to the vertical
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # Matches the names of omnidirectional wheels and of their meshes.
-_SKEW = math.sin(math.radians(5.0))  # sine of the least angle of a mecanum wheel's rollers
+_SKEW = math.sin(math.radians(5.0))  # sine of the minimum angle of a mecanum wheel's rollers
 _FEWEST_OMNI = 3  # wheels of a drive by omni wheels
 _FEWEST_OBLIQUE = 2  # those of them that are not lateral; one may be
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)

@@ -87,7 +87,7 @@ def _tyre(geometry: Geometry, pose: Floats, axis: Floats) -> Tyre | None:
 
 
 def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
-    """Return the greatest circle of a mesh about ``axis``; None if it is not round."""
+    """Return the largest circle of a mesh about ``axis``; None if it is not round."""
     try:
         corners = mesh_corners(mesh)
     except OneBotError:  # whoever needs the mesh reports it

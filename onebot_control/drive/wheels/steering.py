@@ -12,7 +12,7 @@ from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
 
 STEERING_SPEED = 3.0
-"""The greatest speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
+"""The maximum speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
 or with one of 100 rad/s, would let it jump, and its reaction would turn the robot."""
 _QUARTER = math.pi / 2.0  # rad
 # How far the inner wheel of a car is steered, rad, if its joint is continuous. Near a quarter turn,
@@ -32,14 +32,14 @@ class SteeredGeometry(NamedTuple):
     radius: float  # radius of the driven wheels, m
     traction_track: float = 0.0  # distance between the driven wheels, m; 0: there is one
     steering_track: float = 0.0  # distance between the steered wheels, m; 0: there is one
-    limit: float = _QUARTER  # the greatest steering angle, rad
+    limit: float = _QUARTER  # the maximum steering angle, rad
     front_driven: bool = False  # the steered wheel is driven; then it is the only one
     axle: float = 0.0  # x of the rear axle in the base's frame, m
-    speed: float = STEERING_SPEED  # the greatest of the steering joints, rad/s
+    speed: float = STEERING_SPEED  # maximum of the steering joints, rad/s
 
     @property
     def least_radius(self) -> float:
-        """The least radius of a curve, m, of the middle of the rear axle."""
+        """The minimum radius of a curve, m, of the middle of the rear axle."""
         return self.wheelbase / math.tan(self.limit) if self.limit < _QUARTER else 0.0
 
     def turning(self, speed: float, angle: float) -> float:

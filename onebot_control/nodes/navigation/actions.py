@@ -26,7 +26,7 @@ from onebot_description.timing import NS_PER_S
 _CODES = "ComputePathToPose", "FollowPath"  # results whose codes others pass on, too
 _CODES_OF_SEVERAL = "ComputePathThroughPoses", "FollowPath"
 _TIMERS = 4  # actions that share a clock
-_EASY = 0.3  # share of the greatest speed by which the time that is left is estimated at first
+_EASY = 0.3  # share of the maximum speed by which the time that is left is estimated at first
 _PLUGINS = "behavior_tree", "planner_id", "controller_id", "goal_checker_id", "smoother_id"
 _DEFAULT_PLUGINS = {"", "GridBased", "FollowPath", "simple_smoother", "general_goal_checker"}
 
@@ -177,7 +177,7 @@ ACTIONS = (
 
 
 class _WithClock:
-    """A node with a clock of its own, for some of the actions.
+    """A node with its own clock, for some of the actions.
 
     rclpy's events executor warns of more than a few timers on one clock, and each action has one.
     """

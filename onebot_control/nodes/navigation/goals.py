@@ -81,7 +81,7 @@ class Goal:
 
 
 class Goals:
-    """Starts goals, watches over them, and tells their clients how they end."""
+    """Starts goals, watches them, and reports to their clients how they end."""
 
     def __init__(
         self,

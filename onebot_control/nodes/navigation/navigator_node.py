@@ -44,7 +44,7 @@ from onebot_description.timing import NS_PER_S
 
 _POLL = 0.5  # s between looks for controllers
 _PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is taken to have none
-_WORDS = {"failed": "gave up"}  # for the status of the core
+_WORDS = {"failed": "gave up"}  # words instead of the core's status
 _TELLING = 0.5  # s between two lines of ~/status
 
 

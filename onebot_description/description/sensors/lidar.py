@@ -43,7 +43,7 @@ class Lidar(SensorModel):
 
     @property
     def field_of_view(self) -> float:
-        """Field of view of Range messages: as set, or the greatest angle between rays, rad."""
+        """Field of view of Range messages: as set, or the maximum angle between rays, rad."""
         spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
         return self.cone or max(spans)
 

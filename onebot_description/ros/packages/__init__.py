@@ -105,7 +105,7 @@ def _own_spec(name: str) -> "ModuleSpec | None":
         return spec_from_file_location(name, code, submodule_search_locations=[folder])
     found = sys.modules.get(package)
     is_own = isinstance(getattr(found, "__loader__", None), _Loader)
-    is_folder = getattr(found, "__file__", None) is None  # without code: Python found it as such
+    is_folder = getattr(found, "__file__", None) is None  # Python found a folder without code
     if inner and not is_own and not is_folder:
         return None
     from onebot_description.ros.wire.interface_text import KINDS, own_package

@@ -28,7 +28,7 @@ Check = Callable[[Any], None]
 _REALS = {
     "float": 3.402823466e38,
     "double": 1.7976931348623157e308,
-}  # the largest, as rosidl has it
+}  # maximum, as in rosidl
 _DTYPES = {"float": "float32", "double": "float64"}  # NumPy's names, where they differ
 
 
@@ -38,8 +38,8 @@ class _Item(NamedTuple):
     is_type: Callable[[Any], bool]
     type_name: str
     fits: Callable[[Any], bool] = lambda value: True
-    single: str = ""  # what a single value that does not fit must be
-    each: str = ""  # how it is worded for each value in a sequence
+    single: str = ""  # wording for a single value that does not fit
+    each: str = ""  # wording for the values of a sequence
 
 
 def check_of(name: str, slot: AbstractType, class_of: Callable[[NamespacedType], Any]) -> Check:

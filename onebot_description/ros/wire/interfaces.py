@@ -154,7 +154,7 @@ def _message(package: str, short: str, text: str) -> Any:
 
 
 def _parsed(package: str, kind: str, short: str, specification: Any) -> Message:
-    """Return a parsed definition as rosidl has it; the classes of the messages in it exist then."""
+    """Return a parsed definition as rosidl's type; the classes of the messages in it exist then."""
     members = [
         MessageField(field.name, _slot(field.type), field.default_value)
         for field in specification.fields

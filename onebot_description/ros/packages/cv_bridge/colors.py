@@ -6,9 +6,9 @@ import numpy as np
 
 Picture = Any  # an array (height, width) or (height, width, channels)
 
-_GRAY = np.array([9798, 19235, 3735])  # of red, green, blue; in 2^-15
-_YUV = np.array([[0, 1673527], [-409993, -852492], [2116026, 0]])  # of u and v; in 2^-20
-_LUMA = 1220542  # in 2^-20
+_GRAY = np.array([9798, 19235, 3735])  # weights of red, green, blue, in 2^-15
+_YUV = np.array([[0, 1673527], [-409993, -852492], [2116026, 0]])  # rows for u and v, in 2^-20
+_LUMA = 1220542  # factor of y, in 2^-20
 
 
 def converted(image: Picture, layout: str, wanted: str) -> Picture:

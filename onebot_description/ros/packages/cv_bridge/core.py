@@ -27,7 +27,7 @@ _NAMES = {dtype: depth for depth, dtype in _DEPTHS.items()}
 _GENERIC = re.compile("(8U|8S|16U|16S|32S|32F|64F)(?:C([0-9]+))?")
 _COLOR = re.compile("(rgb|bgr|rgba|bgra|mono|bayer_rggb|bayer_bggr|bayer_gbrg|bayer_grbg)(8|16)")
 _CHANNELS = {"rgb": 3, "bgr": 3, "rgba": 4, "bgra": 4, "yuv422": 2, "yuv422_yuy2": 2}
-_QUALITY = 95  # of JPEG, as OpenCV's
+_QUALITY = 95  # JPEG quality, the same as OpenCV's
 
 
 class CvBridgeError(TypeError):

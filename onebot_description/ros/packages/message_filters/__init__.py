@@ -195,7 +195,7 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
         stamp, slop = time.nanoseconds, self.slop.nanoseconds
         with self.lock:
             self._enqueue(msg, my_queue, stamp)
-            candidates = []  # of each other queue, the nearest first
+            candidates = []  # stamps of each other queue, the nearest first
             for index, queue in enumerate(self.queues):
                 if index != my_queue_index:
                     near = [other for other in queue if abs(other - stamp) <= slop]

@@ -10,7 +10,7 @@ from rosidl_parser.definition import AbstractWString, BasicType, NamespacedType
 
 
 def get_message_slot_types(msg: Any) -> "OrderedDict[str, Any]":
-    """Return the types of a message's fields as rosidl_parser has them."""
+    """Return the types of a message's fields as types of rosidl_parser."""
     return OrderedDict(zip(msg.get_fields_and_field_types(), msg.SLOT_TYPES, strict=True))
 
 

@@ -31,23 +31,23 @@ def get_action(identifier: str) -> Any:
 
 
 def get_namespaced_type(identifier: str) -> NamespacedType:
-    """Return a full name as rosidl_parser has it."""
+    """Return a full name as a type of rosidl_parser."""
     *namespaces, name = identifier.split("/")
     return NamespacedType(namespaces, name)
 
 
 def get_message_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of a message as rosidl_parser has it."""
+    """Return the name of a message as a type of rosidl_parser."""
     return _full(identifier, "msg")
 
 
 def get_service_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of a service as rosidl_parser has it."""
+    """Return the name of a service as a type of rosidl_parser."""
     return _full(identifier, "srv")
 
 
 def get_action_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of an action as rosidl_parser has it."""
+    """Return the name of an action as a type of rosidl_parser."""
     return _full(identifier, "action")
 
 

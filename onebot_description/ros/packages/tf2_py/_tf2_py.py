@@ -55,7 +55,7 @@ class BufferCore:
     def __init__(self, cache_time: Any = None) -> None:
         cache_ns = CACHE_NS if cache_time is None else _nanoseconds(cache_time, "duration")
         self._core = TransformBuffer(cache_ns)
-        self._authorities: dict[str, str] = {}  # who sent each frame last
+        self._authorities: dict[str, str] = {}  # last sender of each frame
 
     # --- input ----------------------------------------------------------------------------------
 
@@ -153,7 +153,7 @@ class BufferCore:
         try:
             time_ns = self._core.common_time(target_frame, source_frame)
         except TransformException as error:
-            raise TransformException(str(error)) from None  # of no subclass, as tf2_py does
+            raise TransformException(str(error)) from None  # tf2_py raises no subclass here, either
         return Time(nanoseconds=time_ns)
 
     def _find(self, target: str, source: str, time_ns: int) -> Found:
@@ -358,7 +358,7 @@ def _faults(parent: str, child: str, values: tuple[float, ...], authority: str) 
     x, y, z, w = values[3:]
     is_placed = all(value == value for value in values[:3])
     is_sound = is_placed and 0.5 < w * w + x * x + y * y + z * z < 2.0
-    turn = values[3:] if is_sound else unit(values[3:])  # whose length does not matter
+    turn = values[3:] if is_sound else unit(values[3:])  # only the direction matters
     is_turn = all(value == value for value in turn)
     if parent and child and parent != child and is_placed and is_turn:
         return False

@@ -19,7 +19,7 @@ from tf2_ros.buffer_interface import BufferInterface
 
 _NO_TIMEOUT = Duration()
 _POLL = 0.02  # s
-_LONGEST_JUMP = Duration(seconds=3.0)  # of the clock, back, while something is awaited
+_LONGEST_JUMP = Duration(seconds=3.0)  # backwards; waits go on
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -171,7 +171,7 @@ class Buffer(BufferCore, BufferInterface):
             except BaseException as error:  # it is raised where the future is awaited
                 future.set_exception(error)
 
-        with self._callbacks_lock:  # so that no transform comes in between
+        with self._callbacks_lock:  # no transform may arrive in between
             try_now()
             if not future.done():
                 self._new_data_callbacks.append(try_now)

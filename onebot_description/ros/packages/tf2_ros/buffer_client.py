@@ -143,7 +143,7 @@ class BufferClient(BufferInterface):
 
 
 def _message(time: Any) -> Any:
-    if isinstance(time, builtin_interfaces.msg.Time):  # so is the stamp of what is transformed
+    if isinstance(time, builtin_interfaces.msg.Time):  # the stamp of the data is a message, too
         return time
     if isinstance(time, Time):
         return time.to_msg()

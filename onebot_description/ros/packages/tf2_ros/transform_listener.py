@@ -17,7 +17,7 @@ class ListenerExecutor(SingleThreadedExecutor):
     """Runs a node in the listener's thread.
 
     Attributes:
-        only_listens: tells OneBot's lockstep that it runs the node instead.
+        only_listens: marks it for OneBot's lockstep, which runs the node instead.
     """
 
     only_listens = True
@@ -29,7 +29,7 @@ class TransformListener:
     Args:
         buffer: gets the transforms.
         node: the node that receives them.
-        spin_thread: whether a thread of its own runs the callbacks of the node.
+        spin_thread: whether its own thread runs the callbacks of the node.
         qos: quality of service for /tf; the 100 last by default.
         static_qos: quality of service for /tf_static; the 100 last, latched, by default.
     """

@@ -22,7 +22,7 @@ ZOOM_IDENTITY = [1.0, 1.0, 1.0]
 SHEAR_IDENTITY = TRANSLATION_IDENTITY
 
 _EPS = numpy.finfo(float).eps * 4.0
-_NEAR = 1e-8  # to an eigenvalue
+_NEAR = 1e-8  # tolerance of an eigenvalue
 _NEXT_AXIS = [1, 2, 0, 1]
 _AXES2TUPLE = {  # inner axis, parity, repetition, frame
     **{
