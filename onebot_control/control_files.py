@@ -64,7 +64,11 @@ _OTHER_DRIVES = "swerve_drive_controller", "four_wheel_steering_controller"
 _TYPE, _FILE = ".type", ".params_file"
 # Suffixes of the parameters that controller_manager has for each controller.
 _OF_CONTROLLERS = (_TYPE, _FILE, ".fallback_controllers", ".node_options_args")
-_OF_ANY_TYPE = "cpu_affinity"  # a parameter of controller_manager
+# Parameters of controller_manager, or their first words, that have no effect in a simulation.
+_WITHOUT_EFFECT = {
+    *("cpu_affinity", "defaults", "diagnostics", "handle_exceptions", "lock_memory", "overruns"),
+    *("hardware_components_initial_state", "thread_priority"),
+}
 _ENFORCED = "enforce_command_limits"
 
 
@@ -359,8 +363,8 @@ def _reason(kind: str) -> str:
 
 
 def _unknown_of_manager(names: Iterable[str]) -> list[Problem]:
-    names = [n for n in names if not n.endswith(_OF_CONTROLLERS) and n != _OF_ANY_TYPE]
-    return unknown_parameters(ManagerConfig, names)
+    own = [name for name in names if name.partition(".")[0] not in _WITHOUT_EFFECT]
+    return unknown_parameters(ManagerConfig, [n for n in own if not n.endswith(_OF_CONTROLLERS)])
 
 
 def _unknown_of_drive(

@@ -12,9 +12,6 @@ INTERFACES = ("position", "velocity", "effort")
 _MOST_HERTZ = 10_000.0
 _LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
 _NO_HARDWARE = "there are no other interfaces than these"
-_SIMULATED = "there is no hardware"
-_NO_SWITCHING = "controllers are not switched"
-_PACED = "/diagnostics has the real-time factor and missed cycles"
 
 
 @dataclass(frozen=True)
@@ -120,49 +117,9 @@ class SimulationConfig:
 
 
 @dataclass(frozen=True)
-class InitialStates:
-    """controller_manager's parameters ``hardware_components_initial_state.*``."""
-
-    unconfigured: tuple[str, ...] = ignored((), _SIMULATED)
-    inactive: tuple[str, ...] = ignored((), _SIMULATED)
-    shutdown_on_initial_state_failure: bool = ignored(True, _SIMULATED)
-
-
-@dataclass(frozen=True)
-class ManagerDefaults:
-    """controller_manager's parameters ``defaults.*``."""
-
-    allow_controller_activation_with_inactive_hardware: bool = ignored(False, _SIMULATED)
-    deactivate_controllers_on_hardware_self_deactivate: bool = ignored(True, _SIMULATED)
-    strictness: str = parameter(
-        "best_effort",
-        f"accepted, without effect: {_NO_SWITCHING}",
-        name="switch_controller.strictness",
-        choices=("strict", "best_effort"),
-    )
-
-
-@dataclass(frozen=True)
-class Overruns:
-    """controller_manager's parameters ``overruns.*``."""
-
-    manage: bool = ignored(True, _PACED)
-    print_warnings: bool = ignored(True, _PACED)
-
-
-@dataclass(frozen=True)
 class ManagerConfig(SimulationConfig):
-    """All parameters of controller_manager: the simulation's and ros2_control's."""
+    """The simulation's parameters, and those of controller_manager that have an effect."""
 
     enforce_command_limits: bool = parameter(
         True, "default of joint_trajectory_controller's parameter of this name"
-    )
-    hardware_components_initial_state: InitialStates = group(InitialStates)
-    defaults: ManagerDefaults = group(ManagerDefaults)
-    overruns: Overruns = group(Overruns)
-    handle_exceptions: bool = ignored(True, "an error ends the process")
-    lock_memory: bool = ignored(False, _PACED)
-    thread_priority: int = ignored(50, _PACED)
-    diagnostics: Mapping[str, float] = parameter(
-        {}, f"accepted, without effect: {_PACED}", keys=("threshold",)
     )

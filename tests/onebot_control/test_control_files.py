@@ -103,7 +103,7 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
         ),
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
-        ("update_rate: 200", "handle_exceptions: 3", ":3: handle_exceptions: 3 is a number"),
+        ("update_rate: 200", "enforce_command_limits: 3", ":3: enforce_command_limits: 3 is a n"),
         ("wheel_radius: 0.1", "use_stamped_vel: 3", ":13: use_stamped_vel: 3 is a number"),
         ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
     ],
@@ -120,7 +120,6 @@ def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, s
         ("wheel_radius: 0.1", "wheel_raduis: 0.1", ":13: wheel_raduis: no such parameter (did you"),
         ("update_rate: 200", "update_rat: 200", ":3: update_rat: no such parameter (did you mean"),
         ("joints: [", "joint: [", ':8: joint: no such parameter (did you mean "joints"?'),
-        ("update_rate: 200", "overruns: {manag: 1}", ":3: overruns.manag: no such parameter (did"),
     ],
 )
 def test_unknown_parameters_are_ignored_with_a_warning(
@@ -131,7 +130,7 @@ def test_unknown_parameters_are_ignored_with_a_warning(
     read_parameters = read_control_files([file], "/", "velocity_controller")
     [warning] = read_parameters.warnings
     assert warning.startswith(f"{file}{said}") and warning.endswith("; it is ignored")
-    assert not {new.partition(":")[0], "overruns.manag"} & read_parameters.values.keys()
+    assert new.partition(":")[0] not in read_parameters.values
 
 
 def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:

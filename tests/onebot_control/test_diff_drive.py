@@ -130,22 +130,16 @@ def test_nothing_of_before_is_left_after_halt() -> None:
         assert update(drive, REST, 0.01) == update(new, REST, 0.01)
 
 
-def test_each_command_is_as_old_as_it_says() -> None:
-    """The next one's age replaces that of the last; its first cycle adds nothing to it."""
+@pytest.mark.parametrize(("age", "cycles"), [(0.1, 5), (-0.3, 6)])
+def test_a_command_is_as_old_as_it_says(age: float, cycles: int) -> None:
+    """Its age replaces that of the last one; its first cycle adds nothing; one ahead is new."""
     drive = controller(cmd_vel_timeout=0.5)
     drive.accept(0.1, 0.0, age=0.4)
     updates(drive, 5)
-    drive.accept(0.2, 0.0, age=0.1)
-    speeds = [update(drive, REST, 0.1).linear for _ in range(7)]
-    assert speeds == [0.2] * 5 + [0.0] * 2
-    assert drive.timed_out
-
-
-def test_a_stamp_ahead_counts_as_now() -> None:
-    drive = controller(cmd_vel_timeout=0.5)
-    drive.accept(0.2, 0.0, age=-0.3)
+    drive.accept(0.2, 0.0, age=age)
     speeds = [update(drive, REST, 0.1).linear for _ in range(8)]
-    assert speeds == [0.2] * 6 + [0.0] * 2
+    assert speeds == [0.2] * cycles + [0.0] * (8 - cycles)
+    assert drive.timed_out
 
 
 def test_a_refused_command_leaves_the_one_before() -> None:

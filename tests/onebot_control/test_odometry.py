@@ -79,15 +79,6 @@ def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw:
     assert step.yaw == turn
 
 
-def test_open_loop_moves_by_the_time_that_passed() -> None:
-    odometry = Odometry(KINEMATICS)
-    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.0), 0.1)
-    odometry.update_open_loop(PlanarTwist(0.2, 0.0, 0.4), 0.5)
-    assert (odometry.twist.linear, odometry.twist.angular) == (0.2, 0.4)
-    assert odometry.heading == pytest.approx(0.2)
-    assert odometry.x == pytest.approx(0.05 + 0.5 * math.sin(0.2))
-
-
 @pytest.mark.parametrize(("size", "expected"), [(1, 10.0), (2, 7.0), (3, 6.0), (9, 5.0)])
 def test_a_changed_window_begins_with_the_last_twists(size: int, expected: float) -> None:
     odometry = Odometry(KINEMATICS, window=3)
@@ -130,25 +121,6 @@ def test_forgotten_wheels_leave_the_pose() -> None:
     odometry.update_from_positions((-69.9, 900.1), 0.1)
     assert odometry.twist.linear == pytest.approx(0.06)
     assert odometry.twist.angular == pytest.approx(0.0, abs=1e-12)
-
-
-def test_pose_set_while_driving() -> None:
-    odometry = drive(0.5, 0.0, 100)
-    odometry.set_pose(1.0, 2.0, math.pi / 2.0)
-    assert state(odometry) == (1.0, 2.0, math.pi / 2.0, pytest.approx(0.5), pytest.approx(0.0))
-    position = 0.5 / 0.06 * 1.01
-    odometry.update_from_positions((position, position), DT)
-    assert (odometry.x, odometry.y) == pytest.approx((1.0, 2.005))
-
-
-def test_twist_by_velocities() -> None:
-    """It is the mean of the window as well, and the way is velocity times time."""
-    odometry = Odometry(KINEMATICS, window=2)
-    for left, right in ((1.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
-        odometry.update_from_velocities((left, right), 0.5)
-    assert odometry.twist.linear == pytest.approx((1.0 + 3.0) / 2.0 * 0.06)
-    assert odometry.twist.angular == pytest.approx((0.0 + 2.0) / 2.0 * 0.06 / 0.3)
-    assert odometry.heading == pytest.approx(2.0 * 0.06 / 0.3 * 0.5)
 
 
 # Covariance ---------------------------------------------------------------------------------

@@ -44,22 +44,21 @@ def run(limits: SpeedLimits, commands: Iterable[float], dt: float = 0.01) -> lis
     return results
 
 
-def test_golden_vector_of_acceleration() -> None:
-    expected = [0.02, 0.04, 0.06, 0.02, 0.0, 0.0, -0.08, -0.16, -0.24, -0.14, -0.04, 0.0]
-    commands = [1.0] * 3 + [0.0] * 3 + [-1.0] * 3 + [0.0] * 3
-    assert run(ACCELERATIONS, commands) == pytest.approx(expected, abs=1e-12)
-
-
-def test_golden_vector_of_jerk() -> None:
-    expected = [0.001, 0.003, 0.006, 0.008, 0.009, 0.009]
-    assert run(SpeedLimits(max_jerk=10.0), [1.0] * 3 + [0.0] * 3) == pytest.approx(
-        expected, abs=1e-12
-    )
-
-
-def test_order_is_jerk_acceleration_velocity() -> None:
-    limits = SpeedLimits(max_velocity=0.015, max_acceleration=2.0, max_jerk=1e6)
-    assert run(limits, [1.0] * 3) == pytest.approx([0.015] * 3)
+@pytest.mark.parametrize(
+    ("limits", "commands", "expected"),
+    [
+        (
+            ACCELERATIONS,
+            [1.0] * 3 + [0.0] * 3 + [-1.0] * 3 + [0.0] * 3,
+            [0.02, 0.04, 0.06, 0.02, 0.0, 0.0, -0.08, -0.16, -0.24, -0.14, -0.04, 0.0],
+        ),
+        (SpeedLimits(max_jerk=10.0), [1.0] * 3 + [0.0] * 3, [1e-3, 3e-3, 6e-3, 8e-3, 9e-3, 9e-3]),
+        # In this order: jerk, acceleration, velocity.
+        (SpeedLimits(max_velocity=0.015, max_acceleration=2.0, max_jerk=1e6), [1.0], [0.015]),
+    ],
+)
+def test_golden_vectors(limits: SpeedLimits, commands: list[float], expected: list[float]) -> None:
+    assert run(limits, commands) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
