@@ -1,5 +1,6 @@
 """Drives a robot of a ``Simulation`` to goals, by its own scans, odometry and IMU."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,22 +33,27 @@ class SimulatedNavigation:
     true pose, but that at the start, or where the robot was last teleported to.
     """
 
-    def __init__(self, core: SimulatedWorld, row: int) -> None:
-        """Take a robot of a world; nothing is read until the first goal."""
-        self._core, self._row = core, row
+    def __init__(self, core: Callable[[], SimulatedWorld], row: int) -> None:
+        """Take a robot of a world, which ``core`` returns; nothing is read until the first goal."""
+        self._present_core, self._row = core, row
         self._begin()
 
+    @property
+    def _core(self) -> SimulatedWorld:
+        return self._present_core()
+
     def _begin(self) -> None:
-        values = self._core.parameters[self._row]
+        core = self._core
+        values = core.parameters[self._row]
         # Where the odometry's frame was in the world when the robot was last put somewhere.
         self._origin = PlanarPose(*(float(values.get(name, 0.0)) for name in ("x", "y", "yaw")))
-        self._starts = self._core.starts
+        self._began = core, core.starts
         self._made: Navigator | None = None
 
     @property
     def _navigator(self) -> "Navigator | None":
         """The navigator; None if there was no goal since the simulation's start."""
-        if self._starts != self._core.starts:
+        if self._began != (self._core, self._core.starts):
             self._begin()
         return self._made
 

@@ -1,7 +1,7 @@
 """One robot of a ``Simulation``: its commands, its state and what its sensors measure."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -51,9 +51,9 @@ _Positions = Annotated[Mapping[str, float], Rule(write="a dict of positions by j
 class SimulatedRobot:
     """One robot of a Simulation: takes commands, and returns its true state and measurements."""
 
-    def __init__(self, core: SimulatedWorld, row: int) -> None:
-        """Take the robot ``row`` of a world; users get it from ``Simulation.robots``."""
-        self._core, self._row, self._name = core, row, core.names[row]
+    def __init__(self, core: Callable[[], SimulatedWorld], row: int) -> None:
+        """Take the robot ``row`` of a world, which ``core`` returns; see ``Simulation.robots``."""
+        self._present_core, self._row, self._name = core, row, core().names[row]
         self._navigation = SimulatedNavigation(core, row)
 
     def drive(self, linear: float, angular: float = 0.0, *, lateral: float = 0.0) -> None:
@@ -457,6 +457,11 @@ class SimulatedRobot:
         if (drive := self._controlled.drive) is None:
             raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
         return drive
+
+    @property
+    def _core(self) -> SimulatedWorld:
+        """The present world, which a reset may replace."""
+        return self._present_core()
 
     @property
     def _controlled(self) -> ControlledRobot:

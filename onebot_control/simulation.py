@@ -136,8 +136,9 @@ class Simulation(AbstractContextManager["Simulation"]):
             raise OneBotError(f"{members[0].description.source}: no sensor found")
         self._lockstep: Lockstep[Simulation] | None = None
         self._log: MomentLog | None = None
+        own_robots = (SimulatedRobot(lambda: self._core, row) for row in range(len(setups)))
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
-            ByName("no robot {}", ((n, SimulatedRobot(core, row)) for row, n in enumerate(setups)))
+            ByName("no robot {}", zip(setups, own_robots, strict=True))
         )
         """The robots by name, that of a single robot is ""; an unknown name raises OneBotError."""
         self._begun()
@@ -274,8 +275,6 @@ class Simulation(AbstractContextManager["Simulation"]):
         core.after_cycle = self._core.after_cycle
         self._core.close()
         self._core = core
-        for robot in self.robots.values():
-            robot._core = core
         if self._log is not None:
             self._log.moments.clear()
             core.record(self._log)

@@ -48,9 +48,11 @@ class DriveParameters(ABC, Generic[G]):
 
     Attributes:
         topics: names of the topics of commands and of odometry, if a control file names the drive.
+        steers: whether it receives speeds and steering angles, too, as AckermannDriveStamped.
     """
 
     topics: ClassVar[tuple[str, str]] = "cmd_vel", "odom"
+    steers: ClassVar[bool] = False
 
     odom_frame_id: str = parameter(
         "odom", "frame of the odometry", not_empty=True, write="the name of a frame, such as odom"

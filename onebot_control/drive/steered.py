@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from onebot_control.drive.kinematics import DriveCommand, Kinematics, Share, check_lengths
 from onebot_control.drive.parameters import (
@@ -200,6 +200,8 @@ class SteeredKinematics(Kinematics):
 @dataclass(frozen=True)
 class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     """The parameters that all drives with steered front wheels have."""
+
+    steers: ClassVar[bool] = True
 
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
     angular: SpeedLimits = group(SpeedLimits, "angular.z")

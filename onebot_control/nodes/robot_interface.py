@@ -9,7 +9,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from onebot_control.controlled_robot import ControlledRobot
-from onebot_control.drive.steered import SteeredParameters
 from onebot_control.nodes.commands import CommandGate
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
@@ -102,7 +101,7 @@ class RobotInterface:
             self._warn,
             command,
             drives=drives,
-            steers=isinstance(config, SteeredParameters),
+            steers=config.drive is not None and config.drive.steers,
         )
         self.step_topics = StepTopics(node, self.slot, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)

@@ -123,6 +123,18 @@ def test_it_is_told_where_it_was_teleported():
         assert off(robot)[0] < 0.01 and robot.navigating
 
 
+def test_in_another_world_it_begins_anew():
+    """A reset that builds another world ends the goal; the next one is reached there."""
+    with Simulation(sensors=True) as simulation:
+        robot = simulation.robot
+        robot.go_to(5.0, 0.0)
+        simulation.run(1.0)
+        simulation.reset(world="maze")
+        assert robot.navigation.status == "idle"
+        robot.go_to(0.2, 0.0)
+        assert arrive(simulation) == "arrived" and robot.pose.x > 0.15
+
+
 def test_it_gives_up_with_a_reason():
     """The goal is in a wall that it sees only on its way."""
     with Simulation(world="maze", sensors=True, parameters=LIMITS, x=1.6, y=0.8) as simulation:
