@@ -24,7 +24,7 @@ from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.gripping import GripperFollower
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.files import Parameters, read_sections
+from onebot_description.parameters.files import Parameters
 from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.command_line import RosArguments
 from tests.onebot_control.drive_models import MECANUM, TRICYCLE
@@ -375,12 +375,6 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
     ("old", "new", "left", "said"),
     [
         (
-            "stall_timeout: 0.5",
-            "stal_timeout: 0.5",
-            "arm head neck hand",
-            '17: stal_timeout: no such parameter (did you mean "stall_timeout"? known: ',
-        ),
-        (
             "    joint: finger\n",
             "",
             "arm head neck",
@@ -397,18 +391,6 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
             "interface_name: effort",
             "arm neck hand",
             "4: head: commands effort, which cannot be simulated yet, so it is skipped",
-        ),
-        (
-            "constraints.elbow.goal: 0.1",
-            "command_interfaces: [velocity]",
-            "head neck hand",
-            "3: arm: commands velocity, which cannot be simulated yet, so it is skipped",
-        ),
-        (
-            "position_controllers/JointGroupPositionController",
-            "effort_controllers/JointGroupEffortController",
-            "arm head hand",
-            "5: neck: effort_controllers/JointGroupEffortController does not run here, so it is sk",
         ),
         (
             "position_controllers/JointGroupPositionController",
@@ -469,14 +451,6 @@ def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> 
         {"arm.joints": f"{other}:1", "arm": f"{file}:1"},
         [],
     )
-
-
-def test_maps_in_lists_are_read_as_rcl_does(file: Path) -> None:
-    """As gpio_controllers has them; they are another controller's here."""
-    file.write_text("gpio: {ros__parameters: {command_interfaces: {a: [{interfaces: [b, c]}]}}}\n")
-    [(_, parameters)] = read_sections(file.read_text(), "f").items()
-    assert parameters.values == {"command_interfaces.a.interfaces": ["b", "c"]}
-    assert len(ControlFiles([file], "/", MANAGER).foreign_sections()) == 1
 
 
 @pytest.mark.parametrize("enforced", [True, False])

@@ -80,7 +80,7 @@ io_controller:
   ros__parameters: {{rate: 3}}
 arm:
   ros__parameters:
-    joints: &joints [yaw, lift]
+    joints: &joints [$(var prefix)yaw, "$(var prefix)lift"]
     command_interfaces: [position]
     state_interfaces: [position, velocity]
     state_publish_rate: 100.0
@@ -96,6 +96,7 @@ some_driver:
 """,
     "arm",
     (
+        "14: $(var prefix) is for ros2 launch to replace; it is left out",
         "5: io_controller: vendor_controllers/GPIOController does not run here, so it is skipped",
         "7: arm_scaled: vendor_controllers/ScaledJointTrajectoryController does not run",
         "8: arm_velocities: velocity_controllers/JointGroupVelocityController does not run",
@@ -149,15 +150,16 @@ NAMESPACED = Project(
     constraints: {{goal_time: 0.6, yaw: {{trajectory: 0.1, goal: 0.1}}}}
 /**/arm_forward:
   ros__parameters: {{joints: [yaw, lift], interface_name: position}}
-/**/hand:
-  ros__parameters: {{joints: [finger], interface_name: position, command_interfaces: [position]}}
+/**:
+  hand:
+    ros__parameters: {{joints: [finger], interface_name: position, command_interfaces: [position]}}
 /other/arm:
   ros__parameters: {{joints: [shoulder]}}
 """,
     "arm hand",
     (
-        "15: command_interfaces: no such parameter",
-        '17: section "/other/arm" is for none of the nodes, so it is skipped (did you mean ',
+        "16: command_interfaces: no such parameter",
+        '18: section "/other/arm" is for none of the nodes, so it is skipped (did you mean ',
         "5: arm_forward: is inactive: arm, which comes first, moves lift, yaw",
     ),
     "/robot1",
@@ -266,7 +268,8 @@ def fleet_of(file: Path, robot: Description, namespace: str, name: str) -> tuple
         controllers=controllers.controllers,
     )
     foreign = ControlFiles([file], namespace, name).foreign_sections().values()
-    return Fleet.from_members([member]), [*config.warnings, *controllers.warnings, *foreign]
+    warnings = dict.fromkeys([*config.warnings, *controllers.warnings, *foreign])
+    return Fleet.from_members([member]), [*warnings]
 
 
 def move(fleet: Fleet) -> None:
