@@ -12,9 +12,9 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
 
+from onebot_control.navigation.goals import Goal, Goals
 from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
 from onebot_control.nodes.controller_node import RESULT_KEPT, DeferredAction
-from onebot_control.nodes.navigation.goals import Goal, Goals
 from onebot_control.nodes.navigation.maps import MapTopics
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
@@ -45,6 +45,9 @@ class Context(NamedTuple):
 
     goals: Goals
     maps: MapTopics
+    to_map: Callable[[Any], PlanarPose]  # returns the pose of a PoseStamped; raises OneBotError
+    navigator: Callable[[], Navigator]  # raises OneBotError while there is none
+    prepare: Callable[[], None]  # raises OneBotError if the robot cannot be driven now
 
 
 MakeGoal = Callable[[Context, "NavigationAction", Any], Goal]
@@ -54,7 +57,7 @@ Answer = Callable[[Context, Any, Any], None]  # fills the result of a request th
 def _poses(context: Context, poses: Sequence[Any]) -> list[PlanarPose]:
     if not poses:
         raise RequestError("there is no pose", "NO_VIAPOINTS_GIVEN")
-    return [context.goals.to_map(pose) for pose in poses]
+    return [context.to_map(pose) for pose in poses]
 
 
 def _to_pose(context: Context, action: "NavigationAction", request: Any) -> Goal:
@@ -86,7 +89,7 @@ def _points(context: Context, path: Any) -> tuple[Floats, float | None]:
     poses = []
     for stamped in path.poses:
         stamped.header.frame_id = stamped.header.frame_id or frame
-        poses.append(context.goals.to_map(stamped))
+        poses.append(context.to_map(stamped))
     points = np.array([pose[:2] for pose in poses]).reshape(-1, 2)
     return points, poses[-1].yaw if poses else None
 
@@ -125,11 +128,11 @@ def _wait(_: Context, action: "NavigationAction", request: Any) -> Goal:
 
 
 def _plan(context: Context, request: Any, result: Any) -> None:
-    start = context.goals.to_map(request.start) if request.use_start else None
+    start = context.to_map(request.start) if request.use_start else None
     stops = getattr(request, "goals", None) or [request.goal]
     parts = []
     for stop in _poses(context, stops):
-        parts.append(context.goals.navigator().plan(stop, start))
+        parts.append(context.navigator().plan(stop, start))
         start = stop
     result.path = context.maps.path_message(np.concatenate(parts))
 
@@ -230,9 +233,9 @@ class NavigationAction:
                 value = getattr(request, name, "")
                 if value not in _DEFAULT_PLUGINS:
                     raise OneBotError(f'there is no {name} "{value}" here: leave it empty')
-            self._context.goals.navigator()
+            self._context.navigator()
             if self._row.goal is not None:
-                self._context.goals.prepare()
+                self._context.prepare()
         except OneBotError as error:
             self._node.get_logger().error(f"{self._row.name}: goal rejected: {error}")
             return GoalResponse.REJECT
@@ -315,7 +318,7 @@ class NavigationAction:
                 for index, each in goal.missed
             ]
         if self._row.elapsed:
-            elapsed = self._context.goals.navigator().time - goal.began
+            elapsed = self._context.navigator().time - goal.began
             setattr(result, self._row.elapsed, Duration(seconds=elapsed).to_msg())
         if failure is not None:
             result.error_code = self._code(failure.name)

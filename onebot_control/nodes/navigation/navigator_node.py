@@ -11,12 +11,12 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from onebot_control.navigation.footprint import Vehicle, footprint_of, vehicle_of
+from onebot_control.navigation.goals import Goal, Goals
 from onebot_control.navigation.map_files import load_map
 from onebot_control.navigation.navigator import NavigationParameters, Navigator
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_control.nodes.navigation.actions import Context, offer_actions
-from onebot_control.nodes.navigation.goals import Goals
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import MapTopics
 from onebot_control.nodes.navigation.measurements import (
@@ -78,9 +78,12 @@ class NavigatorNode(Node):
         self._tf = self.create_publisher(TFMessage, "/tf", DEPTH)
         self._status = self.create_publisher(String, "~/status", LATCHED)
         frame = self._settings.global_frame
-        self._goals = Goals(self, self._ready, self._in_map, self._prepare)
+        logger = self.get_logger()
+        self._goals = Goals(self._ready, self._prepare, logger.info, logger.warning)
         self._maps = MapTopics(self, frame, self._ready, self._use_map)
-        self._actions = offer_actions(self, Context(self._goals, self._maps))
+        context = Context(self._goals, self._maps, self._in_map, self._ready, self._prepare)
+        self._actions = offer_actions(self, context)
+        self.create_subscription(PoseStamped, "goal_pose", self._on_goal, DEPTH)
         self.create_subscription(
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, DEPTH
         )
@@ -236,6 +239,12 @@ class NavigatorNode(Node):
         self._known = grid
         self._start(motion)
         self._ready().place(pose)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        try:
+            self._goals.start(Goal(None, [self._in_map(message)]))
+        except OneBotError as error:
+            self.get_logger().error(f"goal_pose is refused: {error}")
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         stamped = PoseStamped(header=message.header, pose=message.pose.pose)

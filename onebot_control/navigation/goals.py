@@ -1,17 +1,13 @@
-"""Goals that drive the robot, one at a time, and the topic goal_pose."""
+"""Goals that drive the robot, one at a time. No ROS here."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from geometry_msgs.msg import PoseStamped
-from rclpy.node import Node
-
 from onebot_control.navigation.navigator import Failure, Navigator
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
-from onebot_description.ros.topic_qos import DEPTH
 
 _PASSED = 0.5  # m from a pose that is only passed, at which the next one counts
 _MONITORED = 0.1  # s between two feedbacks
@@ -85,35 +81,27 @@ class Goals:
 
     def __init__(
         self,
-        node: Node,
         navigator: Callable[[], Navigator],
-        to_map: Callable[[PoseStamped], PlanarPose],
         prepare: Callable[[], None],
+        log: Callable[[str], object],
+        warn: Callable[[str], object],
     ) -> None:
-        """Subscribe to goal_pose.
+        """Begin without a goal.
 
         Args:
-            node: the navigator's node.
             navigator: returns the navigator; raises OneBotError while there is none.
-            to_map: returns a pose in the map; raises OneBotError.
             prepare: called before a goal drives the robot; raises OneBotError if it cannot.
+            log: logs a line.
+            warn: logs a warning.
         """
-        self.navigator, self.to_map, self.prepare = navigator, to_map, prepare
-        self._log = node.get_logger()
+        self._navigator, self._prepare, self._log, self._warn = navigator, prepare, log, warn
         self._goal: Goal | None = None
         self._fed = -math.inf
-        node.create_subscription(PoseStamped, "goal_pose", self._on_pose, DEPTH)
 
     @property
     def active(self) -> bool:
         """Whether a goal drives the robot."""
         return self._goal is not None
-
-    def _on_pose(self, message: PoseStamped) -> None:
-        try:
-            self.start(Goal(None, [self.to_map(message)]))
-        except OneBotError as error:
-            self._log.error(f"goal_pose is refused: {error}")
 
     def start(self, goal: Goal) -> None:
         """Drive to a goal, in place of any other.
@@ -121,8 +109,8 @@ class Goals:
         Raises:
             OneBotError: it cannot be done now.
         """
-        self.prepare()
-        navigator = self.navigator()
+        self._prepare()
+        navigator = self._navigator()
         self._end("another goal has come")
         goal.began, goal.last = navigator.time, navigator.pose
         try:
@@ -130,7 +118,7 @@ class Goals:
         except ValueError as error:
             raise OneBotError(str(error)) from None
         self._goal = goal
-        self._log.info(_described(goal))
+        self._log(_described(goal))
 
     def cancel(self, reason: str, client: Client | None = None) -> None:
         """End the goal, if there is one; with ``client`` only one of that client's."""
@@ -142,7 +130,7 @@ class Goals:
         goal = self._goal
         if goal is None:
             return
-        navigator = self.navigator()
+        navigator = self._navigator()
         pose, last = navigator.pose, goal.last or navigator.pose
         goal.driven += math.hypot(pose.x - last.x, pose.y - last.y)
         goal.last = pose
@@ -165,7 +153,7 @@ class Goals:
             self._end(navigator.reason, failure)
             return
         if failure is not None:
-            self._log.info(f"pose {goal.index} is missed: {navigator.reason}")
+            self._log(f"pose {goal.index} is missed: {navigator.reason}")
             goal.missed.append((goal.index, failure))
         goal.index += 1
         if not goal.next(navigator):
@@ -176,11 +164,11 @@ class Goals:
         goal, self._goal = self._goal, None
         if goal is None:
             return
-        self.navigator().cancel(reason)
+        self._navigator().cancel(reason)
         if reason:
-            self._log.warning(f"the goal has ended: {reason}")
+            self._warn(f"the goal has ended: {reason}")
         else:
-            self._log.info("the goal is reached")
+            self._log("the goal is reached")
         if goal.client is not None:
             goal.client.ended(goal, reason, failure)
 
