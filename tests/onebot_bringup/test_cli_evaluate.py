@@ -62,7 +62,8 @@ def test_a_study_is_written_reported_and_shown(folder: Path) -> None:
     ]
     assert all(path.stat().st_size > 10_000 for path in folder.glob("results_recordings/*"))
     assert not [*folder.glob("*.journal")]
-    done = onebot("evaluate", "study.py", "--keep", "none", "--min", "reached=0.3")
+    words = ["--workers", "1", "--keep", "none", "--min", "reached=0.3"]
+    done = onebot("evaluate", "study.py", *words)
     assert done.returncode == 1 and "reached: 0.25 is below 0.3" in done.stderr
     assert not (folder / "study_recordings").exists()
 
