@@ -212,5 +212,5 @@ def _read_once(read: Callable[[], Description], *key: str) -> Description:
 
 def _stamps(description: Description) -> list[tuple[int, int]]:
     """Return times of change, ns, and sizes of the files of a description; 0 if one is gone."""
-    found = [file.stat() if file.exists() else None for file in description.files]
-    return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in found]
+    stats = [file.stat() if file.exists() else None for file in description.files]
+    return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in stats]

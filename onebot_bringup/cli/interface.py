@@ -122,7 +122,7 @@ def remove(args: Namespace) -> None:
     """Undo ``add``."""
     link = ADDED / args.package
     if not link.is_symlink():
-        added = sorted(each.name for each in ADDED.iterdir()) if ADDED.is_dir() else []
+        added = sorted(folder.name for folder in ADDED.iterdir()) if ADDED.is_dir() else []
         hint = did_you_mean(args.package, added, "added")
         raise OneBotError(f'no package "{args.package}" was added{hint}')
     link.unlink()

@@ -12,10 +12,10 @@ from onebot_description.description.clutter import clutter, parameters_of
 def episode(case: Case) -> dict[str, object]:
     """Drive to the other side of a field of cylinders, by the lidar and the wheels alone."""
     world = f"clutter:seed={case['seed']},density={case['density']}"
-    made = clutter(parameters_of(world))
+    field = clutter(parameters_of(world))
     with Simulation(world=world, sensors=True) as simulation:
         robot = simulation.robot
-        robot.go_to(*made.goal)
+        robot.go_to(*field.goal)
         simulation.run(until=lambda: robot.collided or not robot.navigating, timeout=200.0)
         return {
             "reached": robot.navigation.status == "arrived" and not robot.collided,

@@ -27,9 +27,11 @@ def grid(**factors: Any) -> list[Case]:
     Raises:
         OneBotError: there are more than a million combinations.
     """
-    counts = [len(each) for each in factors.values() if _is_many(each) and isinstance(each, Sized)]
+    counts = [
+        len(level) for level in factors.values() if _is_many(level) and isinstance(level, Sized)
+    ]
     _check_count(prod(counts))
-    values = [_values(each) if _is_many(each) else [each] for each in factors.values()]
+    values = [_values(level) if _is_many(level) else [level] for level in factors.values()]
     _check_count(prod(map(len, values)))
     return [Case(zip(factors, row, strict=True)) for row in product(*values)]
 
@@ -60,15 +62,15 @@ def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
     if not _is_many(cases):
         text = f"cases: {shortened(repr(cases))}; write a list of mappings, or grid(seed=range(9))"
         raise OneBotError(text)
-    found = [*islice(cases, MOST_CASES + 1)]
-    if not found:
+    listed_cases = [*islice(cases, MOST_CASES + 1)]
+    if not listed_cases:
         raise OneBotError("cases: there is none; write a list of mappings, or grid(seed=range(9))")
-    _check_count(len(found))
-    for number, case in enumerate(found):
+    _check_count(len(listed_cases))
+    for number, case in enumerate(listed_cases):
         if not isinstance(case, Mapping):
             text = f"case {number}: {shortened(repr(case))} is not a mapping"
             raise OneBotError(f'{text}; write one, such as {{"seed": 7}}')
         if wrong := [key for key in case if not isinstance(key, str) or key in ("", ERROR)]:
             text = f"case {number}: {shortened(repr(wrong[0]))} cannot be the name of a column"
             raise OneBotError(f"{text}; write a string, other than {ERROR}")
-    return [*map(Case, found)]
+    return [*map(Case, listed_cases)]

@@ -154,7 +154,7 @@ def _ended_after(timeout: float) -> Iterator[None]:
     if timeout == float("inf"):
         yield
         return
-    former = signal.signal(signal.SIGALRM, end)
+    former_handler = signal.signal(signal.SIGALRM, end)
     with open(os.devnull, "w") as nowhere:
         faulthandler.dump_traceback_later(timeout + _GRACE, exit=True, file=nowhere)
         signal.setitimer(signal.ITIMER_REAL, timeout)
@@ -163,4 +163,4 @@ def _ended_after(timeout: float) -> Iterator[None]:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             faulthandler.cancel_dump_traceback_later()
-            signal.signal(signal.SIGALRM, former)
+            signal.signal(signal.SIGALRM, former_handler)

@@ -78,7 +78,7 @@ def _plain(value: Any) -> Any:
     """Return a value with numpy's arrays and scalars, and containers, as Python's."""
     value = plain(value)
     if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | set | frozenset):
         return [*map(_plain, value if isinstance(value, list) else sorted(value, key=repr))]
     return os.fspath(value) if isinstance(value, os.PathLike) else value

@@ -109,16 +109,16 @@ def evaluate(
     study = study_digest(name, _source(function), listed)
     done = read_journal(Path(journal), study) if journal is not None and resume else {}
     pending = ((n, packed_case(n, case)) for n, case in enumerate(listed) if n not in done)
-    shown = sys.stderr.isatty() if progress is None else progress
+    is_shown = sys.stderr.isatty() if progress is None else progress
     with ExitStack() as stack:
         stack.enter_context(sent_by_value(function))
         kept = journal and stack.enter_context(Journal(Path(journal), study, done))
-        if shown:
+        if is_shown:
             print(f"running {len(listed) - len(done)} episodes on {on} ...", file=sys.stderr)
         engine = _engine(on, work, workers and min(workers, len(listed)))
         facts |= engine.facts
         outcomes = stack.enter_context(closing(engine.run(pending, timeout)))
-        bar = stack.enter_context(Progress(len(listed), len(done), shown))
+        bar = stack.enter_context(Progress(len(listed), len(done), is_shown))
         for number, outcome in outcomes:
             done[number] = outcome._replace(recordings=())
             if kept:

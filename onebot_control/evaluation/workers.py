@@ -61,11 +61,11 @@ def _interrupts_blocked() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    former = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, former)
+        signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
 
 
 class _Context(SpawnContext):
@@ -155,17 +155,17 @@ def _run_all(
 ) -> Outcomes:
     idle = [_pool(packed) for _ in range(workers)]
     running: dict[Future[EpisodeOutcome], tuple[ProcessPool, _Task]] = {}
-    again, broken = deque[_Task](), 0
+    retries, broken = deque[_Task](), 0
     try:
         while True:
-            while idle and (task := again.popleft() if again else _next(cases)):
+            while idle and (task := retries.popleft() if retries else _next(cases)):
                 pool = idle.pop()
                 with suppress(RuntimeError):  # the process died while it was idle
                     running[pool.schedule(_run, (task.case,), timeout=timeout)] = pool, task
                     continue
                 _end([pool])
                 idle.append(_pool(packed))
-                again.append(task)
+                retries.append(task)
             if not running:
                 return
             for future in wait(running, _CHECK, FIRST_COMPLETED).done:
@@ -183,7 +183,7 @@ def _run_all(
                     if ran and task.died:
                         outcome = EpisodeOutcome(b"", DIED)
                     else:
-                        again.append(task._replace(died=task.died or ran))
+                        retries.append(task._replace(died=task.died or ran))
                 idle.append(pool)
                 if outcome is not None:
                     broken = 0
@@ -204,8 +204,8 @@ def _pool(packed: bytes) -> ProcessPool:
 
 
 def _next(cases: Iterator[tuple[int, bytes]]) -> _Task | None:
-    found = next(cases, None)
-    return None if found is None else _Task(*found)
+    case = next(cases, None)
+    return None if case is None else _Task(*case)
 
 
 def too_long(timeout: float) -> EpisodeOutcome:

@@ -111,11 +111,11 @@ class CostToGo:
         first = float(self._values[around].min())
         if first >= self._level:
             return False
-        known = self._values < max(first, 1e-12)
-        known[self._goals] = True
-        self._values[~known] = np.inf
-        index = np.flatnonzero(known)
-        edge = ~known[index[:, None] + self._offsets].all(axis=1)
+        is_known = self._values < max(first, 1e-12)
+        is_known[self._goals] = True
+        self._values[~is_known] = np.inf
+        index = np.flatnonzero(is_known)
+        edge = ~is_known[index[:, None] + self._offsets].all(axis=1)
         self._front = index[edge]
         self._level = max(0.0, first)
         return True

@@ -54,10 +54,10 @@ class Costmap:
             self._fresh, window = False, Window(0, 0, *grid.shape)
             self._occupied = grid.log_odds > 0.0
             return self._measure(window)
-        log_odds, before = grid.log_odds[window.cells], self._occupied[window.cells]
+        log_odds, was_occupied = grid.log_odds[window.cells], self._occupied[window.cells]
         # Cells at edges of walls, which are hit and missed by turns, stay occupied.
-        occupied = (log_odds > 0.0) | (before & (log_odds > _FREED))
-        changed = occupied != before
+        occupied = (log_odds > 0.0) | (was_occupied & (log_odds > _FREED))
+        changed = occupied != was_occupied
         if not changed.any():
             return None
         self._occupied[window.cells] = occupied

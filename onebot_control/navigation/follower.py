@@ -300,9 +300,9 @@ class Follower:
         x, y, yaw = paths.x[-1], paths.y[-1], paths.yaw[-1]
         ends = around.to_go(x, y)
         ahead = np.float32(_AHEAD * min(1.0, self._scale))
-        there = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
+        costs = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
         if not self.vehicle.sideways:
-            ends = ends + np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
+            ends = ends + np.float32(_HEADING) * np.minimum(costs - ends, np.float32(2.0))
         total += ~arrived[-1] * ends
         total += np.abs(paths.speeds[:, 2]).mean(axis=0) * (np.float32(0.02) * scale)
         total += (paths.speeds[-1, 0] < 0.0) * (np.float32(0.3) * scale)

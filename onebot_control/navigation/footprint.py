@@ -90,13 +90,13 @@ def vehicle_of(description: "Description", controllers: Sequence[Controller]) ->
     Raises:
         OneBotError: the robot has no shapes.
     """
-    forward, acceleration = _strictest([each.linear for each in controllers], *_LINEAR)
+    forward, acceleration = _strictest([limit.linear for limit in controllers], *_LINEAR)
     forward = min(forward, _BRAKING * acceleration)
-    sides = [each.lateral for each in controllers if each.lateral is not None]
+    sides = [limit.lateral for limit in controllers if limit.lateral is not None]
     sideways = _strictest(sides, *_LINEAR)[0] if sides else 0.0
-    turning, turning_acceleration = _strictest([each.angular for each in controllers], *_ANGULAR)
-    reverses = [-each.linear.min_velocity for each in controllers]
-    backward = min([0.5 * forward, *(each for each in reverses if math.isfinite(each))])
+    turning, turning_acceleration = _strictest([limit.angular for limit in controllers], *_ANGULAR)
+    reverses = [-limit.linear.min_velocity for limit in controllers]
+    backward = min([0.5 * forward, *(limit for limit in reverses if math.isfinite(limit))])
     return Vehicle(
         footprint_of(description),
         forward,
@@ -105,7 +105,7 @@ def vehicle_of(description: "Description", controllers: Sequence[Controller]) ->
         min(turning, _FASTEST_TURN),
         acceleration,
         turning_acceleration,
-        max((each.least_radius for each in controllers), default=0.0),
+        max((limit.least_radius for limit in controllers), default=0.0),
     )
 
 
@@ -113,9 +113,11 @@ def _strictest(
     limits: Sequence[SpeedLimits], speed: float, acceleration: float
 ) -> tuple[float, float]:
     """Return the least of the limits of speed and acceleration, or these if there are none."""
-    speeds = [each.max_velocity for each in limits if math.isfinite(each.max_velocity)]
-    given = [each.max_acceleration for each in limits if math.isfinite(each.max_acceleration)]
-    return min(speeds, default=speed), min(given, default=acceleration)
+    speeds = [limit.max_velocity for limit in limits if math.isfinite(limit.max_velocity)]
+    accelerations = [
+        limit.max_acceleration for limit in limits if math.isfinite(limit.max_acceleration)
+    ]
+    return min(speeds, default=speed), min(accelerations, default=acceleration)
 
 
 def footprint_of(description: "Description") -> Floats:

@@ -135,15 +135,15 @@ class GridMap:
     @classmethod
     def of(cls, grid: OccupancyGrid, reach: float = 10.0) -> "GridMap":
         """Return a map that begins with what is known."""
-        made = cls(grid.resolution, reach)
-        made.origin = grid.origin
+        copy = cls(grid.resolution, reach)
+        copy.origin = grid.origin
         data = grid.data
-        made.log_odds = np.select([data == UNKNOWN, data > 50], [0.0, _MOST], _LEAST).astype(
+        copy.log_odds = np.select([data == UNKNOWN, data > 50], [0.0, _MOST], _LEAST).astype(
             np.float32
         )
-        made.ends = np.zeros((*data.shape, 3), np.float32)
-        made.ends[data > 50, 0] = 1.0
-        return made
+        copy.ends = np.zeros((*data.shape, 3), np.float32)
+        copy.ends[data > 50, 0] = 1.0
+        return copy
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -183,15 +183,15 @@ class GridMap:
             self.origin = (float(first[0]), float(first[1]))
             edges = np.array([first, first])
         # Whole chunks before the present first cell, and behind the last one.
-        before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
+        chunks_before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
         behind = np.ceil(np.maximum(0.0, corners[1] - edges[1]) / chunk).astype(int) * _CHUNK
-        rows, columns = (np.array(self.shape)[::-1] + before + behind)[::-1]
+        rows, columns = (np.array(self.shape)[::-1] + chunks_before + behind)[::-1]
         if rows * columns > _MOST_CELLS:
             raise ValueError(f"a map of {columns} x {rows} cells is too large")
-        pads = ((before[1], behind[1]), (before[0], behind[0]))
+        pads = ((chunks_before[1], behind[1]), (chunks_before[0], behind[0]))
         self.log_odds = np.pad(self.log_odds, pads)
         self.ends = np.pad(self.ends, (*pads, (0, 0)))
-        x, y = self.origin - before * self.resolution
+        x, y = self.origin - chunks_before * self.resolution
         self.origin = (float(x), float(y))
         self.version += 1
         return True
@@ -226,8 +226,8 @@ class GridMap:
         ranges = scan.ranges
         if np.isposinf(ranges).any():
             return min(self.reach, scan.reach)
-        known = ranges[np.isfinite(ranges)]
-        return float(min(self.reach, known.max(initial=0.0)))
+        measured = ranges[np.isfinite(ranges)]
+        return float(min(self.reach, measured.max(initial=0.0)))
 
     def _clear(
         self, scan: LevelScan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
@@ -242,11 +242,11 @@ class GridMap:
             slice(window.top - row + half, window.bottom - row + half),
             slice(window.left - column + half, window.right - column + half),
         )
-        known = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
-        before = np.minimum(known, reach) / self.resolution - _MARGIN
-        turn = round(math.tau / scan.step) == len(before)  # whether the rays go all around
-        behind = np.append(before[1:], before[0] if turn else 0.0)
-        limit = np.append(np.minimum(before, behind), 0.0).astype(np.float32)
+        measured = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
+        lengths = np.minimum(measured, reach) / self.resolution - _MARGIN
+        turn = round(math.tau / scan.step) == len(lengths)  # whether the rays go all around
+        behind = np.append(lengths[1:], lengths[0] if turn else 0.0)
+        limit = np.append(np.minimum(lengths, behind), 0.0).astype(np.float32)
         offset = (sensor.yaw + scan.least) % math.tau
         rays = bearings[at] - np.float32(offset)
         rays[rays < 0.0] += np.float32(math.tau)

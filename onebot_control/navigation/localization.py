@@ -84,11 +84,11 @@ class Localizer:
         bend = (yaw - by_wheels) / 2.0
         cos, sin = math.cos(bend), math.sin(bend)
         motion = PlanarPose(cos * motion.x - sin * motion.y, sin * motion.x + cos * motion.y, yaw)
-        before = self._pose
-        self._pose = before.compose(motion)
+        former_pose = self._pose
+        self._pose = former_pose.compose(motion)
         self._turn += by_wheels
         across = np.eye(3)
-        across[0, 2], across[1, 2] = before.y - self._pose.y, self._pose.x - before.x
+        across[0, 2], across[1, 2] = former_pose.y - self._pose.y, self._pose.x - former_pose.x
         skid = _SKID if turn is None else _GYRO_SKID
         moved = bool(distance or yaw)
         error = _SLIP * distance + 0.02 * abs(yaw) + _STILL * moved
@@ -115,14 +115,14 @@ class Localizer:
             points: ends of its rays in the robot's frame, (N, 2), m.
             walls: the walls of the map.
         """
-        before = self.at(time)
-        match = walls.match(points, before, self.covariance)
+        predicted = self.at(time)
+        match = walls.match(points, predicted, self.covariance)
         self.share = match.share
         if match.share < _TRUSTED:
-            return match._replace(pose=before)
+            return match._replace(pose=predicted)
         self.covariance = match.covariance
-        correction = match.pose.compose(before.inverse())
-        self._learn(match.pose.yaw - before.yaw)
+        correction = match.pose.compose(predicted.inverse())
+        self._learn(match.pose.yaw - predicted.yaw)
         self._pose = correction.compose(self._pose)
         self._history = deque(
             [(stamp, correction.compose(pose)) for stamp, pose in self._history], _KEPT

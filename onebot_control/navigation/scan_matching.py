@@ -50,11 +50,11 @@ class Walls:
         distances, indices = self._tree.query(
             self.points, k=[*range(1, count + 1)], distance_upper_bound=_NEAR
         )
-        known = np.isfinite(distances)
-        around = self.points[np.where(known, indices, np.arange(len(self.points))[:, None])]
-        offsets = (around - self.points[:, None]) * known[..., None]
-        number = known.sum(axis=1)
-        offsets -= (offsets.sum(axis=1) / number[:, None])[:, None] * known[..., None]
+        is_known = np.isfinite(distances)
+        around = self.points[np.where(is_known, indices, np.arange(len(self.points))[:, None])]
+        offsets = (around - self.points[:, None]) * is_known[..., None]
+        number = is_known.sum(axis=1)
+        offsets -= (offsets.sum(axis=1) / number[:, None])[:, None] * is_known[..., None]
         xx, xy, yy = (
             (offsets[..., a] * offsets[..., b]).sum(axis=1) / number
             for a, b in ((0, 0), (0, 1), (1, 1))

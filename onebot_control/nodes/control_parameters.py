@@ -66,8 +66,8 @@ class ControlParameters:
         """
         namespace, name = node.get_namespace(), node.get_name()
         drives = issubclass(declared, DriveParameters)
-        found = declared if drives else ControlConfig
-        files = ControlFiles(arguments.files, namespace, name, found)
+        config_type = declared if drives else ControlConfig
+        files = ControlFiles(arguments.files, namespace, name, config_type)
         file = files.parameters()
         self.declared = declared = files.declared if drives else declared
         _, *self.topics = drive_node(arguments.files)

@@ -71,14 +71,14 @@ def parameters_of(name: str) -> ClutterParameters:
     Raises:
         ConfigError: one is wrong; the text says what would be right.
     """
-    given = {}
+    values = {}
     for part in filter(None, name.partition(":")[2].split(",")):
         key, equals, value = part.partition("=")
         try:
-            given[key if equals else "seed"] = yaml.safe_load(value if equals else key)
+            values[key if equals else "seed"] = yaml.safe_load(value if equals else key)
         except yaml.YAMLError:
             raise ConfigError([Problem(key, f'"{value}" is no number')]) from None
-    return read(ClutterParameters, given)
+    return read(ClutterParameters, values)
 
 
 def clutter(parameters: ClutterParameters) -> Clutter:
@@ -124,7 +124,7 @@ def _way(cylinders: Floats, end: float, half: float, radius: float) -> tuple[flo
         np.minimum(free, away, out=free)
     rows, columns = free.shape
     start, goal = (rows // 2, 0), (rows // 2, columns - 1)
-    lengths, before = {start: 0.0}, dict[tuple[int, int], tuple[int, int]]()
+    lengths, previous = {start: 0.0}, dict[tuple[int, int], tuple[int, int]]()
     front = [(0.0, start)]
     while front:
         length, cell = heapq.heappop(front)
@@ -139,13 +139,13 @@ def _way(cylinders: Floats, end: float, half: float, radius: float) -> tuple[flo
                     continue
                 longer = length + _STEP * math.hypot(a, b)
                 if longer < lengths.get(near, math.inf):
-                    lengths[near], before[near] = longer, cell
+                    lengths[near], previous[near] = longer, cell
                     heapq.heappush(front, (longer, near))
     if goal not in lengths:
         return None
     clearances, cell = [float(free[goal])], goal
     while cell != start:
-        cell = before[cell]
+        cell = previous[cell]
         clearances.append(float(free[cell]))
     return lengths[goal], float(np.mean(clearances))
 

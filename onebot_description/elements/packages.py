@@ -216,11 +216,11 @@ def packages_on_ros_path() -> dict[str, Path]:
 @functools.cache
 def _packages_below_all(tops: tuple[str, ...]) -> dict[str, Path]:
     resources = Resources(None)
-    found: dict[str, Path] = {}
+    packages: dict[str, Path] = {}
     for top in reversed([Path(top) for top in tops]):
-        found |= {folder.name: folder for folder in (*_folders_in(top), top)}
-        found |= resources._packages_below(top)
-    return found
+        packages |= {folder.name: folder for folder in (*_folders_in(top), top)}
+        packages |= resources._packages_below(top)
+    return packages
 
 
 def package_share(name: str) -> Path:
@@ -289,8 +289,8 @@ def package_name(folder: Path) -> str:
         return ""
     # Without an XML parser: its imports fail while Python imports a module that it needs, whose
     # own optional imports ask the finder of ``ros.packages`` for a package.
-    found = _NAME.search(_COMMENT.sub("", text))
-    return found[1] if found else ""
+    match = _NAME.search(_COMMENT.sub("", text))
+    return match[1] if match else ""
 
 
 def _missing(name: str, folder: Path | None) -> OneBotError:

@@ -231,8 +231,8 @@ class FrameTree:
                 )
         if self.top(target) != self.top(source):
             raise self._buffer.unconnected(target, source)
-        found = self._buffer.find(target, source, 0)
-        return StampedPose(found.stamp_ns, _matrix(found))
+        transform = self._buffer.find(target, source, 0)
+        return StampedPose(transform.stamp_ns, _matrix(transform))
 
 
 def _matrix(found: Found) -> Floats:

@@ -133,8 +133,8 @@ def unit(rotation: Sequence[float]) -> list[float]:
 
 def seconds(time_ns: int) -> float:
     """Return nanoseconds as seconds, rounded as tf2 does."""
-    whole, rest = divmod(abs(time_ns), NS_PER_S)
-    return math.copysign(whole + 1e-9 * rest, time_ns)
+    seconds, nanoseconds = divmod(abs(time_ns), NS_PER_S)
+    return math.copysign(seconds + 1e-9 * nanoseconds, time_ns)
 
 
 def seconds_text(time_ns: int) -> str:
@@ -191,8 +191,8 @@ class TransformBuffer:
         Returns:
             The number that were not too old, plus 2**32 for each frame with another parent.
         """
-        taken: int = self._add(self._buffer, rows, count, static)
-        return taken
+        accepted: int = self._add(self._buffer, rows, count, static)
+        return accepted
 
     def drop(self, name: str) -> None:
         """Forget a frame until it is received again."""

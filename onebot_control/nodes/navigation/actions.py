@@ -313,9 +313,9 @@ class NavigationAction:
                 missed(
                     index=index,
                     goal=self._context.maps.pose_stamped(goal.poses[index]),
-                    error_code=self._code(each.name),
+                    error_code=self._code(waypoint.name),
                 )
-                for index, each in goal.missed
+                for index, waypoint in goal.missed
             ]
         if self._row.elapsed:
             elapsed = self._context.navigator().time - goal.began

@@ -125,10 +125,10 @@ class Measurements:
 
     def take_scan(self) -> TimedScan | None:
         """Return the newest scan that the odometry has reached, if it was not taken yet."""
-        taken = None
+        scan = None
         while self._scans and self.motion and self._scans[0].stamp_ns <= self.motion.stamp_ns:
-            taken = self._scans.popleft()
-        return taken
+            scan = self._scans.popleft()
+        return scan
 
     def take_turn(self) -> float | None:
         """Return how far the IMU has turned since the last call, rad; None without one."""
@@ -163,10 +163,10 @@ class Measurements:
         if not all(map(math.isfinite, (*pose, *speed))):
             self._warn("odometry", "odometry is ignored: it is not finite")
             return
-        before, stamp = self.motion, nanoseconds(message.header.stamp)
+        former_motion, stamp = self.motion, nanoseconds(message.header.stamp)
         frames = message.header.frame_id, message.child_frame_id
         self.motion = TimedOdometry(stamp, *frames, pose, speed)
-        if before is not None and (text := _jump(before, self.motion)):
+        if former_motion is not None and (text := _jump(former_motion, self.motion)):
             self._scans.clear()
             self._jumped(text)
 
@@ -243,10 +243,10 @@ class Commands:
         if self._kind is not None:
             return
         types = {end.topic_type for end in self.subscribers()}
-        known = [kind for kind in VELOCITY_TYPES if kind in types]
-        if not known:
+        known_kinds = [kind for kind in VELOCITY_TYPES if kind in types]
+        if not known_kinds:
             raise OneBotError(f"no robot subscribes to {self._topic}")
-        self._kind = known[0]
+        self._kind = known_kinds[0]
         message_class = VELOCITY_TYPES[self._kind]
         self._publisher = self._node.create_publisher(message_class, self._topic, DEPTH)
         self._node.create_subscription(message_class, self._topic, self._on_command, DEPTH)

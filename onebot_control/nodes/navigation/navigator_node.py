@@ -64,8 +64,8 @@ class NavigatorNode(Node):
         super().__init__("navigator", cli_args=ros_args(arguments))
         values = declare(self, NavigatorParameters)
         self._settings = read(NavigatorParameters, values)
-        given = self._settings.yaml_filename
-        self._known: OccupancyGrid | None = load_map(Path(given)) if given else None
+        map_file = self._settings.yaml_filename
+        self._known: OccupancyGrid | None = load_map(Path(map_file)) if map_file else None
         self._description: Description | None = load_description(file) if file else None
         self._navigator: Navigator | None = None
         self._moved: PlanarPose | None = None  # odometry where the map began
@@ -127,12 +127,12 @@ class NavigatorNode(Node):
 
     def _find_vehicle(self) -> None:
         """Combine footprint and limits, once both are known; they may change later."""
-        known = self._controllers.known
+        limits = self._controllers.known
         waited = time.monotonic() - self._robot_since > _PATIENCE
-        if self._vehicle is not None or self._description is None or not (known or waited):
+        if self._vehicle is not None or self._description is None or not (limits or waited):
             return
-        self._vehicle = vehicle = vehicle_of(self._description, known)
-        if not known:
+        self._vehicle = vehicle = vehicle_of(self._description, limits)
+        if not limits:
             self.get_logger().warning(
                 "no controller with limits of velocity takes the commands: the robot is taken to "
                 f"drive {vehicle.forward:g} m/s and to turn {vehicle.turning:g} rad/s"
@@ -170,13 +170,13 @@ class NavigatorNode(Node):
         if self._navigator is None:
             self._start(motion)
         navigator = self._ready()
-        taken = self._measured.take_scan()
+        scan = self._measured.take_scan()
         command = navigator.update(
             motion.stamp_ns / NS_PER_S,
             motion.pose,
             motion.speed,
-            scan=taken.scan if taken else None,
-            scan_time=taken.stamp_ns / NS_PER_S if taken else None,
+            scan=scan.scan if scan else None,
+            scan_time=scan.stamp_ns / NS_PER_S if scan else None,
             turn=self._measured.take_turn(),
         )
         self._publish_transform(navigator, motion)

@@ -61,8 +61,8 @@ class PackageFinder:
         Raises:
             MissingRosError: the module is one of ROS that its wheels, or an installed ROS, have.
         """
-        if found := _later_spec(name, path, target):
-            return found
+        if later := _later_spec(name, path, target):
+            return later
         _check_ros(name)
         return _own_spec(name)
 
@@ -83,8 +83,8 @@ def _later_spec(
     for finder in sys.meta_path[sys.meta_path.index(PackageFinder) + 1 :]:
         find_spec = getattr(finder, "find_spec", None)
         if find_spec and (spec := find_spec(name, path, target)):
-            found: ModuleSpec = spec
-            return found
+            later: ModuleSpec = spec
+            return later
     return None
 
 
@@ -103,22 +103,22 @@ def _own_spec(name: str) -> "ModuleSpec | None":
     code = os.path.join(folder, "__init__.py")
     if os.path.isfile(code) and not inner:  # Python finds the modules of the folder itself
         return spec_from_file_location(name, code, submodule_search_locations=[folder])
-    found = sys.modules.get(package)
-    is_own = isinstance(getattr(found, "__loader__", None), _Loader)
-    is_folder = getattr(found, "__file__", None) is None  # Python found a folder without code
+    module = sys.modules.get(package)
+    is_own = isinstance(getattr(module, "__loader__", None), _Loader)
+    is_folder = getattr(module, "__file__", None) is None  # Python found a folder without code
     if inner and not is_own and not is_folder:
         return None
     from onebot_description.ros.wire.interface_text import KINDS, own_package
 
-    own = own_package(package)
-    if own is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
+    own_folder = own_package(package)
+    if own_folder is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
         return None
     if len(inner) == 2 and not inner[1].startswith("_"):  # a class: `from package.msg import Name`
         if not is_own:
             _fill(sys.modules[f"{package}.{inner[0]}"])
         return None
     loader: Any = _Loader()
-    return ModuleSpec(name, loader, origin=str(own), is_package=len(inner) < 2)
+    return ModuleSpec(name, loader, origin=str(own_folder), is_package=len(inner) < 2)
 
 
 def _fill(module: "ModuleType") -> None:
@@ -163,10 +163,10 @@ def _is_replaced() -> bool:
     from importlib.machinery import PathFinder
 
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    found = {os.path.realpath(prefix) for prefix in prefixes if os.path.exists(f"{prefix}/{_ROS}")}
+    roots = {os.path.realpath(prefix) for prefix in prefixes if os.path.exists(f"{prefix}/{_ROS}")}
     if PathFinder.find_spec("ros_wheels_bootstrapper"):  # else the environment's own is no wheels'
-        found.discard(os.path.realpath(sys.prefix))
-    return bool(found)
+        roots.discard(os.path.realpath(sys.prefix))
+    return bool(roots)
 
 
 def _check_ros(name: str) -> None:

@@ -44,9 +44,9 @@ def fill(module: ModuleType) -> None:
             problem = f"module '{module.__name__}' has no attribute '{short}'"
             raise AttributeError(problem, name=short, obj=module)
         own_interface(homes[short])
-        found = made_class(f"{package}/{kind}/{short}")
-        setattr(module, short, found)
-        return found
+        message_class = made_class(f"{package}/{kind}/{short}")
+        setattr(module, short, message_class)
+        return message_class
 
     names = sorted(homes)
     module.__dict__.update(__getattr__=find, __all__=names, __dir__=lambda: names)

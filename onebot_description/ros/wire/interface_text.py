@@ -76,8 +76,8 @@ def interface_file(name: str) -> Path:
     for folder in (*(share / package for share in share_folders()), _COMMON / package):
         if (folder / inner).is_file():
             return folder / inner
-    if own := own_file(name):
-        return own
+    if own_definition := own_file(name):
+        return own_definition
     raise OneBotError(f"{name} is installed without its file {type_name}.{kind}")
 
 

@@ -242,10 +242,10 @@ def _make_class(definition: Definition, parts: dict[str, Any], support: Callable
     def refuse(self: Any) -> None:
         raise NotImplementedError(f"{kind} classes can not be instantiated")
 
-    made = make_metaclass(name, load)(
+    message_class = make_metaclass(name, load)(
         name, (), {"__module__": module_name(definition.name), "__init__": refuse, **parts}
     )
-    return keep_class(definition.name, made)
+    return keep_class(definition.name, message_class)
 
 
 # ---- Actions ----

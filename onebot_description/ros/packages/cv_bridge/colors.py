@@ -59,11 +59,15 @@ def _from_bayer(image: Picture, pattern: str) -> Picture:
     rgb = np.empty((rows, columns, 3), image.dtype)
     for y, x in ((0, 0), (0, 1), (1, 0), (1, 1)):
         places = slice(y, None, 2), slice(x, None, 2)
-        own, side, under = (pattern[i] for i in (2 * y + x, 2 * y + 1 - x, 2 * (1 - y) + x))
-        values = {own: near(0, 0), side: (beside + 1) >> 1, under: (above + 1) >> 1}
-        if own != "g":
-            other = "b" if own == "r" else "r"
-            values = {own: near(0, 0), "g": (beside + above + 2) >> 2, other: (corners + 2) >> 2}
+        own_channel, side, under = (pattern[i] for i in (2 * y + x, 2 * y + 1 - x, 2 * (1 - y) + x))
+        values = {own_channel: near(0, 0), side: (beside + 1) >> 1, under: (above + 1) >> 1}
+        if own_channel != "g":
+            other_channel = "b" if own_channel == "r" else "r"
+            values = {
+                own_channel: near(0, 0),
+                "g": (beside + above + 2) >> 2,
+                other_channel: (corners + 2) >> 2,
+            }
         for color, value in values.items():
             rgb[..., "rgb".index(color)][places] = value[places]
     rgb[:, [0, -1]] = rgb[:, [1, -2]]  # OpenCV repeats what is beside the edges

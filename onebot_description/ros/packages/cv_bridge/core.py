@@ -145,9 +145,11 @@ class CvBridge:
             raise CvBridgeError(f"not a picture: {error}") from error
         if desired_encoding == "passthrough":
             return image
-        own = {2: "mono16" if image.dtype == np.uint16 else "mono8"}
+        encodings = {2: "mono16" if image.dtype == np.uint16 else "mono8"}
         return convert(
-            image, own.get(image.ndim, f"bgr{'a' * (image.shape[-1] == 4)}8"), desired_encoding
+            image,
+            encodings.get(image.ndim, f"bgr{'a' * (image.shape[-1] == 4)}8"),
+            desired_encoding,
         )
 
     def cv2_to_compressed_imgmsg(self, cvim: Picture, dst_format: str = "jpg") -> Any:
@@ -206,23 +208,26 @@ def convert(image: Picture, source: str, target: str) -> Picture:
     """
     if source == target:
         return image.copy()
-    (layout, depth, channels), (wanted, new_depth, new_channels) = _parsed(source), _parsed(target)
-    if not layout and wanted:
+    (layout, depth, channels), (new_layout, new_depth, new_channels) = (
+        _parsed(source),
+        _parsed(target),
+    )
+    if not layout and new_layout:
         raise CvBridgeError(
             f"[{source}] is not a color format. but [{target}] is. The conversion does not make "
             "sense"
         )
-    if not wanted and channels != new_channels:
+    if not new_layout and channels != new_channels:
         raise CvBridgeError(
             f"[{source}] is a color format but [{target}] is not so they must have the same OpenCV "
             "type, CV_8UC3, CV16UC1 ...."
             if layout
             else f"[{source}] and [{target}] do not have the same number of channel"
         )
-    if wanted and layout != wanted:
-        if wanted not in ("mono", "rgb", "bgr", "rgba", "bgra"):
+    if new_layout and layout != new_layout:
+        if new_layout not in ("mono", "rgb", "bgr", "rgba", "bgra"):
             raise CvBridgeError(f"Unsupported conversion from [{source}] to [{target}]")
-        image = colors.converted(image, layout, wanted)
+        image = colors.converted(image, layout, new_layout)
     return _with_depth(image, depth, new_depth)
 
 

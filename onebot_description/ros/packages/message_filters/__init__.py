@@ -141,8 +141,8 @@ class TimeSynchronizer(SimpleFilter):
         """Get the messages of filters; ``queues`` has those that wait, by stamp, nanoseconds."""
         self.queues: list[dict[int, Any]] = [{} for _ in fs]
         self.input_connections = [
-            one.registerCallback(self.add, queue, index)
-            for index, (one, queue) in enumerate(zip(fs, self.queues, strict=True))
+            signal.registerCallback(self.add, queue, index)
+            for index, (signal, queue) in enumerate(zip(fs, self.queues, strict=True))
         ]
 
     def add(self, msg: Any, my_queue: dict[int, Any], my_queue_index: int | None = None) -> None:
@@ -200,12 +200,12 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
                 if index != my_queue_index:
                     near = [other for other in queue if abs(other - stamp) <= slop]
                     candidates.append(sorted(near, key=lambda other: abs(other - stamp)))
-            for others in itertools.product(*candidates):
-                stamps = list(others)
+            for other_stamps in itertools.product(*candidates):
+                stamps = list(other_stamps)
                 if my_queue_index is not None:
                     stamps.insert(my_queue_index, stamp)
                 if max(stamps) - min(stamps) < slop and all(
-                    one in queue for one, queue in zip(stamps, self.queues, strict=True)
+                    nearest in queue for nearest, queue in zip(stamps, self.queues, strict=True)
                 ):
                     self._pass_on(stamps)
                     break

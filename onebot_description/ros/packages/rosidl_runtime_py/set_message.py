@@ -56,7 +56,7 @@ def set_message_fields(
         slot = get_message_slot_types(message)[name]
         if isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
             return [
-                filled(import_message_from_namespaced_type(slot.value_type), one) for one in value
+                filled(import_message_from_namespaced_type(slot.value_type), item) for item in value
             ]
         if isinstance(slot, NamespacedType):
             return value if type(value) is type(field) else filled(type(field), value)

@@ -308,8 +308,8 @@ class BufferCore:
 
     def _way(self, target: str, source: str, time_ns: int) -> list[str]:
         """Return the frames that lead from one to another, in tf2's order."""
-        known = self._core.numbers
-        target, source = (name if name in known else _NO_PARENT for name in (target, source))
+        numbers = self._core.numbers
+        target, source = (name if name in numbers else _NO_PARENT for name in (target, source))
         if target == source:
             return []
         if time_ns == 0 and _NO_PARENT in (target, source):
@@ -420,8 +420,8 @@ def _nanoseconds(time: Any, what: str = "time") -> int:
 
 
 def _from_seconds(time: float) -> int:
-    whole = math.floor(time)
-    return whole * NS_PER_S + math.floor((time - whole) * 1e9 + 0.5)
+    whole_seconds = math.floor(time)
+    return whole_seconds * NS_PER_S + math.floor((time - whole_seconds) * 1e9 + 0.5)
 
 
 def _rate(state: Any) -> float:

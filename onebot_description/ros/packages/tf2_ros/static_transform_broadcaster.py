@@ -35,8 +35,8 @@ class StaticTransformBroadcaster:
 
         As in Jazzy, only the first transform of each frame counts.
         """
-        for one in listed(transform):
-            if one.child_frame_id not in self._child_frame_ids:
-                self._child_frame_ids.add(one.child_frame_id)
-                self.net_message.transforms.append(one)
+        for stamped in listed(transform):
+            if stamped.child_frame_id not in self._child_frame_ids:
+                self._child_frame_ids.add(stamped.child_frame_id)
+                self.net_message.transforms.append(stamped)
         self.pub_tf.publish(self.net_message)

@@ -152,9 +152,11 @@ def decompose_matrix(
 ) -> tuple[Matrix, Matrix, tuple[float, float, float], Matrix, None]:
     """Return scale, shear, angles about fixed axes, translation and None; see compose_matrix."""
     affine = numpy.array(matrix, float)
-    turn, rest = _factors(affine)
-    scale = numpy.diag(rest).copy()
-    shear = numpy.array([rest[0, 1] / scale[0], rest[0, 2] / scale[0], rest[1, 2] / scale[1]])
+    turn, remainder = _factors(affine)
+    scale = numpy.diag(remainder).copy()
+    shear = numpy.array(
+        [remainder[0, 1] / scale[0], remainder[0, 2] / scale[0], remainder[1, 2] / scale[1]]
+    )
     return scale, shear, euler_from_matrix(turn), affine[:3, 3], None
 
 
@@ -368,13 +370,13 @@ def _eigenvectors(matrix: Matrix, value: float) -> list[Matrix]:
         ValueError: there are none.
     """
     values, vectors = numpy.linalg.eig(matrix)
-    found = [
+    axes_found = [
         numpy.real(vectors[:, index])
         for index in numpy.flatnonzero(abs(numpy.real(values) - value) < _NEAR)
     ]
-    if not found:
+    if not axes_found:
         raise ValueError(f"no eigenvector corresponding to eigenvalue {value:g}")
-    return found
+    return axes_found
 
 
 def _fixed_point(affine: Matrix) -> Matrix:
@@ -387,7 +389,7 @@ def _fixed_point(affine: Matrix) -> Matrix:
 
 def _factors(affine: Matrix) -> tuple[Matrix, Matrix]:
     """Return the rotation of a matrix, and what is scaled and sheared before, an upper triangle."""
-    turn, rest = numpy.linalg.qr(affine[:3, :3])
-    signs = numpy.sign(numpy.diag(rest))
+    turn, remainder = numpy.linalg.qr(affine[:3, :3])
+    signs = numpy.sign(numpy.diag(remainder))
     signs[0] *= numpy.linalg.det(turn * signs)  # a mirrored matrix scales x by a negative factor
-    return turn * signs, rest * signs[:, None]
+    return turn * signs, remainder * signs[:, None]
