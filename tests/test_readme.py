@@ -150,15 +150,15 @@ def test_an_example_in_python(name, code, tmp_path, ros_domain):
 
 def test_the_workflow_to_copy_installs_and_tests() -> None:
     """As far as one can see here: on a Python that is supported, this project, and pytest."""
-    [text] = re.findall(r"```yaml\n(jobs:.*?)```", TEXTS["README.md"], re.DOTALL)
+    [text] = re.findall(r"```yaml\n(on:.*?)```", TEXTS["README.md"], re.DOTALL)
     steps = yaml.safe_load(text)["jobs"]["robot"]["steps"]
     [version] = [step["with"]["python-version"] for step in steps if "setup-python" in str(step)]
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
     assert version in SpecifierSet(project["requires-python"])
-    install, test = (shlex.split(step["run"]) for step in steps if "run" in step)
+    install, test = (shlex.split(step["run"], comments=True) for step in steps if "run" in step)
     names = [Requirement(word).name for word in install[2:]]
     assert install[:2] == ["pip", "install"] and names == ["pytest", project["name"]]
-    assert test == ["pytest"]
+    assert test == ["python", "-m", "pytest"]
 
 
 @pytest.mark.slow
