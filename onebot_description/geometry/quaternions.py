@@ -1,6 +1,5 @@
 """Rotations as arrays of unit quaternions (..., 4), x y z w, as in geometry_msgs."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -49,20 +48,6 @@ def to_matrix(rotation: ArrayLike) -> Floats:
         for column, value in enumerate(values):
             matrices[..., row, column] = value
     return matrices
-
-
-def slerp(first: Floats, second: Floats, part: float) -> Floats:
-    """Interpolate two rotations (4,) spherically along the shorter arc; ``part`` is 0 to 1.
-
-    The formula is that of K. Shoemake, "Animating Rotation with Quaternion Curves", 1985.
-    """
-    product = float(first @ second)
-    angle = math.acos(min(1.0, abs(product)))
-    if angle < 1e-9:
-        return first
-    left = math.sin((1.0 - part) * angle) / math.sin(angle)
-    right = math.copysign(math.sin(part * angle) / math.sin(angle), product)
-    return left * first + right * second
 
 
 def _parts(array: Floats) -> Any:

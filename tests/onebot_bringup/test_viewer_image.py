@@ -132,9 +132,6 @@ def test_files_are_logged_as_they_come(kind, form, media_type, tmp_path):
     assert column(file, entity, "EncodedImage:media_type") == [[media_type]]
 
 
-PIXELS = np.zeros((2, 2, 3), np.uint8)
-
-
 def _layout(*parts):
     view = ViewConfig()
     settings = view.grid, view.background, view.camera, view.panels

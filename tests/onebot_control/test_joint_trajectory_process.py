@@ -32,7 +32,7 @@ from tests.onebot_control.arm_support import (
 from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args
 from tests.support import starved, stopped, wait_for
 
-SHOULDER, FINGER = ["shoulder"], ["finger"]
+SHOULDER = ["shoulder"]
 STOPS_WITHIN = 5.0  # s
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import ZERO, Origin, of_arrays
@@ -49,16 +49,6 @@ def test_quaternion_products_are_hamiltons():
         [0, 0, 1],
         atol=1e-15,
     )
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_interpolation_takes_the_shorter_arc(sign):
-    ends = Rotation.from_euler("xyz", [(0.1, -0.4, 0.2), (1.0, 0.3, -0.9)])
-    first, second = ends.as_quat()
-    for part in (0.0, 0.3, 1.0):
-        found = Rotation.from_quat(quaternions.slerp(first, sign * second, part))
-        assert (Slerp([0, 1], ends)(part) * found.inv()).magnitude() < 1e-7
-    assert (quaternions.slerp(first, first, 0.5) == first).all()
 
 
 def test_matrices_of_poses():
