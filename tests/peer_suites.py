@@ -28,6 +28,7 @@ SUITES = {
         "test/test_message_filters_cache.py",
     ),
     "common_interfaces": ("sensor_msgs_py/test/test_point_cloud2.py",),
+    "tf_transformations": ("test/test_transformations.py",),
     "angles": ("angles/test/utest.py",),
 }
 _PYTEST = (

@@ -41,6 +41,7 @@ ROSDEP_KEYS = {
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "selenium": "python3-selenium",
+    "transforms3d": "python3-transforms3d",
     "trimesh": "python3-trimesh-pip",
     "xacro": "xacro",
     "xdist": "python3-pytest-xdist",

@@ -31,7 +31,9 @@ _DISTRIBUTIONS = {
 }
 _ROS_1 = "rospy", "roslib", "tf", "actionlib", "dynamic_reconfigure"
 _INTERFACES = re.compile(r"\w+_(msgs|srvs|actions?|interfaces)")
-_OF_ROS = re.compile(r"(ament|launch|ros|rcl|rqt|tf2|nav2|moveit|image_|laser_|control)\w*|PyKDL")
+_OF_ROS = re.compile(
+    r"(ament|launch|ros|rcl|rqt|tf2|nav2|moveit|image_|laser_|control|diagnostic_|interactive_)\w*|PyKDL"
+)
 
 
 def run(argv: Sequence[str]) -> int:

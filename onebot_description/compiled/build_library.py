@@ -6,17 +6,12 @@ The build hook of the wheel loads this file by its path, before the package can 
 the standard library may be used here.
 """
 
-import argparse
-import importlib.util
 import os
-import platform
-import shlex
-import shutil
-import subprocess
 import sys
-import tempfile
 import zlib
 from pathlib import Path
+
+# Each node loads this module, to compare digests: what only a build takes is imported by it.
 
 _PACKAGE = Path(__file__).parents[1]
 _WIRE, _MODEL = _PACKAGE / "ros" / "wire", _PACKAGE / "model"
@@ -61,6 +56,9 @@ def find_system_compilers() -> list[list[str]]:
 
     The environment variable ``CC`` (which may hold arguments) overrides the usual names.
     """
+    import shlex
+    import shutil
+
     if os.environ.get("CC", "").strip():
         candidates = [shlex.split(os.environ["CC"])]
     else:
@@ -70,6 +68,9 @@ def find_system_compilers() -> list[list[str]]:
 
 def find_zig() -> list[list[str]]:
     """List the command of the C compiler in the ``ziglang`` wheel, if there is one."""
+    import importlib.util
+    import platform
+
     target = _ZIG_TARGETS.get(platform.machine())
     if target is None or importlib.util.find_spec("ziglang") is None:
         return []
@@ -81,6 +82,9 @@ def build(target: Path) -> None:
 
     ``target`` is replaced in one step: a process that has the old one loaded keeps it.
     """
+    import shlex
+    import tempfile
+
     commands = [*find_system_compilers(), *find_zig()]
     failures: list[str] = []
     try:
@@ -99,6 +103,8 @@ def build(target: Path) -> None:
 
 def _compile(command: list[str], library: Path) -> str | None:
     """Run one compiler; return what went wrong, None if nothing."""
+    import subprocess
+
     digest = f'-DONEBOT_SOURCE_DIGEST="{source_digest()}"'
     arguments = [*command, *_FLAGS, digest, "-o", str(library), *map(str, SOURCES), "-lm"]
     # Zig keeps what it built in a folder that would stay behind, or may be read-only.
@@ -129,6 +135,8 @@ def _explain(failures: list[str]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Build the library in place or as the one argument; return the exit code."""
+    import argparse
+
     parser = argparse.ArgumentParser(prog="python -m onebot_description.compiled.build_library")
     parser.add_argument("target", nargs="?", type=Path, default=LIBRARY, metavar="TARGET")
     target = parser.parse_args(arguments).target

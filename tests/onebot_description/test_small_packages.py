@@ -241,9 +241,17 @@ def test_matrices() -> None:
     moved = tf.concatenate_matrices(tf.translation_matrix((1, 2, 3)), turn, tf.inverse_matrix(turn))
     np.testing.assert_allclose(tf.translation_from_matrix(moved), [1, 2, 3])
     np.testing.assert_allclose(tf.unit_vector([[3, 4], [0, 2]], axis=1), [[0.6, 0.8], [0, 1]])
-    for name in ("Arcball", "projection_matrix", "superimposition_matrix"):
-        with pytest.raises(AttributeError, match=f"tf_transformations of OneBot has no {name}"):
-            getattr(tf, name)
+    for eye, pseudo in ((None, False), ((7, 8, 9), False), ((7, 8, 9), True)):
+        matrix = tf.projection_matrix((1, 2, 3), (1, 1, 0), perspective=eye, pseudo=pseudo)
+        found = tf.projection_from_matrix(matrix, pseudo)
+        assert tf.is_same_transform(tf.projection_matrix(*found), matrix)
+    points = np.random.default_rng(7).normal(size=(3, 9))
+    onto = tf.superimposition_matrix(points, 2.0 * turn[:3, :3] @ points + 1.0, scaling=True)
+    np.testing.assert_allclose(onto[:3], np.c_[2.0 * turn[:3, :3], np.ones(3)], atol=1e-12)
+    ends = tf.clip_matrix(-1, 3, -2, 2, 1, 9, True) @ [[-1, 3], [-2, 2], [1, 1], [1, 1]]
+    np.testing.assert_allclose(ends[:3] / ends[3], [[-1, 1], [-1, 1], [-1, -1]], atol=1e-12)
+    with pytest.raises(AttributeError, match="tf_transformations of OneBot has no Arcball"):
+        _ = tf.Arcball
 
 
 def test_angles() -> None:

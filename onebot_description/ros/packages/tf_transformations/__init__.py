@@ -1,8 +1,8 @@
 """Rotations and homogeneous matrices, as the package tf_transformations has them.
 
 Quaternions are x, y, z, w. Matrices are (4, 4). Angles are in radians; three of them are about the
-axes that a name has: "sxyz" are the fixed axes x, y, z, "rzyx" the axes that turn along. They are
-computed with the formulas of K. Shoemake, "Euler Angle Conversion", Graphics Gems IV, 1994.
+axes that a name has: "sxyz" are the fixed axes x, y, z, "rzyx" the axes that turn along. Like the
+genuine package, it computes most by transforms3d, whose quaternions are w, x, y, z.
 """
 
 import math
@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike
-
-from onebot_description.geometry import poses as _poses
-from onebot_description.geometry import quaternions as _quaternions
+from transforms3d import affines, axangles, euler, quaternions, reflections, shears, zooms
+from transforms3d.euler import _AXES2TUPLE as _AXES2TUPLE
+from transforms3d.euler import _TUPLE2AXES as _TUPLE2AXES
 
 Matrix = Any  # an array of floats
+Quaternion = tuple[float, float, float, float]
 
 TRANSLATION_IDENTITY = [0.0, 0.0, 0.0]
 ROTATION_IDENTITY = numpy.identity(3)
@@ -23,22 +24,10 @@ SHEAR_IDENTITY = TRANSLATION_IDENTITY
 
 _EPS = numpy.finfo(float).eps * 4.0
 _NEAR = 1e-8  # tolerance of an eigenvalue
-_NEXT_AXIS = [1, 2, 0, 1]
-_AXES2TUPLE = {  # inner axis, parity, repetition, frame
-    **{
-        f"s{'xyz'[first]}{'xyz'[second]}{'xyz'[third]}": (first, parity, int(third == first), 0)
-        for first in range(3)
-        for parity in range(2)
-        for second in [_NEXT_AXIS[first + parity]]
-        for third in (3 - first - second, first)
-    }
-}
-_AXES2TUPLE |= {f"r{name[:0:-1]}": (*code[:3], 1) for name, code in _AXES2TUPLE.items()}
-_TUPLE2AXES = {code: name for name, code in _AXES2TUPLE.items()}
 
 
 def __getattr__(name: str) -> Any:
-    if name.lower().startswith(("arcball", "clip_", "orthogonal", "projection_", "superimpos")):
+    if name.lower().startswith("arcball"):
         raise AttributeError(f"tf_transformations of OneBot has no {name}", name=name)
     raise AttributeError(f"module 'tf_transformations' has no attribute '{name}'", name=name)
 
@@ -53,111 +42,180 @@ def identity_matrix() -> Matrix:
 
 def translation_matrix(direction: ArrayLike) -> Matrix:
     """Return the matrix of a translation."""
-    return _affine(ROTATION_IDENTITY, direction)
+    return affines.compose(direction, ROTATION_IDENTITY, ZOOM_IDENTITY)
 
 
 def translation_from_matrix(matrix: ArrayLike) -> Matrix:
     """Return the translation (3,) of a matrix."""
-    return numpy.array(matrix, float)[:3, 3]
+    return affines.decompose(matrix)[0]
 
 
 def rotation_matrix(angle: float, direction: ArrayLike, point: ArrayLike | None = None) -> Matrix:
     """Return the matrix of a rotation about an axis, through a point if it is given."""
-    turn = quaternion_matrix(quaternion_about_axis(angle, direction))[:3, :3]
-    return _about(turn, point)
+    return axangles.axangle2aff(direction, angle, point=point)
 
 
 def rotation_from_matrix(matrix: ArrayLike) -> tuple[float, Matrix, Matrix]:
-    """Return angle, axis (3,) and a point (3,) on the axis of the rotation of a matrix."""
-    affine = numpy.array(matrix, float)
-    *axis, w = quaternion_from_matrix(affine)
-    length = math.hypot(*axis)
-    direction = numpy.array(axis) / length if length else numpy.array([1.0, 0.0, 0.0])
-    return 2.0 * math.atan2(length, w), direction, _fixed_point(affine)
+    """Return angle, axis (3,) and a point on the axis of the rotation of a matrix."""
+    direction, angle, point = axangles.aff2axangle(matrix)
+    return angle, direction, point
 
 
-def reflection_matrix(point: ArrayLike, normal: ArrayLike) -> Matrix:
+def reflection_matrix(point: Any, normal: ArrayLike) -> Matrix:
     """Return the matrix that mirrors at the plane with a point and a normal."""
-    across = unit_vector(numpy.asarray(normal)[:3])
-    return _about(ROTATION_IDENTITY - 2.0 * numpy.outer(across, across), point)
+    return reflections.rfnorm2aff(normal, point[:3])
 
 
 def reflection_from_matrix(matrix: ArrayLike) -> tuple[Matrix, Matrix]:
-    """Return a point (3,) and the normal (3,) of the plane at which a matrix mirrors."""
-    affine = numpy.array(matrix, float)
-    return _fixed_point(affine), _eigenvectors(affine[:3, :3], -1.0)[0]
+    """Return a point and the normal (3,) of the plane at which a matrix mirrors."""
+    normal, point = reflections.aff2rfnorm(matrix)
+    return point, normal
 
 
 def scale_matrix(
     factor: float, origin: ArrayLike | None = None, direction: ArrayLike | None = None
 ) -> Matrix:
     """Return the matrix that scales from an origin, in one direction if it is given."""
-    scale = ROTATION_IDENTITY * factor
-    if direction is not None:
-        along = unit_vector(numpy.asarray(direction)[:3])
-        scale = ROTATION_IDENTITY + (factor - 1.0) * numpy.outer(along, along)
-    return _about(scale, origin)
+    return zooms.zfdir2aff(factor, direction=direction, origin=origin)
 
 
 def scale_from_matrix(matrix: ArrayLike) -> tuple[float, Matrix, Matrix | None]:
-    """Return factor, origin (3,) and direction (3,) of a scaling matrix; None in all directions."""
-    affine = numpy.array(matrix, float)
-    factor = float(numpy.trace(affine[:3, :3])) - 2.0
-    direction = None
-    try:
-        direction = _eigenvectors(affine[:3, :3], factor)[0]
-    except ValueError:
-        factor = (factor + 2.0) / 3.0
-    return factor, _fixed_point(affine), direction
+    """Return factor, origin and direction (3,) of a scaling matrix; None in all directions."""
+    factor, direction, origin = zooms.aff2zfdir(matrix)
+    return factor, origin, direction
 
 
 def shear_matrix(angle: float, direction: ArrayLike, point: ArrayLike, normal: ArrayLike) -> Matrix:
     """Return the matrix that shears by an angle along a direction in a plane."""
-    along, across = unit_vector(direction), unit_vector(normal)
-    if abs(along @ across) > 1e-5:
-        raise ValueError("direction and normal vectors are not orthogonal")
-    return _about(ROTATION_IDENTITY + math.tan(angle) * numpy.outer(along, across), point)
+    return shears.sadn2aff(angle, direction, normal, point)
 
 
 def shear_from_matrix(matrix: ArrayLike) -> tuple[float, Matrix, Matrix, Matrix]:
-    """Return angle, direction, point and normal (3,) of a shear matrix."""
-    affine = numpy.array(matrix, float)
-    # The shear is tan(angle) direction normal^T, of which the singular vectors are the two.
-    left, sizes, right = numpy.linalg.svd(affine[:3, :3] - ROTATION_IDENTITY)
-    return math.atan(sizes[0]), left[:, 0], _fixed_point(affine), right[0]
+    """Return angle, direction, point and normal of a shear matrix."""
+    angle, direction, normal, point = shears.aff2sadn(matrix)
+    return angle, direction, point, normal
 
 
 def compose_matrix(
-    scale: ArrayLike | None = None,
-    shear: ArrayLike | None = None,
-    angles: ArrayLike | None = None,
-    translate: ArrayLike | None = None,
-    perspective: ArrayLike | None = None,
-) -> Matrix:
+    scale: Any = None, shear: Any = None, angles: Any = None, translate: Any = None,
+    perspective: Any = None,
+) -> Matrix:  # fmt: skip
     """Return the matrix that scales, shears, turns about fixed axes and translates.
 
     As in the genuine package, ``perspective`` is ignored.
     """
-    shears = numpy.identity(3)
-    if shear is not None:
-        shears[0, 1], shears[0, 2], shears[1, 2] = numpy.asarray(shear)
-    turn = ROTATION_IDENTITY if angles is None else euler_matrix(*numpy.asarray(angles))[:3, :3]
-    scales = numpy.diag(ZOOM_IDENTITY if scale is None else numpy.asarray(scale, float))
-    translation = TRANSLATION_IDENTITY if translate is None else translate
-    return _affine(turn @ scales @ shears, translation)
+    return affines.compose(
+        TRANSLATION_IDENTITY if translate is None else translate,
+        ROTATION_IDENTITY if angles is None else euler.euler2mat(*angles),
+        ZOOM_IDENTITY if scale is None else scale,
+        SHEAR_IDENTITY if shear is None else shear,
+    )
 
 
 def decompose_matrix(
     matrix: ArrayLike,
 ) -> tuple[Matrix, Matrix, tuple[float, float, float], Matrix, None]:
     """Return scale, shear, angles about fixed axes, translation and None; see compose_matrix."""
-    affine = numpy.array(matrix, float)
-    turn, remainder = _factors(affine)
-    scale = numpy.diag(remainder).copy()
-    shear = numpy.array(
-        [remainder[0, 1] / scale[0], remainder[0, 2] / scale[0], remainder[1, 2] / scale[1]]
+    translation, turn, scale, shear = affines.decompose(matrix)
+    return scale, shear, euler_from_matrix(turn), translation, None
+
+
+def projection_matrix(
+    point: Any, normal: Any, direction: Any = None, perspective: Any = None, pseudo: bool = False
+) -> Matrix:
+    """Return the matrix that projects onto a plane, along its normal by default.
+
+    Args:
+        point: a point of the plane.
+        normal: its normal.
+        direction: the direction to project in.
+        perspective: the point to project from, instead.
+        pseudo: whether the order in depth stays, with ``perspective``.
+    """
+    across, place = unit_vector(normal[:3]), numpy.asarray(point, float)[:3]
+    along = across if direction is None else numpy.asarray(direction, float)[:3]
+    matrix, height = numpy.identity(4), place @ across
+    if perspective is None:
+        along = along / (along @ across)
+        matrix[:3, :3] -= numpy.outer(along, across)
+        matrix[:3, 3] = height * along
+        return matrix
+    eye = numpy.asarray(perspective, float)[:3]
+    end = eye + across if pseudo else eye
+    matrix[:3, :3] = ROTATION_IDENTITY * ((eye - place) @ across) - numpy.outer(end, across)
+    matrix[:3, 3] = height * end
+    matrix[3] = [*-across, eye @ across]
+    return matrix
+
+
+def projection_from_matrix(
+    matrix: ArrayLike, pseudo: bool = False
+) -> tuple[Matrix, Matrix, Matrix | None, Matrix | None, bool]:
+    """Return point, normal, direction, perspective and pseudo; see ``projection_matrix``."""
+    affine = numpy.asarray(matrix, float)
+    if not pseudo and (fixed := _eigenvectors(affine, 1.0)):
+        directions, normals = (
+            _eigenvectors(part, 0.0) for part in (affine[:3, :3], affine.T[:3, :3])
+        )
+        if not directions:
+            raise ValueError("no eigenvector corresponding to eigenvalue 0")
+        return fixed[-1] / fixed[-1][3], normals[0], directions[0], None, False
+    values, vectors = numpy.linalg.eig(affine)
+    point = numpy.real(vectors[:, abs(numpy.real(values)) > _NEAR][:, -1])
+    point, normal = point / point[3], -affine[3, :3]
+    perspective = affine[:3, 3] / (point[:3] @ normal) - (normal if pseudo else 0.0)
+    return point, normal, None, perspective, pseudo
+
+
+def clip_matrix(
+    left: float, right: float, bottom: float, top: float, near: float, far: float,
+    perspective: bool = False,
+) -> Matrix:  # fmt: skip
+    """Return the matrix that maps a frustum, or a box, to coordinates from -1 to 1."""
+    if left >= right or bottom >= top or near >= far:
+        raise ValueError("invalid frustrum")
+    if perspective and near <= _EPS:
+        raise ValueError("invalid frustum: near <= 0")
+    low, high = numpy.array([left, bottom, near]), numpy.array([right, top, far])
+    size, middle = high - low, (low + high) / (high - low)
+    if not perspective:
+        return affines.compose(-middle, ROTATION_IDENTITY, 2.0 / size)
+    matrix = numpy.zeros((4, 4))
+    matrix[[0, 1, 2], [0, 1, 2]] = [*(-2.0 * near / size[:2]), -middle[2]]
+    matrix[:2, 2] = middle[:2]
+    matrix[2:, 3], matrix[3, 2] = [2.0 * near * far / size[2], 0.0], -1.0
+    return matrix
+
+
+def orthogonalization_matrix(lengths: ArrayLike, angles: ArrayLike) -> Matrix:
+    """Return the matrix of the coordinates in a crystal's cell, of lengths and angles, degrees."""
+    a, b, c = numpy.asarray(lengths, float)
+    (cos_a, cos_b, cos_g), (sin_a, sin_b, _) = (
+        f(numpy.radians(angles)) for f in (numpy.cos, numpy.sin)
     )
-    return scale, shear, euler_from_matrix(turn), affine[:3, 3], None
+    cosine = (cos_a * cos_b - cos_g) / (sin_a * sin_b)
+    matrix = numpy.diag([a * sin_b * math.sqrt(1.0 - cosine**2), b * sin_a, c, 1.0])
+    matrix[1, 0], matrix[2, :2] = -a * sin_b * cosine, [a * cos_b, b * cos_a]
+    return matrix
+
+
+def superimposition_matrix(
+    v0: ArrayLike, v1: ArrayLike, scaling: bool = False, usesvd: bool = True
+) -> Matrix:
+    """Return the matrix that moves points (3 or 4, N) best onto others, and scales them if asked.
+
+    ``usesvd`` makes no difference.
+    """
+    source, target = (numpy.asarray(points, float)[:3] for points in (v0, v1))
+    if source.shape != target.shape or source.shape[1] < 3:
+        raise ValueError("Vector sets are of wrong shape or type.")
+    start, end = (numpy.mean(points, axis=1) for points in (source, target))
+    source, target = source - start[:, None], target - end[:, None]
+    left, _, right = numpy.linalg.svd(target @ source.T)
+    left[:, 2] *= numpy.sign(numpy.linalg.det(left @ right))
+    zoom = math.sqrt(numpy.sum(target**2) / numpy.sum(source**2)) if scaling else 1.0
+    turn = left @ right
+    return affines.compose(end - zoom * turn @ start, turn, [zoom] * 3)
 
 
 def inverse_matrix(matrix: ArrayLike) -> Matrix:
@@ -179,31 +237,18 @@ def is_same_transform(matrix0: ArrayLike, matrix1: ArrayLike) -> bool:
     return bool(numpy.allclose(first / first[3, 3], second / second[3, 3]))
 
 
-# --- three angles ---------------------------------------------------------------------------------
+# --- rotations ------------------------------------------------------------------------------------
 
 
 def euler_matrix(ai: float, aj: float, ak: float, axes: Any = "sxyz") -> Matrix:
     """Return the matrix of a rotation by three angles."""
-    return quaternion_matrix(quaternion_from_euler(ai, aj, ak, axes))
+    return affines.compose(TRANSLATION_IDENTITY, euler.euler2mat(ai, aj, ak, axes), ZOOM_IDENTITY)
 
 
 def euler_from_matrix(matrix: ArrayLike, axes: Any = "sxyz") -> tuple[float, float, float]:
     """Return the three angles of the rotation of a matrix (3, 3) or (4, 4)."""
-    i, j, k, parity, repetition, frame = _axes(axes)
-    m = numpy.array(matrix, float)[:3, :3]
-    cosine = math.hypot(m[i, j], m[i, k]) if repetition else math.hypot(m[i, i], m[j, i])
-    first, third = math.atan2(-m[j, k], m[j, j]), 0.0
-    if repetition:
-        second = math.atan2(cosine, m[i, i])
-        if cosine > _EPS:
-            first, third = math.atan2(m[i, j], m[i, k]), math.atan2(m[j, i], -m[k, i])
-    else:
-        second = math.atan2(-m[k, i], cosine)
-        if cosine > _EPS:
-            first, third = math.atan2(m[k, j], m[k, k]), math.atan2(m[j, i], m[i, i])
-    if parity:
-        first, second, third = -first, -second, -third
-    return (third, second, first) if frame else (first, second, third)
+    angles: tuple[float, float, float] = euler.mat2euler(matrix, axes)
+    return angles
 
 
 def euler_from_quaternion(quaternion: ArrayLike, axes: Any = "sxyz") -> tuple[float, float, float]:
@@ -211,57 +256,30 @@ def euler_from_quaternion(quaternion: ArrayLike, axes: Any = "sxyz") -> tuple[fl
     return euler_from_matrix(quaternion_matrix(quaternion), axes)
 
 
-def quaternion_from_euler(
-    ai: float, aj: float, ak: float, axes: Any = "sxyz"
-) -> tuple[float, float, float, float]:
+def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Any = "sxyz") -> Quaternion:
     """Return the quaternion of a rotation by three angles."""
-    i, j, k, parity, repetition, frame = _axes(axes)
-    first, third = (ak, ai) if frame else (ai, ak)
-    turn = 0.0, 0.0, 0.0, 1.0
-    for axis, angle in ((i, first), (j, aj), (i if repetition else k, third)):
-        turn = _poses.multiply(_poses.about(_UNIT[axis], float(angle)), turn)
-    return turn
+    return _with_w_last(euler.euler2quat(ai, aj, ak, axes))
 
 
-# --- quaternions ----------------------------------------------------------------------------------
-
-
-def quaternion_about_axis(angle: float, axis: ArrayLike) -> tuple[float, float, float, float]:
+def quaternion_about_axis(angle: float, axis: ArrayLike) -> Quaternion:
     """Return the quaternion of a rotation about an axis of any length."""
-    x, y, z = unit_vector(numpy.asarray(axis)[:3]).tolist()
-    return _poses.about((x, y, z), float(angle))
+    return _with_w_last(quaternions.axangle2quat(axis, angle))
 
 
 def quaternion_matrix(quaternion: ArrayLike) -> Matrix:
     """Return the matrix of a quaternion of any length; the identity for length 0."""
-    x, y, z, w = numpy.asarray(quaternion, float)
-    return _affine(_quaternions.to_matrix((x, y, z, w)), TRANSLATION_IDENTITY)
+    turn = quaternions.quat2mat(_with_w_first(quaternion))
+    return affines.compose(TRANSLATION_IDENTITY, turn, ZOOM_IDENTITY)
 
 
-def quaternion_from_matrix(matrix: ArrayLike) -> tuple[float, float, float, float]:
+def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
     """Return the quaternion with w >= 0 of the rotation of a matrix (4, 4)."""
-    m = _factors(numpy.array(matrix, float))[0]
-    # The largest part is computed first, the others from it: Shepperd's method.
-    squares = [1.0 + m[0, 0] - m[1, 1] - m[2, 2], 1.0 - m[0, 0] + m[1, 1] - m[2, 2]]
-    squares += [1.0 - m[0, 0] - m[1, 1] + m[2, 2], 1.0 + m[0, 0] + m[1, 1] + m[2, 2]]
-    products = numpy.array(
-        [
-            [squares[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]],
-            [m[0, 1] + m[1, 0], squares[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0]],
-            [m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[2], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]],
-        ]
-    )
-    x, y, z, w = unit_vector(products[int(numpy.argmax(squares))]).tolist()
-    return (-x, -y, -z, -w) if w < 0.0 else (x, y, z, w)
+    return _with_w_last(quaternions.mat2quat(affines.decompose(matrix)[1]))
 
 
-def quaternion_multiply(
-    quaternion1: ArrayLike, quaternion0: ArrayLike
-) -> tuple[float, float, float, float]:
+def quaternion_multiply(quaternion1: ArrayLike, quaternion0: ArrayLike) -> Quaternion:
     """Return the product of two quaternions: the rotation ``quaternion0``, then the other."""
-    first, second = (tuple(numpy.asarray(q).tolist()) for q in (quaternion1, quaternion0))
-    return _poses.multiply(first, second)
+    return _with_w_last(quaternions.qmult(*map(_with_w_first, (quaternion1, quaternion0))))
 
 
 def quaternion_conjugate(quaternion: ArrayLike) -> Matrix:
@@ -341,55 +359,18 @@ def random_vector(size: Any) -> Matrix:
     return numpy.random.random(size)
 
 
-_UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+def _with_w_first(quaternion: Any) -> Quaternion:
+    x, y, z, w = quaternion
+    return w, x, y, z
 
 
-def _axes(axes: Any) -> tuple[int, int, int, int, int, int]:
-    """Return the three axes in the order of fixed ones, parity, repetition and frame."""
-    code = _AXES2TUPLE[axes.lower()] if isinstance(axes, str) else tuple(axes)
-    first, parity, repetition, frame = _AXES2TUPLE[_TUPLE2AXES[code]]
-    return first, _NEXT_AXIS[first + parity], _NEXT_AXIS[first - parity + 1], *code[1:]
-
-
-def _affine(basis: ArrayLike, translation: ArrayLike) -> Matrix:
-    affine = numpy.identity(4)
-    affine[:3, :3], affine[:3, 3] = basis, numpy.asarray(translation)[:3]
-    return affine
-
-
-def _about(basis: Matrix, point: ArrayLike | None) -> Matrix:
-    """Return a matrix that leaves a point where it is; the origin by default."""
-    fixed = numpy.zeros(3) if point is None else numpy.array(point, float)[:3]
-    return _affine(basis, fixed - basis @ fixed)
+def _with_w_last(quaternion: Any) -> Quaternion:
+    w, x, y, z = quaternion
+    return x, y, z, w
 
 
 def _eigenvectors(matrix: Matrix, value: float) -> list[Matrix]:
-    """Return the real eigenvectors of a value.
-
-    Raises:
-        ValueError: there are none.
-    """
+    """Return the real eigenvectors of a value."""
     values, vectors = numpy.linalg.eig(matrix)
-    axes_found = [
-        numpy.real(vectors[:, index])
-        for index in numpy.flatnonzero(abs(numpy.real(values) - value) < _NEAR)
-    ]
-    if not axes_found:
-        raise ValueError(f"no eigenvector corresponding to eigenvalue {value:g}")
-    return axes_found
-
-
-def _fixed_point(affine: Matrix) -> Matrix:
-    """Return the point nearest to the origin that a matrix leaves where it is."""
-    point: Matrix = numpy.linalg.lstsq(
-        ROTATION_IDENTITY - affine[:3, :3], affine[:3, 3], rcond=1e-9
-    )[0]
-    return point
-
-
-def _factors(affine: Matrix) -> tuple[Matrix, Matrix]:
-    """Return the rotation of a matrix, and what is scaled and sheared before, an upper triangle."""
-    turn, remainder = numpy.linalg.qr(affine[:3, :3])
-    signs = numpy.sign(numpy.diag(remainder))
-    signs[0] *= numpy.linalg.det(turn * signs)  # a mirrored matrix scales x by a negative factor
-    return turn * signs, remainder * signs[:, None]
+    found = numpy.flatnonzero(abs(numpy.real(values) - value) < _NEAR)
+    return [numpy.real(vectors[:, index]) for index in found]
