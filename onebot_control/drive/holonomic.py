@@ -4,7 +4,6 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from onebot_control.drive.kinematics import (
     DriveCommand,
@@ -28,19 +27,20 @@ class HolonomicKinematics(Kinematics):
     The body's frame has x forward and y to the left (REP-103).
     """
 
-    def __init__(self, radius: float, rows: Sequence[Triple]) -> None:
+    def __init__(self, radius: float, rows: Sequence[Triple], kind: str) -> None:
         """Take the geometry.
 
         Args:
             radius: of the wheels, m.
             rows: (N, 3), for each wheel its path, m, per metre forward, per metre to the left, and
                 per rad of turning to the left.
+            kind: kind of the wheels.
 
         Raises:
             ValueError: the wheels do not move the robot in all directions, or a number is not
                 finite.
         """
-        self.radius, self.rows = radius, tuple(rows)
+        self.radius, self.rows, self.kind = radius, tuple(rows), kind
         check_lengths(self, "radius")
         if not all(math.isfinite(value) for row in self.rows for value in row):
             raise ValueError(f"the wheels' geometry must be finite, not {self.rows}")
@@ -96,7 +96,7 @@ class HolonomicKinematics(Kinematics):
             for (x, y, turn), count in zip(corners, counts, strict=True)
             for _ in range(count)
         ]
-        return cls(radius, rows)
+        return cls(radius, rows, "mecanum")
 
     @classmethod
     def omni(
@@ -115,7 +115,10 @@ class HolonomicKinematics(Kinematics):
         """
         angles = [wheel_offset + 2.0 * math.pi * wheel / count for wheel in range(count)]
         rows = [(math.sin(angle), -math.cos(angle), -robot_radius) for angle in angles]
-        return cls(radius, rows)
+        return cls(radius, rows, "omni")
+
+    def __str__(self) -> str:
+        return f"{len(self.rows)} {self.kind} wheels of radius {self.radius:g} m"
 
     def command(
         self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
@@ -137,24 +140,8 @@ def _dot(first: Sequence[float], second: Sequence[float]) -> float:
     return total(map(operator.mul, first, second))
 
 
-class HolonomicGeometry(NamedTuple):
-    """The geometry of a drive by wheels with rollers; see ``HolonomicKinematics``."""
-
-    kinematics: HolonomicKinematics
-    kind: str  # kind of the wheels
-
-    @property
-    def radius(self) -> float:
-        """Radius of the wheels, m."""
-        return self.kinematics.radius
-
-    def __str__(self) -> str:
-        wheels = self.kinematics
-        return f"{len(wheels.rows)} {self.kind} wheels of radius {wheels.radius:g} m"
-
-
 @dataclass(frozen=True)
-class HolonomicParameters(AlikeWheelsParameters[HolonomicGeometry]):
+class HolonomicParameters(AlikeWheelsParameters[HolonomicKinematics]):
     """The parameters that all drives by wheels with rollers have."""
 
     linear: SpeedLimits = group(SpeedLimits, "linear.x")
@@ -165,5 +152,5 @@ class HolonomicParameters(AlikeWheelsParameters[HolonomicGeometry]):
     def limits(self) -> Mapping[str, SpeedLimits]:
         return {"linear.x": self.linear, "linear.y": self.lateral, "angular.z": self.angular}
 
-    def kinematics(self, geometry: HolonomicGeometry) -> HolonomicKinematics:
-        return geometry.kinematics
+    def kinematics(self, geometry: HolonomicKinematics) -> HolonomicKinematics:
+        return geometry

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from onebot_control.conventions import CORNERS
 from onebot_control.drive.holonomic import (
-    HolonomicGeometry,
     HolonomicKinematics,
     HolonomicParameters,
 )
@@ -53,7 +52,7 @@ class MecanumLengths:
 
 
 @dataclass(frozen=True)
-class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeometry]):
+class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicKinematics]):
     """mecanum_drive_controller's parameters."""
 
     front_left_wheel_command_joint_name: str = _wheel("front left")
@@ -104,7 +103,7 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeomet
 
         return MecanumWheels(description, [name for name in self._names if name])
 
-    def geometry(self, wheels: "MecanumWheels") -> HolonomicGeometry:
+    def geometry(self, wheels: "MecanumWheels") -> HolonomicKinematics:
         lengths, offset = self.lengths, self.lengths.base_frame_offset
         radius = lengths.wheels_radius or self.wheel_radius or wheels.radius
         radius *= self.wheel_radius_multiplier
@@ -113,7 +112,5 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicGeomet
         if reach := lengths.sum_of_robot_center_projection_on_X_Y_axis or (along + across) / 2.0:
             pose = PlanarPose(offset.x, offset.y, offset.theta)
             counts = [len(corner) for corner in wheels.corners]
-            kinematics = HolonomicKinematics.mecanum(radius, reach, counts, pose)
-        else:
-            kinematics = HolonomicKinematics(radius, wheels.rows)
-        return HolonomicGeometry(kinematics, "mecanum")
+            return HolonomicKinematics.mecanum(radius, reach, counts, pose)
+        return HolonomicKinematics(radius, wheels.rows, "mecanum")

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from onebot_control.drive.holonomic import (
-    HolonomicGeometry,
     HolonomicKinematics,
     HolonomicParameters,
 )
@@ -48,12 +47,8 @@ class OmniParameters(HolonomicParameters):
 
         return OmniWheels(description, self.wheel_names)
 
-    def geometry(self, wheels: "OmniWheels") -> HolonomicGeometry:
+    def geometry(self, wheels: "OmniWheels") -> HolonomicKinematics:
         radius, count = self.wheel_radius or wheels.radius, len(wheels.names)
         if self.robot_radius:
-            kinematics = HolonomicKinematics.omni(
-                radius, self.robot_radius, count, self.wheel_offset
-            )
-        else:
-            kinematics = HolonomicKinematics(radius, wheels.rows)
-        return HolonomicGeometry(kinematics, "omni")
+            return HolonomicKinematics.omni(radius, self.robot_radius, count, self.wheel_offset)
+        return HolonomicKinematics(radius, wheels.rows, "omni")

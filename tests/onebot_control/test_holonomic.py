@@ -101,7 +101,7 @@ def test_omni_equations(twist, radius, robot_radius, count, offset) -> None:
         (lambda: HolonomicKinematics.omni(0.1, 0.0, 3), "must point in different directions"),
         (lambda: HolonomicKinematics.omni(0.1, 0.2, 2), "it needs three wheels or more"),
         (lambda: HolonomicKinematics.omni(0.1, 0.2, 0), "it needs three wheels or more"),
-        (lambda: HolonomicKinematics(0.1, [(1.0, math.inf, 0.0)] * 3), "must be finite"),
+        (lambda: HolonomicKinematics(0.1, [(1.0, math.inf, 0.0)] * 3, "omni"), "must be finite"),
     ],
 )
 def test_what_is_no_drive_is_refused(make, fault) -> None:
