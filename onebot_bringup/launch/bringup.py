@@ -308,7 +308,7 @@ def with_params_file(settings: "BringupSettings") -> "BringupSettings":
     All nodes have to agree on the name of the controller, on those of frames, and on the clock. The
     file's settings apply unless they are given on the command line.
     """
-    from onebot_control.control_files import drive_node, read_control_files
+    from onebot_control.control_files import drive_node
     from onebot_control.simulation_parameters import SimulationConfig
     from onebot_description.parameters.reader import read
 
@@ -317,13 +317,14 @@ def with_params_file(settings: "BringupSettings") -> "BringupSettings":
         settings = replace(settings, drive=drive_node(files))
     if not settings.sim:
         return settings
-    space = absolute(settings.namespace)
-    written = read_control_files(files, space, settings.controller)
+    written = settings.written(files)
     names = {*_FRAME_PREFIX, _FACTOR} & written.values.keys()
     config = read(SimulationConfig, {name: written.values[name] for name in names}, written.places)
     if names - {_FACTOR} and "frame_prefix" not in settings.given and not settings.robots:
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
-        settings = replace(settings, frame_prefix=prefixed("", enabled, prefix, space))
+        settings = replace(
+            settings, frame_prefix=prefixed("", enabled, prefix, absolute(settings.namespace))
+        )
     sim_time = "use_sim_time" not in settings.given and written.values.get("use_sim_time") is True
     given_factor = settings.real_time_factor
     factor = config.real_time_factor if given_factor is None else given_factor

@@ -175,10 +175,7 @@ def world_frame(settings: BringupSettings, params_files: Sequence[Path]) -> str:
 
     It is world, or if the ground truth is not on TF, map, so that TF is one tree.
     """
-    from onebot_control.control_files import read_control_files
-
-    space = absolute(settings.namespace)
-    written = read_control_files(params_files, space, settings.controller).values
+    written = settings.written(params_files).values
     truth = settings.ground_truth_tf
     if truth is None:
         truth = written.get("ground_truth_tf", True)
@@ -187,11 +184,8 @@ def world_frame(settings: BringupSettings, params_files: Sequence[Path]) -> str:
 
 def _navigator_parameters(launch: Launch) -> Parameters:
     """Return where the robot starts, so that the map has the frame of the world."""
-    from onebot_control.control_files import read_control_files
-
     settings = launch.settings
-    space = absolute(settings.namespace)
-    written = read_control_files(launch.params_files, space, settings.controller).values
+    written = settings.written(launch.params_files).values
     starts = {name: getattr(settings, name) for name in ("x", "y", "yaw")}
     return {
         f"initial_pose.{name}": float(written.get(name, 0.0) if start is None else start)

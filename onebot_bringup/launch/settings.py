@@ -1,9 +1,10 @@
 """The arguments of the bringups, which the launcher reads into one checked dataclass."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from onebot_bringup.launch.arguments import (
     NAMESPACE,
@@ -24,7 +25,11 @@ from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description.loading import shipped_worlds
 from onebot_description.errors import UsageError
 from onebot_description.parameters.reader import NO_PARAMETER
+from onebot_description.ros.names import absolute
 from onebot_description.state_parameters import StateParameters
+
+if TYPE_CHECKING:
+    from onebot_description.parameters.files import Parameters
 
 _AS_IN_FILE = "default: params_file's"
 _PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
@@ -107,6 +112,12 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
     def controller(self) -> str:
         """The name of the node with the simulation's parameters."""
         return self.drive.name
+
+    def written(self, files: Sequence[Path]) -> "Parameters":
+        """Return the parameters of that node in ``files``; later ones override."""
+        from onebot_control.control_files import read_control_files
+
+        return read_control_files(files, absolute(self.namespace), self.controller)
 
     @property
     def stands(self) -> bool:
