@@ -322,9 +322,8 @@ def with_params_file(settings: "BringupSettings") -> "BringupSettings":
     config = read(SimulationConfig, {name: written.values[name] for name in names}, written.places)
     if names - {_FACTOR} and "frame_prefix" not in settings.given and not settings.robots:
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
-        settings = replace(
-            settings, frame_prefix=prefixed("", enabled, prefix, absolute(settings.namespace))
-        )
+        space = absolute(settings.namespace)
+        settings = replace(settings, frame_prefix=prefixed("", enabled, prefix, space))
     sim_time = "use_sim_time" not in settings.given and written.values.get("use_sim_time") is True
     given_factor = settings.real_time_factor
     factor = config.real_time_factor if given_factor is None else given_factor
