@@ -14,7 +14,7 @@ from onebot_bringup.launch.settings import BringupSettings, StandingSettings
 from onebot_bringup.steering.steering_page import SteeringParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
-from onebot_control.drive_kinds import DRIVES, ControlConfig
+from onebot_control.drive_kinds import ControlConfig
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.trajectories.config import TrajectoryConfig
 from onebot_control.trajectories.forwarding import ForwardConfig
@@ -23,21 +23,17 @@ from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters.reader import leaves, rows
 from onebot_description.ros.wire.interface_text import KINDS, definitions
 from onebot_description.state_parameters import StateParameters
+from tests.onebot_control.drive_models import MECANUM, OMNI, STEERING, TRICYCLE
 from tests.readme import CHECKOUT, documents
 
 PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "robot_state_publisher": (StateParameters,),
     "joint_state_publisher": (JointsConfig,),
     "velocity_controller": (ControlConfig,),
-    **{
-        kind.partition("/")[0]: (DRIVES[kind],)
-        for kind in (
-            "mecanum_drive_controller/MecanumDriveController",
-            "omni_wheel_drive_controller/OmniWheelDriveController",
-            "ackermann_steering_controller/AckermannSteeringController",
-            "tricycle_controller/TricycleController",
-        )
-    },
+    "mecanum_drive_controller": (MECANUM,),
+    "omni_wheel_drive_controller": (OMNI,),
+    "ackermann_steering_controller": (STEERING,),
+    "tricycle_controller": (TRICYCLE,),
     "joint_trajectory_controller": (TrajectoryConfig,),
     "forward_command_controller": (ForwardConfig,),
     "navigator": (NavigatorParameters,),

@@ -7,22 +7,13 @@ from types import MappingProxyType
 from onebot_control.drive_kinds import DRIVES
 from onebot_description.description import Description, parse_description
 
-MECANUM, OMNI, STEERING, TRICYCLE = (
-    DRIVES[kind]
-    for kind in (
-        "mecanum_drive_controller/MecanumDriveController",
-        "omni_wheel_drive_controller/OmniWheelDriveController",
-        "ackermann_steering_controller/AckermannSteeringController",
-        "tricycle_controller/TricycleController",
-    )
-)
+MECANUM = DRIVES["mecanum_drive_controller/MecanumDriveController"]
+OMNI = DRIVES["omni_wheel_drive_controller/OmniWheelDriveController"]
+STEERING = DRIVES["ackermann_steering_controller/AckermannSteeringController"]
+TRICYCLE = DRIVES["tricycle_controller/TricycleController"]
 
 RADIUS, LENGTH, WIDTH, CIRCLE = 0.05, 0.15, 0.14, 0.18
-BASE, TRACK, STEERS = (
-    0.32,
-    0.28,
-    0.5,
-)  # wheelbase, m, track, m, and limit of each steering joint, rad
+BASE, TRACK, STEERS = 0.32, 0.28, 0.5  # wheelbase, m, track, m, limit of each steering joint, rad
 CORNERS = {
     "front_left": (1, 1),
     "front_right": (1, -1),

@@ -53,28 +53,27 @@ ROOMS = ("nodes", "runtime", "simulated_world", "fleet", "controlled_robot", "dr
 def test_a_twist_goes_down_and_back_once(ros_simulation: RosSimulation) -> None:
     """Each call is to a room below, but the one that publishes the state of a control cycle."""
     stepped = Stepped(ros_simulation(robot()))
-    odom, upward, rooms = stepped.hear(Odometry, ODOM), set[tuple[str, str]](), set[str]()
+    odom, calls = stepped.hear(Odometry, ODOM), set[tuple[int, int]]()
 
-    def room(frame: FrameType | None) -> str:
-        name = frame.f_globals["__name__"].split(".") if frame else []
-        return name[1] if name[:1] == ["onebot_control"] and name[1] in ROOMS else ""
+    def room(frame: FrameType | None) -> int:
+        package, name, *_ = [*(frame.f_globals["__name__"].split(".") if frame else ()), "", ""]
+        return ROOMS.index(name) if package == "onebot_control" and name in ROOMS else -1
 
     def follow(frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and (called := room(frame)):
-            caller = frame.f_back
-            while caller and not room(caller):
-                caller = caller.f_back
-            rooms.add(called)
-            if caller and ROOMS.index(called) < ROOMS.index(room(caller)):
-                upward.add((room(caller), called))
+        caller = frame.f_back
+        while caller and room(caller) < 0:
+            caller = caller.f_back
+        if event == "call" and room(frame) >= 0:
+            calls.add((room(caller), room(frame)))
 
     sys.setprofile(follow)
     try:
         stepped.drive(twist(0.3), 1.0)
     finally:
         sys.setprofile(None)
-    assert x(odom[-1]) > 0.1 and rooms == {*ROOMS}
-    assert upward == {("simulated_world", "nodes")}
+    assert x(odom[-1]) > 0.1 and {called for _, called in calls} == {*range(len(ROOMS))}
+    upward = [(ROOMS[caller], ROOMS[called]) for caller, called in calls if called < caller]
+    assert upward == [("simulated_world", "nodes")]
 
 
 def test_a_lock_stops_the_robot_whoever_drives(

@@ -215,21 +215,14 @@ def test_configure_changes_limits_timeout_geometry_and_window() -> None:
 
 
 def test_both_axes_are_limited_each_on_its_own() -> None:
-    limits = {"max_jerk": 10.0, "max_acceleration": 0.9}
-    linear = {f"linear_x_{name}": value for name, value in limits.items()}
-    angular = {f"angular_z_{name}": 3.0 * value for name, value in limits.items()}
-    drive = controller(**linear, **angular)
-    chosen = config(**linear, **angular)
+    values = {"linear_x_max_jerk": 10.0, "linear_x_max_acceleration": 0.9}
+    values |= {"angular_z_max_jerk": 30.0, "angular_z_max_acceleration": 2.7}
+    drive, chosen = controller(**values), config(**values)
     limiters = SpeedLimiter(chosen.linear), SpeedLimiter(chosen.angular)
-    last = before = (0.0, 0.0)
+    last = before = [0.0, 0.0]
     for step in range(60):
         wanted = (1.0, -0.5) if step < 30 else (-1.0, 2.0)
         drive.accept(*wanted)
-        before, last = (
-            last,
-            (
-                limiters[0].limit(wanted[0], last[0], before[0], 0.01),
-                limiters[1].limit(wanted[1], last[1], before[1], 0.01),
-            ),
-        )
-        assert update(drive, REST, 0.01)[:3:2] == last
+        axes = zip(limiters, wanted, last, before, strict=True)
+        before, last = last, [limiter.limit(*speeds, 0.01) for limiter, *speeds in axes]
+        assert [*update(drive, REST, 0.01)[:3:2]] == last

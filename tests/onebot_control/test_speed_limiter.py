@@ -212,8 +212,3 @@ def test_backward_is_the_mirror_of_forward(
     result = forward.limit(command, last, before, dt)
     assert backward.limit(-command, -last, -before, dt) == pytest.approx(-result)
     assert values["min_velocity"] <= result <= values["max_velocity"]
-
-
-@given(speed, speed, speed)
-def test_without_limits_commands_are_as_given(command: float, last: float, before: float) -> None:
-    assert SpeedLimiter(SpeedLimits()).limit(command, last, before, 0.01) == command
