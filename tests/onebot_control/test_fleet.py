@@ -137,10 +137,8 @@ def test_a_robot_is_not_put_into_another() -> None:
         other.teleport(PlanarPose(0.05, 3.0, 1.0))
         run(fleet, 0, 0.3, 0.4, 500)
         other.teleport(PlanarPose(0.02, 0.01, 0.5))
-        moving, before = (
-            one.body.state()[2],
-            [repr(each.body.state()[1]) for each in (one, other)],
-        )
+        moving = one.body.state()[2]
+        before = [repr(each.body.state()[1]) for each in (one, other)]
         with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):
             one.reset()
         with pytest.raises(OneBotError, match="robots /r1 and /r2 .* would stand in the same pl"):

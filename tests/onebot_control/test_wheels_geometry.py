@@ -58,12 +58,7 @@ def test_separation(origins: tuple[str, str], axis: str, separation: float) -> N
 
 @pytest.mark.parametrize(
     ("axis", "side"),
-    [
-        ("1 0 0", "left"),
-        ("0 0 -1", "right"),
-        ("0.02 -1 0", "left"),
-        ("0 1 -0.018", "right"),
-    ],
+    [("1 0 0", "left"), ("0 0 -1", "right"), ("0.02 -1 0", "left"), ("0 1 -0.018", "right")],
 )
 def test_axles_that_point_elsewhere(axis: str, side: str) -> None:
     """On either side; the error names joint, axis, and the frame it is seen from."""
