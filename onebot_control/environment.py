@@ -42,7 +42,7 @@ _Action = Annotated[NDArray[np.float32], ValueType(float, _TWO, many=True, lengt
 Observation = dict[str, NDArray[np.float32]]
 
 
-@checked_methods()
+@checked_methods(before=lambda self: self.simulation._core.require_open())
 class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A Gymnasium environment: velocity commands in, scan and odometry out.
 

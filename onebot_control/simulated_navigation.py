@@ -17,6 +17,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model.robot_model import RobotModel
+from onebot_description.parameters.arguments import checked_methods
 
 if TYPE_CHECKING:  # the first goal imports the modules that need scipy
     from onebot_control.navigation.grid import LevelScan
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # the first goal imports the modules that need scipy
 _FEWEST_RAYS = 30  # minimum rays of a lidar that can map
 
 
+@checked_methods(before=lambda self: self._core.require_open())
 class SimulatedNavigation:
     """Drives one robot of a simulation; ``robot.navigation`` is the robot's.
 

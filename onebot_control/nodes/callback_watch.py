@@ -9,6 +9,7 @@ from types import FrameType
 from weakref import WeakSet
 
 from rclpy.executors import Executor
+from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 
 from onebot_description.errors import OneBotError
@@ -18,6 +19,10 @@ _LONGEST_WAIT = 1.0  # s between two checks
 _CALLER = "onebot_control.nodes.stepped_executor"  # the module that calls callbacks
 
 
+class _Ended(BaseException):
+    """Ends a callback that has caught the error."""
+
+
 class CallbackWatch:
     """Raises an error in a callback that has not returned in time.
 
@@ -25,12 +30,12 @@ class CallbackWatch:
     is a context manager around each callback; see ``running``.
 
     Attributes:
-        foreign: other executors that a callback may be waiting in.
+        foreign: what no signal ends a wait for: other executors, and guard conditions of wait sets.
     """
 
     def __init__(self, timeout: float) -> None:
         """Watch callbacks until ``close``, each for ``timeout`` s of wall time; inf: for ever."""
-        self.foreign: WeakSet[Executor] = WeakSet()
+        self.foreign: WeakSet[Executor | GuardCondition] = WeakSet()
         self._timeout, self._since = timeout, float("inf")
         self._failure: OneBotError | None = None
         self._node: Node | None = None
@@ -60,7 +65,7 @@ class CallbackWatch:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._since = float("inf")
         failure, self._failure = self._failure, None
-        if failure is not None and kind is None:
+        if failure is not None and kind in (None, _Ended):
             raise failure
 
     def fail(self, error: OneBotError) -> OneBotError:
@@ -69,13 +74,25 @@ class CallbackWatch:
             self._failure = error
         return error
 
+    def refuse_to_sleep(self) -> None:
+        """Raise an error for a sleep on simulated time in the thread that lets it pass.
+
+        Raises:
+            OneBotError: always.
+        """
+        if self._since == float("inf"):
+            raise OneBotError(
+                "simulated time passes in Simulation.run only: nothing can sleep on it"
+            )
+        raise self.fail(OneBotError(self._text(sys._getframe(1), "sleeps on simulated time")))
+
     def _watch(self) -> None:
         main = threading.main_thread().ident
         assert main is not None
         while not self._closed.wait(min(self._timeout / 8.0, _LONGEST_WAIT)):
             if time.monotonic() - self._since >= self._timeout:
-                for executor in list(self.foreign):  # no signal ends a wait for its nodes
-                    executor.wake()
+                for waited in list(self.foreign):
+                    (waited.wake if isinstance(waited, Executor) else waited.trigger)()
                 signal.pthread_kill(main, _SIGNAL)
 
     def _end(self, _: int, frame: FrameType | None) -> None:
@@ -83,10 +100,14 @@ class CallbackWatch:
         now = time.monotonic()
         if now - self._since < self._timeout or _is_debugged():
             return
-        self._since = now  # if the callback catches the error, it gets another one
-        raise self.fail(OneBotError(self._text(frame)))
+        self._since = now
+        if self._failure is not None:  # the callback has caught it, and goes on
+            raise _Ended
+        late = f"has not returned in {self._timeout:g} s of wall time"
+        text = f"{self._text(frame, late)}; ros(callback_timeout=...) allows more"
+        raise self.fail(OneBotError(text))
 
-    def _text(self, frame: FrameType | None) -> str:
+    def _text(self, frame: FrameType | None, problem: str) -> str:
         frames = list[FrameType]()
         for caller, _ in traceback.walk_stack(frame):
             if caller.f_globals.get("__name__") == _CALLER:
@@ -111,9 +132,8 @@ class CallbackWatch:
         )
         name = getattr(callback, "co_qualname", callback.co_name)  # new in Python 3.11
         return (
-            f"node {node}: {name} has not returned in {self._timeout:g} s of wall time"
-            f" ({callback.co_filename}:{line}). Simulated time stands still during a callback, so"
-            " it cannot wait for messages, answers or time; ros(callback_timeout=...) allows more"
+            f"node {node}: {name} {problem} ({callback.co_filename}:{line}). Simulated time stands"
+            " still during a callback, so it cannot wait for messages, answers or time"
         )
 
 

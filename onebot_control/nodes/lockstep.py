@@ -8,14 +8,17 @@ effect in the next cycle, and only then the physics moves on.
 
 import functools
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from itertools import product
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 from unittest.mock import patch
 
 import rclpy
+import rclpy.clock
 from builtin_interfaces.msg import Time
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import Executor
@@ -24,7 +27,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSCompatibility, qos_check_compatible
-from rclpy.signals import SignalHandlerOptions
+from rclpy.signals import SignalHandlerGuardCondition, SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
@@ -41,6 +44,8 @@ from onebot_control.runtime.pacing import Divider, wake_exactly
 from onebot_control.runtime.sensing import Sensing
 from onebot_control.simulated_world import SimulatedWorld
 from onebot_description.errors import OneBotError, alike, listing
+from onebot_description.parameters.arguments import checked_methods
+from onebot_description.parameters.values import Rule
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.discovery import MAX_DOMAIN, configure_discovery, use_local_discovery
@@ -55,11 +60,13 @@ RCLError = rclpy_implementation.RCLError
 
 _POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
 _PATIENCE = 10.0  # s of wall time to wait for latched messages
+_Timeout = Annotated[float, Rule(at_least=0.0)]
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
 
 
+@checked_methods(before=lambda self: self._require_open())
 class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     """Runs nodes in lockstep with a simulation; ``Simulation.ros`` creates it.
 
@@ -180,7 +187,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._closing.callback(rclpy.try_shutdown)
         return True
 
-    def add(self, *nodes: Node, timeout: float = _PATIENCE) -> None:
+    def add(self, *nodes: Node, timeout: _Timeout = _PATIENCE) -> None:
         """Put nodes in lockstep; afterwards they have received the last latched messages.
 
         ``close`` destroys them.
@@ -202,7 +209,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 self._executor.add_node(node)
         if apart := sorted({*self._unconnected(nodes)}):
             raise OneBotError(f"not connected with the robot: {'; '.join(apart)}")
-        self.settle(timeout)
+        self._settle(timeout)
         self._warn_of_silent_topics(nodes)
 
     def remove(self, *nodes: Node) -> None:
@@ -213,7 +220,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """
         for node in nodes:
             if node not in self._added:
-                raise OneBotError(f"{_named(node)} is not in lockstep")
+                name = _named(node) if isinstance(node, Node) else repr(node)
+                raise OneBotError(f"{name} is not in lockstep")
             self._executor.remove_node(node)
 
     def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
@@ -233,14 +241,17 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         except RCLError:
             if self._is_running():  # else a thread has just shut rclpy down
                 raise
-        self.settle()
+        self._settle()
 
-    def settle(self, timeout: float = _PATIENCE) -> None:
+    def settle(self, timeout: _Timeout = _PATIENCE) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here.
 
         What they have created is connected when this returns, and has received the last messages
         of latched topics, for which it waits for ``timeout`` s of wall time.
         """
+        self._settle(timeout)
+
+    def _settle(self, timeout: float = _PATIENCE) -> None:
         while True:
             self._executor.run_ready()
             if not self._executor.changed or not self._context.ok():
@@ -256,6 +267,13 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _require_open(self) -> None:
+        self._core.require_open()
+        if Lockstep._current is not self:
+            raise OneBotError(
+                "the simulation's nodes have been closed; call simulation.ros() again"
+            )
 
     def _forget(self) -> None:
         self._core.publish = Lockstep._current = None
@@ -401,6 +419,21 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         stack.enter_context(patch.object(Node, "executor", hooked))
         for name in ("create_publisher", "create_subscription"):
             stack.enter_context(patch.object(Node, name, self._agreeing(getattr(Node, name))))
+        thread, sleep_until = threading.get_ident(), rclpy.clock.Clock.sleep_until
+        begin_wait = SignalHandlerGuardCondition.__init__
+
+        def sleep(clock: rclpy.clock.Clock, until: Any, context: Context | None = None) -> Any:
+            on_simulated_time = getattr(clock, "ros_time_is_active", False)
+            if on_simulated_time and threading.get_ident() == thread and until > clock.now():
+                self._watch.refuse_to_sleep()
+            return sleep_until(clock, until, context)
+
+        def wait(guard: SignalHandlerGuardCondition, context: Context | None = None) -> None:
+            begin_wait(guard, context)
+            self._watch.foreign.add(guard)
+
+        stack.enter_context(patch.object(rclpy.clock.Clock, "sleep_until", sleep))
+        stack.enter_context(patch.object(SignalHandlerGuardCondition, "__init__", wait))
         return stack
 
     def _check_executor(self, node: Node, executor: Executor | None) -> None:

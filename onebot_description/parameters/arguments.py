@@ -51,7 +51,8 @@ def checked(function: F, before: Callable[[Any], object] | None = None) -> F:
     Raises:
         ArgumentError: arguments are wrong; it names each of them, and what would be right.
     """
-    names = [*inspect.signature(function).parameters]
+    parameters = inspect.signature(function).parameters.values()
+    names = [one.name for one in parameters if one.kind is one.POSITIONAL_OR_KEYWORD]
 
     @functools.wraps(function)
     def checking(*given: Any, **named: Any) -> Any:
@@ -146,7 +147,7 @@ def _instance(kinds: Sequence[Any], rule: Rule) -> _Check:
     remedy = rule.write or " or ".join(_WANTED.get(kind, f"a {kind.__name__}") for kind in kinds)
 
     def check(name: str, value: Any, problems: list[Problem]) -> Any:
-        value = plain(value)
+        value = value if isinstance(value, accepted) else plain(value)
         if not isinstance(value, accepted) or (isinstance(value, bool) and bool not in kinds):
             problems.append(Problem(name, f"{shown(value)}; write {remedy}"))
         return value

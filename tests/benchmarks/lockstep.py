@@ -2,6 +2,8 @@
 
 Their floor is real time; goals are scaled as in ``from_python``. A busy computer may make a run
 slow, but not another one; nor may a node of another process that subscribes to the same topics.
+``python -m tests.benchmarks.lockstep RUNS`` makes only these runs, as many of each kind, and prints
+where they end, so that they can be made in parts.
 """
 
 import subprocess
@@ -24,6 +26,7 @@ from onebot_control import Simulation
 from onebot_description.ros.domains import used_domain
 from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest
 from tests.benchmarks.report import Report, Result
+from tests.orphans import end_with_this_process
 
 _MAZE = {"world": "maze", "y": 0.8, "sensors": True}
 _BUSY_LOOPS, _WORKERS = 8, 4
@@ -109,15 +112,21 @@ def run(quick: bool) -> Report:
         pace, bare_step = _pace(nodes, *((0.5, 1) if quick else (5.0, 6)))
         goal = round(wanted * BARE_STEP / bare_step, 1)
         results.append(Result(f"{what}, lidar, maze: times real time", pace, at_least=goal))
-    seconds, runs = (0.2, 2) if quick else (3.0, 500)
-    with _busy(0 if quick else _BUSY_LOOPS):
-        for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
+    return [*results, *(_loaded(0.2, 2, 0) if quick else _loaded(3.0, 500, _BUSY_LOOPS))]
+
+
+def _loaded(seconds: float, runs: int, loops: int) -> Iterator[Result]:
+    """Count the runs beside busy loops that end as one without them does."""
+    for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
+        with used_domain():
+            alone = _outcome(node, seconds)
+        with _busy(loops):
             outcomes = _outcomes(node, seconds, runs)
-            equal = outcomes.count(outcomes[0])
-            beside = f"beside {_BUSY_LOOPS} busy loops and a foreign subscriber"
-            text = f"{what}: equal outcomes of {runs} {beside}"
-            results.append(Result(text, equal, at_least=runs))
-    return results
+        print(f"{what}: x, y, yaw, ahead: {alone}", file=sys.stderr)
+        text = (
+            f"{what}: equal outcomes of {runs} beside {loops} busy loops and a foreign subscriber"
+        )
+        yield Result(text, outcomes.count(alone), at_least=runs)
 
 
 def _pace(nodes: Sequence[type[Node]], seconds: float, runs: int) -> tuple[float, float]:
@@ -183,10 +192,16 @@ def _outcomes(kind: type[_ByScans], seconds: float, runs: int) -> list[tuple[flo
 def _busy(count: int) -> Iterator[None]:
     """Busy loops beside."""
     command = [sys.executable, "-c", "while True: pass"]
-    loops = [subprocess.Popen(command) for _ in range(count)]
+    loops = [subprocess.Popen(command, preexec_fn=die_with_this_thread()) for _ in range(count)]
     try:
         yield
     finally:
         for loop in loops:
             loop.kill()
             loop.wait()
+
+
+if __name__ == "__main__":
+    end_with_this_process()
+    for result in _loaded(3.0, int(sys.argv[1]), _BUSY_LOOPS):
+        print(f"{result.what}: {result.measured:g}", flush=True)

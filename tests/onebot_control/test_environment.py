@@ -108,6 +108,6 @@ def test_wrong_actions() -> None:
     assert made.simulation.time == 0.0
     made.step([0.1, 0.2])
     made.close()
-    for call in (made.reset, lambda: made.step([0.0, 0.0])):
+    for call in (made.reset, made.render, lambda: made.step([0.0, 0.0])):
         with pytest.raises(OneBotError, match="simulation has been closed"):
             call()

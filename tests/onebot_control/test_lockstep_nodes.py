@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient, ActionServer
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
+from rclpy.wait_for_message import wait_for_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int64, String
 from std_srvs.srv import Trigger
@@ -219,8 +222,22 @@ def blocked_by_spinning(_: Node) -> None:
     rclpy.spin_once(Node("helper"))
 
 
+def blocked_by_waiting_for_a_message(node: Node) -> None:
+    wait_for_message(String, node, "nothing")
+
+
+def blocked_although_it_catches(_: Node) -> None:
+    while True:
+        with suppress(Exception):
+            time.sleep(60.0)
+
+
 @pytest.mark.parametrize(
-    "block", [blocked_by_sleep, blocked_by_waiting, blocked_by_a_call, blocked_by_spinning]
+    "block",
+    [
+        *(blocked_by_sleep, blocked_by_waiting, blocked_by_a_call, blocked_by_spinning),
+        *(blocked_by_waiting_for_a_message, blocked_although_it_catches),
+    ],
 )
 def test_a_callback_that_blocks_is_an_error(
     ros: Lockstep[Simulation], block: Callable[[Node], None]
@@ -236,6 +253,19 @@ def test_a_callback_that_blocks_is_an_error(
     with pytest.raises(OneBotError, match=expected):
         ros.simulation.run(1.0)
     ros.simulation.run(0.05)
+
+
+def test_nothing_sleeps_on_simulated_time_where_it_passes(ros: Lockstep[Simulation]) -> None:
+    """It would sleep for ever, and no signal would end that."""
+
+    def sleep() -> None:
+        node.get_clock().sleep_for(Duration(seconds=0.1))
+
+    ros.add(node := Ticker(tick=sleep))
+    with pytest.raises(OneBotError, match="time passes in Simulation.run only"):
+        sleep()
+    with pytest.raises(OneBotError, match=r'node "ticker": .*tick sleeps on simulated time \('):
+        ros.simulation.run(1.0)
 
 
 @pytest.mark.parametrize("spins", [False, True], ids=["sleeps", "spins"])
@@ -322,12 +352,24 @@ def test_an_exception_in_a_timer(ros: Lockstep[Simulation]) -> None:
     assert node.ticks == TENTHS
 
 
+def test_after_close_each_method_says_so(ros: Lockstep[Simulation]) -> None:
+    ros.close()
+    for call in (lambda: ros.add(None), lambda: ros.remove(None), ros.settle):
+        with pytest.raises(OneBotError, match=r"have been closed; call simulation\.ros\(\) again"):
+            call()
+    ros.close()
+
+
 @pytest.mark.parametrize("thing", [None, Node, "node"])
 def test_what_is_no_node_is_refused(thing: Any) -> None:
     with Simulation() as simulation:
         ros = simulation.ros()
         with pytest.raises(OneBotError, match="add takes nodes, such as"):
             ros.add(thing)
+        with pytest.raises(OneBotError, match="is not in lockstep"):
+            ros.remove(thing)
+        with pytest.raises(OneBotError, match='timeout: "1" is a string'):
+            ros.add(timeout="1")  # type: ignore[arg-type]
         ros.add(node := Ticker())
         simulation.run(1.0)
         assert node.ticks == TENTHS

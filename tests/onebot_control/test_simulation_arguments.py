@@ -129,6 +129,8 @@ CALLS: list[tuple[Callable[[Simulation], object], str]] = [
     (lambda s: s.robot.scan(5), "sensor: 5 is a number; write a string"),
     (lambda s: s.robot.image(None), "sensor: has no value"),
     (lambda s: s.robot.scan().at("0"), 'angle: "0" is a string'),
+    (lambda s: s.robot.navigation.go_to("1", 0), 'x: "1" is a string'),
+    (lambda s: s.robot.navigation.place((0, 0, 0)), "pose: [0, 0, 0] is a list; write a Planar"),
 ]
 
 
@@ -163,7 +165,7 @@ def test_goals_of_joints(standing: Simulation, positions: Any, seconds: Any, wor
 
 ARGUMENTS: dict[str, Any] = {
     **{"run": (1,), "keep": (1, 1), "ray": ((0, 0, 1), (1, 0, 0)), "drive": (0.1,)},
-    **{"teleport": (0, 0), "move_to": ({},)},
+    **{"teleport": (0, 0), "move_to": ({},), "go_to": (0, 0), "place": (None,)},
 }
 
 
@@ -173,7 +175,7 @@ def test_after_close_each_method_says_so() -> None:
         robot = closed.robot
         closed.run(0.1)
         shown, pose = repr(closed), robot.pose
-    for one in (closed, robot):
+    for one in (closed, robot, robot.navigation):
         methods = [name for name, _ in inspect.getmembers(type(one), inspect.isfunction)]
         for name in methods:
             if not name.startswith("_") and name != "close":
