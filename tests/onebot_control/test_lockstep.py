@@ -209,17 +209,6 @@ def test_topics_and_services_are_those_of_the_controller() -> None:
     assert not rclpy.ok()
 
 
-def test_what_a_callback_raises_is_raised_by_run() -> None:
-    class Broken(Stopper):
-        def on_scan(self, scan: LaserScan) -> None:
-            raise ZeroDivisionError
-
-    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
-        ros.add(Broken())
-        with pytest.raises(ZeroDivisionError):
-            simulation.run(1.0)
-
-
 def test_what_cannot_be_connected_is_named() -> None:
     """Another QoS as the node is added, another type where the topic is created."""
     with Simulation(**MAZE) as simulation, simulation.ros() as ros:
@@ -229,26 +218,3 @@ def test_what_cannot_be_connected_is_named() -> None:
             ros.add(node)
         with pytest.raises(OneBotError, match='"listener" has /scan as .*/Image, but .*/LaserScan'):
             node.create_subscription(Image, "scan", print, 10)
-
-
-def test_a_topic_that_nobody_publishes_is_warned_of(capfd: pytest.CaptureFixture[str]) -> None:
-    with Simulation() as simulation, simulation.ros() as ros:
-        node = Node("listener")
-        node.create_subscription(JointState, "joint_state", print, 10)
-        node.create_subscription(JointState, "joints_states", print, 10)
-        ros.add(node)
-    log = capfd.readouterr().err
-    for topic in ("/joint_state", "/joints_states"):
-        assert f'nobody publishes {topic} (did you mean "/joint_states"?' in log
-
-
-def test_a_context_of_the_user_s_stays() -> None:
-    rclpy.init()
-    try:
-        with Simulation() as simulation, simulation.ros() as ros:
-            joints = Stepped(ros).hear(JointState, "joint_states")
-            simulation.run(0.1)
-            assert len(joints) == 10
-        assert rclpy.ok()
-    finally:
-        rclpy.shutdown()
