@@ -134,13 +134,16 @@ def _inactive(
     controllers: Sequence[JointController[Any]],
     joints: Mapping[str, Sequence[str]],
 ) -> list[Problem]:
-    """Return why controllers are inactive: the robot has none of their joints, or others move them.
+    """Return why controllers are inactive.
+
+    The robot has none of their joints, other controllers move them, or they follow other joints.
 
     Raises:
         ConfigError: only some joints of a controller move, or it is the only one and none moves.
     """
     owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
     moving = [joint.name for joint in description.moving_joints]
+    followers = {joint.name for joint in description.moving_joints if joint.mimic}
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
         names = joints[controller.name]
@@ -152,6 +155,7 @@ def _inactive(
             for joint, hint in unknown_names(names, moving)
         ]
         shared = [joint for joint in names if joint in owners]
+        following = [joint for joint in names if joint in followers]
         if missing and (len(missing) < len(names) or len(controllers) == 1):
             problems += missing
         elif missing:
@@ -159,6 +163,9 @@ def _inactive(
             inactive.append(Problem(controller.name, text))
         elif shared:
             text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
+            inactive.append(Problem(controller.name, text))
+        elif following and len(controllers) > 1:
+            text = f"is inactive: by <mimic>, another joint moves {listing(following)}"
             inactive.append(Problem(controller.name, text))
         else:
             owners.update(dict.fromkeys(names, controller.name))

@@ -27,7 +27,7 @@ from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description, parse_description
 from onebot_description.parameters.reader import read
 from tests.onebot_control import control_support
-from tests.onebot_control.arm_models import arm, joint, link
+from tests.onebot_control.arm_models import arm, joint, link, mimic
 
 TRAJECTORY = "{type: joint_trajectory_controller/JointTrajectoryController}"
 POSITIONS = "{type: position_controllers/JointGroupPositionController}"
@@ -38,7 +38,7 @@ FAST = 'effort="50" velocity="2" lower="-2" upper="2"'
 
 
 def parts(base: str) -> Sequence[str]:
-    """Two joints of an arm, and a finger that slides by up to 2 m."""
+    """Two joints of an arm, a finger that slides by up to 2 m, and one that mimics it."""
     return (
         link("upper", 0.5, "0 0 0.1"),
         joint("yaw", base, "upper", xyz="0 0 0.5", axis="0 0 1", limits=FAST),
@@ -46,6 +46,10 @@ def parts(base: str) -> Sequence[str]:
         joint("lift", "upper", "lower", xyz="0 0 0.2", axis="0 1 0", limits=FAST),
         link("tip", 0.1),
         joint("finger", "lower", "tip", "prismatic", axis="1 0 0", limits=FAST),
+        link("other_tip", 0.1),
+        joint(
+            "thumb", "lower", "other_tip", "prismatic", "-1 0 0", limits=FAST, more=mimic("finger")
+        ),
     )
 
 
@@ -113,6 +117,7 @@ controller_manager:
     hand_controller: {GRIPPER}
     twist_controller: {{type: vendor_twist/TwistController}}
     second_hand: {{type: parallel_gripper_action_controller/GripperActionController}}
+    thumb_controller: {{type: parallel_gripper_action_controller/GripperActionController}}
     joint_state_broadcaster: {STATES}
 arm_controller:
   ros__parameters:
@@ -125,13 +130,16 @@ hand_controller:
   ros__parameters: {{joint: finger}}
 second_hand:
   ros__parameters: {{joint: knuckle, allow_stalling: true, default: true}}
+thumb_controller:
+  ros__parameters: {{joint: thumb}}
 """,
     "arm_controller hand_controller",
     (
         "5: twist_controller: vendor_twist/TwistController does not run here",
-        '13: interface_name: no such parameter (did you mean "state_interfaces"? known: ',
-        "18: default: no such parameter (known: ",
+        '14: interface_name: no such parameter (did you mean "state_interfaces"? known: ',
+        "19: default: no such parameter (known: ",
         "6: second_hand: is inactive: no joint of the robot is knuckle",
+        "7: thumb_controller: is inactive: by <mimic>, another joint moves thumb",
     ),
 )
 
