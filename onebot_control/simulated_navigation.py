@@ -113,7 +113,7 @@ class SimulatedNavigation:
 
     def _make(self) -> "Navigator":
         from onebot_control.navigation.footprint import vehicle_of
-        from onebot_control.navigation.navigator import NavigationParameters, Navigator
+        from onebot_control.navigation.navigator import Navigator
 
         core, row = self._core, self._row
         robot = core.fleet.robots[row]
@@ -131,13 +131,12 @@ class SimulatedNavigation:
         )
         vehicle = vehicle_of(robot.description, [_limits(robot.drive)])
         odometry, _ = self._odometry()
-        start = self._origin.compose(odometry)
-        parameters = NavigationParameters()
+        navigator = Navigator(vehicle, self._origin.compose(odometry))
         rate = core.fleet.rate
-        self._every = max(1, round(rate / parameters.controller_frequency))
+        self._every = max(1, round(rate / navigator.parameters.controller_frequency))
         self._scan_every = self._every * max(1, round(rate / self._lidar.rate / self._every))
         self._cycles, self._turn = 0, 0.0
-        return Navigator(vehicle, start, parameters=parameters)
+        return navigator
 
     def _level_lidar(self, description: Description) -> tuple[Instrument[Any], Floats]:
         """Return the level lidar with the widest view, and its pose (4, 4) in the root link.

@@ -1,17 +1,30 @@
 """Runs test suites of others, unmodified: ``python -m tests.peer_suites FOLDER``.
 
-FOLDER has checkouts of the repositories in ``SUITES``, of ROS 2 Jazzy, by their names. Each file
-runs in a process of its own; a row says what came of it.
+FOLDER has checkouts of the repositories in ``SUITES``, and navigation2, of ROS 2 Jazzy, by their
+names. Each file runs in a process of its own; a row says what came of it.
+
+Clients of Nav2 run beside a robot that navigates in the maze, in the given map, on simulated time;
+only the poses in them are replaced. ``python -m tests.peer_suites FOLDER nav2 [N]`` runs only them,
+N times.
 """
 
+import math
 import os
 import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
+from nav_msgs.msg import Odometry
+
+from onebot_control import Simulation
+from onebot_control.navigation.map_files import save_map
+from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.ros.domains import used_domain
+from tests.ros_support import NodeProcess, Peer
+from tests.support import wait_for
 
 SUITES = {
     "geometry2": (
@@ -38,6 +51,136 @@ _PYTEST = (
 )
 
 
+class Program(NamedTuple):
+    """A client of Nav2."""
+
+    file: str
+    pattern: str  # what it prints at its good end
+    end: tuple[float, float]  # where the robot is then, in the map, m
+    poses: dict[str, str] = {}  # texts that are replaced
+    words: tuple[str, ...] = ()
+
+
+_COMMANDER = "nav2_simple_commander/nav2_simple_commander"
+_TESTS = "nav2_system_tests/src"
+_START = 2.0, 0.5  # where the robot starts in the maze, which is the map's origin, m
+_ROUTE = {
+    **{"= 10.15": "= 0.3", "= 17.86": "= 0.4", "= 21.58": "= -0.3"},
+    **{"= -0.77": "= -0.2", "= -3.5": "= 0.2"},
+}
+PROGRAMS = (
+    Program(f"{_COMMANDER}/example_nav_to_pose.py", "Goal succeeded!", (0.4, -0.2), _ROUTE),
+    Program(f"{_COMMANDER}/example_nav_through_poses.py", "Goal succeeded!", (-0.3, 0.2), _ROUTE),
+    Program(f"{_COMMANDER}/example_waypoint_follower.py", "Goal succeeded!", (-0.3, 0.2), _ROUTE),
+    Program(
+        f"{_COMMANDER}/example_follow_path.py",
+        "Goal succeeded!",
+        (0.4, 0.2),
+        {"x = 7.0": "x = 0.4", "y = 0.5": "y = 0.2"},
+    ),
+    Program(
+        f"{_COMMANDER}/demo_picking.py",
+        "Bringing product to shipping destination",
+        (-0.3, -0.2),
+        {"[8.21, 1.3,": "[0.4, 0.2,", "[-6.0, -5.0,": "[-0.3, -0.2,"},
+    ),
+    Program(
+        f"{_COMMANDER}/demo_inspection.py",
+        "Inspection of shelves complete! Returning to start",
+        (0.0, 0.0),
+        {
+            **{"8.21, 1.3": "0.2, 0.2", "8.7, 4.0": "0.3, 0.2", "11.6, 4.0": "0.4, 0.1"},
+            **{"11.6, 1.3": "0.4, 0.0", "12.6, 1.3": "0.3, -0.1", "12.6, 4.0": "0.3, -0.2"},
+            **{"15.27, 1.3": "0.1, -0.2", "16.4, 1.3": "-0.1, -0.2"},
+            **{"19.0, 1.3": "-0.2, -0.1", "19.0, 4.0": "-0.2, 0.1"},
+        },
+    ),
+    Program(
+        f"{_COMMANDER}/demo_recoveries.py",
+        "Dead end confirmed! Returning to start",
+        (0.0, 0.0),
+        {"x = 8.21": "x = 0.4", "y = 1.3": "y = 0.2"},
+    ),
+    Program(
+        f"{_COMMANDER}/demo_security.py",
+        "Route complete!",
+        (-0.2, 0.2),
+        {
+            **{"10.15, -0.77": "0.3, -0.2", "17.86, -0.77": "0.4, 0.0", "21.58, -3.5": "0.3, 0.2"},
+            **{"19.4, -6.4": "0.0, 0.2", "-6.0, 5.0": "-0.2, 0.2"},
+        },
+    ),
+    Program(
+        f"{_TESTS}/system/nav_to_pose_tester_node.py",
+        "Exiting passed",
+        (0.4, 0.2),
+        words=("-r", "0.0", "0.0", "0.4", "0.2", "-e", "True"),
+    ),
+    Program(
+        f"{_TESTS}/system/nav_through_poses_tester_node.py",
+        "Exiting passed",
+        (0.4, 0.2),
+        words=("-r", "0.0", "0.0", "0.4", "0.2"),
+    ),
+    Program(
+        f"{_TESTS}/waypoint_follower/tester.py",
+        "Exiting passed",
+        (math.nan, math.nan),  # it cancels its last goal
+        {
+            **{"[-0.52, -0.54]": "[-0.2, -0.2]", "[0.58, -0.55]": "[0.2, -0.2]"},
+            **{"[1.78, -0.57]": "[0.4, -0.1]", "[-2.0, -0.5]": "[0.0, 0.0]"},
+        },
+    ),
+)
+_NEAR = 0.05  # m from the end
+_FACTOR = float(os.environ.get("REAL_TIME_FACTOR", "1.0"))
+
+
+def client_outcome(folder: Path, program: Program, scratch: Path) -> tuple[bool, str]:
+    """Return whether a client ends well with the robot where it is to be, and what came of it."""
+    text = (folder / program.file).read_text()
+    for old, new in program.poses.items():
+        text = text.replace(old, new)
+    file, (x, y) = scratch / Path(program.file).name, _START
+    file.write_text(text)
+    grid = Simulation(world="maze").occupancy_grid(0.05)
+    origin = grid.origin[0] - x, grid.origin[1] - y
+    given = save_map(OccupancyGrid(grid.data, grid.resolution, origin), scratch / "maze")
+    words = f"world:=maze x:={x} y:={y} sensors_enabled:=true navigate:=true viewer:=none"
+    with (
+        used_domain() as domain,
+        Peer(domain) as peer,
+        NodeProcess(
+            "onebot_bringup.launch.onebot_bringup",
+            *words.split(),
+            f"map:={given}",
+            "use_sim_time:=true",
+            f"real_time_factor:={_FACTOR}",
+        ),
+    ):
+        truth = peer.hear(Odometry, "velocity_controller/ground_truth")
+        sim_time = "--ros-args", "-p", "use_sim_time:=true"
+        run = subprocess.Popen(
+            [sys.executable, "-u", str(file), *program.words, *sim_time],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(folder / "nav2_simple_commander")},
+        )
+        assert run.stdout is not None
+        lines = list[str]()
+        for line in run.stdout:
+            lines.append(line)
+            if "Restarting" in line:  # it never ends
+                run.kill()
+        run.wait()
+        wait_for(lambda: truth, "the robot")
+        at = truth[-1].pose.pose.position
+        away = math.dist((at.x - x, at.y - y), program.end)
+    good = any(program.pattern in line for line in lines)
+    return good and not away > _NEAR, f"{lines[-1].strip()}; {away:.3f} m" if lines else "nothing"
+
+
 def outcome(file: Path, aliases: Path) -> tuple[bool, str]:
     """Return whether the tests of a file pass, and pytest's last line."""
     with used_domain():
@@ -52,10 +195,18 @@ def outcome(file: Path, aliases: Path) -> tuple[bool, str]:
     return run.returncode == 0, re.sub(r" in [0-9.]+s.*", "", last)
 
 
-def main(folder: Path) -> int:
+def main(folder: Path, only_clients: bool = False, rounds: int = 1) -> int:
     """Print a row for each file; return how many failed."""
     failures = 0
     print("| Repository | Tests | Outcome |\n|---|---|---|")
+    with tempfile.TemporaryDirectory() as scratch:
+        for program in PROGRAMS * rounds:
+            passed, text = client_outcome(folder / "navigation2", program, Path(scratch))
+            failures += not passed
+            result = "passed" if passed else "FAILED"
+            print(f"| navigation2 | {program.file} | {result}: {text} |", flush=True)
+    if only_clients:
+        return failures
     with tempfile.TemporaryDirectory() as aliases:
         # The build of tf2_py puts the module that is tested there.
         package = Path(aliases, "test_tf2_py")
@@ -71,6 +222,6 @@ def main(folder: Path) -> int:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main(Path(sys.argv[1]), "nav2" in sys.argv, int(sys.argv[3]) if sys.argv[3:] else 1))

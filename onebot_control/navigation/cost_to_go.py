@@ -1,7 +1,6 @@
 """The price of the way from each cell to the goal, by Dijkstra's wave over the map's prices."""
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +10,27 @@ from onebot_description.arrays import Floats, Singles
 
 _STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _LENGTHS = np.array([1.0] * 4 + [math.sqrt(2.0)] * 4)
+_WIDTH = 2.0  # width of the fronts that are computed at once, in cells of free ground
+
+Cells = NDArray[np.intp]
 
 
 class CostToGo:
     """A field over a map: the price of the cheapest way from each cell to the goal.
 
-    The wave goes out from the goal until it has passed the robot. When prices change, what was
-    reached before the change stays, and the wave goes on from there.
+    The wave goes out from the goal until it has passed the robot. When prices change, the field is
+    forgotten where the ways lead over the change, and the wave goes on from around that part.
 
     Attributes:
         values: (rows, columns), price from the middle of a cell, m on free ground; infinite where
             the wave has not been.
+        level: the price up to which the field is known.
+        aside: cells within which the robot leaves what is too near.
     """
 
-    def __init__(self, prices: Singles, resolution: float, goals: NDArray[np.intp]) -> None:
+    aside = 4
+
+    def __init__(self, prices: Singles, resolution: float, goals: Cells) -> None:
         """Begin a wave.
 
         Args:
@@ -33,94 +39,112 @@ class CostToGo:
             goals: rows and columns (N, 2) of the cells of the goal.
         """
         rows, columns = prices.shape
-        self._width, self._shape = columns + 2, (rows, columns)
-        self._resolution = resolution
+        self._width, self._resolution = columns + 2, resolution
         self._offsets = np.array([a * self._width + b for a, b in _STEPS])
-        self._half = np.full((rows + 2, self._width), np.inf)
-        self._half[1:-1, 1:-1] = prices.astype(float) * (resolution / 2.0)
+        half = np.full((rows + 2, self._width), np.inf)
+        half[1:-1, 1:-1] = prices.astype(float) * (resolution / 2.0)
+        self._inner, self._half = half[1:-1, 1:-1], half.reshape(-1)
         self._values = np.full(self._half.size, np.inf)
-        self._order = np.zeros(self._half.size, np.int64)
-        self._goals = (goals[:, 0] + 1) * self._width + goals[:, 1] + 1
-        self._values[self._goals] = 0.0
-        self._front = self._goals
-        self._level = 0.0
+        self.values: Floats = self._values.reshape(half.shape)[1:-1, 1:-1]
+        self._order = np.zeros(self._half.size, np.intp)
+        self._front = self._goals = self._flat(goals[:, 0], goals[:, 1])
+        self._values[self._goals] = self.level = 0.0
 
-    @property
-    def values(self) -> Floats:
-        """The field, (rows, columns)."""
-        rows, columns = self._shape
-        field: Floats = self._values.reshape(rows + 2, self._width)[1:-1, 1:-1]
-        return field
+    def _flat(self, rows: Cells, columns: Cells) -> Cells:
+        return np.asarray((rows + 1) * self._width + columns + 1)
 
-    @property
-    def level(self) -> float:
-        """The price up to which the field is known."""
-        return self._level
+    def _once(self, cells: Cells) -> Cells:
+        """Return each of the cells once."""
+        numbers = np.arange(cells.size)
+        self._order[cells] = numbers
+        return np.asarray(cells[self._order[cells] == numbers])
 
-    def spread(self, level: float = math.inf) -> Iterator[int]:
-        """Let the wave go on until all cells up to a price are known.
+    def _from(self, cells: Cells) -> tuple[Cells, Floats]:
+        """Return the neighbours of cells, (N, 8), and the prices of the ways there over them."""
+        around = cells[:, None] + self._offsets
+        costs = self._half[cells][:, None] + self._half[around]
+        costs *= _LENGTHS
+        costs += self._values[cells][:, None]
+        return around, costs
 
-        Yields:
-            The number of cells of each front.
+    def spread(
+        self, cell: tuple[int, int] | None = None, beyond: float = 0.0, budget: float = math.inf
+    ) -> bool:
+        """Let the wave go on until it has passed a cell; return whether it has.
+
+        Args:
+            cell: row and column; None: until all is known.
+            beyond: price by which it is to pass the cell.
+            budget: number of cells after which it stops, to go on another time.
         """
-        half, values, order = self._half.reshape(-1), self._values, self._order
-        front = self._front
-        while front.size and self._level < level:
-            reached = values[front]
-            near = reached < self._level + self._resolution
-            if not near.any():
-                self._level = float(reached.min())
-                continue
-            now, front = front[near], front[~near]
-            around = now[:, None] + self._offsets
-            costs = half[now][:, None] + half[around]
-            costs *= _LENGTHS
-            costs += reached[near][:, None]
-            better = costs < values[around]
-            around, costs = around[better], costs[better]
-            np.minimum.at(values, around, costs)
-            front = np.concatenate((front, around))
-            numbers = np.arange(front.size)
-            order[front] = numbers
-            front = front[order[front] == numbers]
-            self._front = front
-            yield now.size
-        if not front.size:
-            self._level = math.inf
-
-    def change(self, prices: Singles, part: Window) -> bool:
-        """Take over changed prices of a part, and go back to before the first change.
-
-        Returns:
-            Whether what was known has changed.
-        """
-        inner = self._half[part.top + 1 : part.bottom + 1, part.left + 1 : part.right + 1]
-        new = prices[part.cells].astype(float) * (self._resolution / 2.0)
-        changed = new != inner
-        # Small changes of price need not be known at once.
-        with np.errstate(invalid="ignore"):
-            large = np.isinf(new) != np.isinf(inner)
-            large |= np.abs(new - inner) > 0.2 * np.minimum(new, inner)
-        changed &= large
-        if not changed.any():
-            return False
-        rows, columns = np.nonzero(changed)
-        inner[changed] = new[changed]
-        cells = (rows + part.top + 1) * self._width + columns + part.left + 1
-        around = (cells[:, None] + np.append(self._offsets, 0)).reshape(-1)
-        first = float(self._values[around].min())
-        if first >= self._level:
-            return False
-        is_known = self._values < max(first, 1e-12)
-        is_known[self._goals] = True
-        self._values[~is_known] = np.inf
-        index = np.flatnonzero(is_known)
-        edge = ~is_known[index[:, None] + self._offsets].all(axis=1)
-        self._front = index[edge]
-        self._level = max(0.0, first)
+        while cell is None or self.level < self.value(cell) + beyond:
+            if not self._front.size:
+                self.level = math.inf
+                return True
+            if budget < 0:
+                return False
+            budget -= self._advance()
         return True
 
-    def way(self, start: tuple[int, int], most: int = 100_000) -> NDArray[np.intp]:
+    def _advance(self) -> int:
+        """Let one front of the wave go on, and return the number of its cells."""
+        front, values = self._front, self._values
+        reached = values[front]
+        self.level = max(self.level, float(reached.min()))
+        near = reached < self.level + _WIDTH * self._resolution
+        now, far = front[near], front[~near]
+        around, costs = self._from(now)
+        better = costs < values[around]
+        around, costs = around[better], costs[better]
+        np.minimum.at(values, around, costs)
+        self._front = self._once(np.concatenate((far, around)))
+        return int(now.size)
+
+    def change(self, prices: Singles, part: Window) -> None:
+        """Take over changed prices of a part."""
+        old = self._inner[part.cells]
+        new = prices[part.cells].astype(float) * (self._resolution / 2.0)
+        # Small changes of price need not be known at once.
+        with np.errstate(invalid="ignore"):
+            changed = np.isinf(new) != np.isinf(old)
+            changed |= np.abs(new - old) > 0.2 * np.minimum(new, old)
+        rows, columns = np.nonzero(changed)
+        cells = self._flat(rows + part.top, columns + part.left)
+        lost = self._over(cells)
+        old[changed] = new[changed]
+        near = (np.append(lost, cells)[:, None] + self._offsets).reshape(-1)
+        self._values[lost] = np.inf
+        self._values[self._goals] = 0.0
+        front = np.concatenate((self._front, self._goals, near))
+        self._front = self._once(front[np.isfinite(self._values[front])])
+        self.level = float(min(self.level, self._values[near].min(initial=math.inf)))
+
+    def _over(self, cells: Cells) -> Cells:
+        """Return cells that the wave has reached, and those whose ways lead over them."""
+        values, is_lost = self._values, np.zeros(self._values.size, np.bool_)
+        found = [cells[np.isfinite(values[cells])]]
+        while found[-1].size:
+            is_lost[found[-1]] = True
+            around, costs = self._from(found[-1])
+            over = (values[around] >= costs) & np.isfinite(costs) & ~is_lost[around]
+            over &= np.isfinite(values[around])
+            found.append(self._once(around[over]))
+        return np.concatenate(found)
+
+    def nearest(self, cell: tuple[int, int]) -> tuple[int, int]:
+        """Return the cell; the best one near it if the robot is too near to an obstacle there."""
+        if math.isfinite(self.values[cell]):
+            return cell
+        window = Window.around(cell, self.aside, self.values.shape)
+        part = self.values[window.cells]
+        row, column = np.unravel_index(part.argmin(), part.shape)
+        return window.top + int(row), window.left + int(column)
+
+    def value(self, cell: tuple[int, int]) -> float:
+        """Return the cost to go at a cell, or near it if the robot is too near to an obstacle."""
+        return float(self.values[self.nearest(cell)])
+
+    def way(self, start: tuple[int, int], most: int = 100_000) -> Cells:
         """Return rows and columns (N, 2) of the cells from a start to the goal; N = 0: no way."""
         at = (start[0] + 1) * self._width + start[1] + 1
         cells = [at]

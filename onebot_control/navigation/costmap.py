@@ -7,13 +7,14 @@ from scipy.ndimage import distance_transform_edt
 
 from onebot_control.navigation.grid import GridMap, Window
 from onebot_control.occupancy_grid import OccupancyGrid
-from onebot_description.arrays import Singles
+from onebot_description.arrays import Floats, Singles
 
 _REACH = 1.0  # m; distances are not computed beyond
 _NEAR = 8.0  # price of a cell right beside an obstacle, over one that is far from all
 _DECAY = 0.08  # m in which it falls to 1/e
 _UNKNOWN = 0.5  # further price of an unknown cell
 _FREED = -0.9  # log-odds below which a cell is no obstacle any more
+_OFF_PATH = 30.0  # further price 1 m off a path that is preferred
 _VISITED = 0.25  # further price for each second that the robot was near
 
 # The costs of nav2_costmap_2d.
@@ -28,18 +29,17 @@ class Costmap:
             1 m.
         fine: (2 rows, 2 columns), the same from the middles of the quarters of cells.
         prices: (rows, columns), of driving 1 m there; infinite where the robot cannot be.
+        further: (rows, columns), by how much they are higher because of visits, or off a path.
     """
 
     def __init__(self, grid: GridMap, radius: float) -> None:
         """Take the map, and the radius within which the robot touches obstacles for sure, m."""
         self._grid, self._radius = grid, radius
         self._occupied = np.zeros((0, 0), np.bool_)
-        self._visits = np.zeros((0, 0), np.float32)
         self._origin = grid.origin
         self.distances = self.fine = np.zeros((0, 0), np.float32)
-        self.prices = np.zeros((0, 0), np.float32)
+        self.prices = self.further = np.zeros((0, 0), np.float32)
         self.version = -1
-        self._fresh = True  # nothing has been measured yet
 
     def update(self, window: Window) -> Window | None:
         """Take over what has changed in a part of the map.
@@ -50,10 +50,7 @@ class Costmap:
         grid = self._grid
         if self.version != grid.version:
             self._resize()
-        if self._fresh:
-            self._fresh, window = False, Window(0, 0, *grid.shape)
-            self._occupied = grid.log_odds > 0.0
-            return self._measure(window)
+            return self._measure(Window(0, 0, *grid.shape))
         log_odds, was_occupied = grid.log_odds[window.cells], self._occupied[window.cells]
         # Cells at edges of walls, which are hit and missed by turns, stay occupied.
         occupied = (log_odds > 0.0) | (was_occupied & (log_odds > _FREED))
@@ -69,18 +66,17 @@ class Costmap:
 
     def _resize(self) -> None:
         grid = self._grid
-        old, origin, visits = self._occupied.shape, self._origin, self._visits
-        self._occupied = np.zeros(grid.shape, np.bool_)
-        self._visits = np.zeros(grid.shape, np.float32)
+        old, origin, visits = self._occupied.shape, self._origin, self.further
+        self._occupied = grid.log_odds > 0.0
+        self.further = np.zeros(grid.shape, np.float32)
         if visits.size:
             column, row = np.rint((np.array(origin) - grid.origin) / grid.resolution).astype(int)
-            self._visits[row : row + old[0], column : column + old[1]] = visits
+            self.further[row : row + old[0], column : column + old[1]] = visits
         self._origin = grid.origin
         self.distances = np.full(grid.shape, _REACH, np.float32)
         self.fine = np.full((2 * grid.shape[0], 2 * grid.shape[1]), _REACH, np.float32)
         self.prices = np.ones(grid.shape, np.float32)
         self.version = grid.version
-        self._fresh = True
 
     def _measure(self, part: Window) -> Window:
         """Compute distances and prices anew around a part whose obstacles have changed."""
@@ -118,24 +114,28 @@ class Costmap:
         beyond = distances - np.float32(self._radius)
         prices = np.float32(1.0) + np.float32(_NEAR) * np.exp(beyond * np.float32(-1.0 / _DECAY))
         prices += np.float32(_UNKNOWN) * (self._grid.log_odds[part.cells] == 0.0)
-        prices += np.float32(_VISITED) * self._visits[part.cells]
+        prices += self.further[part.cells]
         prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
-    def visit(self, cell: tuple[int, int], radius: float, seconds: float) -> Window:
-        """Remember that the robot was near a cell, so that it prefers other ways.
+    def visit(self, part: Window, seconds: float) -> Window:
+        """Remember that the robot was in a part, so that it prefers other ways, and return it."""
+        self.further[part.cells] += np.float32(_VISITED * seconds)
+        self.price(part)
+        return part
 
-        Returns:
-            The part whose prices are to be computed anew.
-        """
-        half = math.ceil(radius / self._grid.resolution)
-        window = Window(cell[0], cell[1], cell[0] + 1, cell[1] + 1).grown(half, self._visits.shape)
-        self._visits[window.cells] += np.float32(seconds)
-        return window
-
-    def forget_visits(self) -> None:
-        """Forget where the robot has been."""
-        self._visits[:] = 0.0
+    def prefer(self, points: Floats | None) -> None:
+        """Forget visits, and let ways be the dearer the farther off a path, (N, 2), they are."""
+        self.further[:] = 0.0
+        if points is not None:
+            grid, away = self._grid, np.ones(self._grid.shape, np.bool_)
+            for start, end in zip(points[:-1], points[1:], strict=True):
+                count = math.ceil(float(np.hypot(*(end - start))) / (0.5 * grid.resolution)) + 1
+                cells = grid.cells(np.linspace(start, end, count))
+                away[tuple(cells[grid.inside(cells)].T)] = False
+            distances = distance_transform_edt(away) * grid.resolution
+            self.further[:] = _OFF_PATH * np.minimum(distances, 1.0)
+        self.price(Window(0, 0, *self.prices.shape))
 
     def costs(self, scaling: float = 3.0) -> OccupancyGrid:
         """Return the costs as Nav2's costmaps have them: 253 inscribed, 254 lethal, 255 unknown.

@@ -9,7 +9,7 @@ has obeyed it for a while, could still brake without touching anything.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from onebot_control.navigation.footprint import Vehicle
 from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 
-_BLOCK = 6  # steps for which the noise of a sequence stays
+_BLOCK = 0.36  # s for which the noise of a sequence stays
 _SPREAD = 0.3, 0.3, 0.35  # its standard deviation, of the limits of speed
 _FINE = 0.2  # share of it that a third of the sequences has, for narrow places
 _BATCHES = 8  # sets of noise, which take turns
@@ -27,16 +27,20 @@ _SOFT = 0.05  # m in which the price of being near falls to 1/e
 _LEAST = 0.005  # m, clearance that is kept from obstacles
 _PER_SPEED = 0.04  # m of further clearance for each m/s of speed
 _FAST = 10.0  # price of being faster than that
-_CREEP = np.float32(0.1)  # m/s, which is slow enough anywhere
+_FAR = 0.2  # m, clearance from which it does not matter how much it is
+_CREEP = 0.1  # m/s, which is slow enough anywhere
 _HIT = 60.0  # price of touching something
 _HEADING = 0.8  # price of an end that does not point down the field
 _AHEAD = 0.35  # m ahead of the end where the field is looked up, too
 _TEMPERATURE = 0.15
 _TRIED = 12  # best sequences from which the first safe one is taken
+_CAREFUL, _TIGHT = 0.5, 0.06  # m/s, speed in places where the clearance is less, m
 _NARROW = 0.2  # m of clearance below which the way itself is tried, too
 _PURSUED = (0.08, 0.15, 0.3)  # m/s, speeds at which it is
 _LOOKED = (3, 5, 8)  # cells ahead on it that are pursued
+_PURSUIT = 3  # steps for which such a command stays
 _RANGE = 2.9  # m that the prices were chosen for
+_APART = 0.08  # m that the robot may drive between two poses whose clearance is looked up
 
 
 class Surroundings(NamedTuple):
@@ -49,15 +53,38 @@ class Surroundings(NamedTuple):
     resolution: float  # edge of a cell, m
     path: Floats = np.zeros((0, 2))  # first points of the way, one for each cell, m
 
-    def nearest(self, x: Singles, y: Singles) -> Singles:
-        """Return the distance to the nearest obstacle at points."""
+    def clearance(self, circles: Singles, x: Singles, y: Singles, yaw: Singles) -> Singles:
+        """Return how far circles are from obstacles at poses, m; negative: one touches.
+
+        It is a lower bound where that is more than ``_FAR``. What lies outside of the map is not
+        known, whatever is found for it.
+
+        Args:
+            circles: (N, 3), centre and radius in the robot's frame, m.
+            x: x coordinates of the poses, in an array of any shape, m.
+            y: y coordinates, m.
+            yaw: headings, rad.
+        """
         scale = np.float32(2.0 / self.resolution)
-        column = (x - np.float32(self.origin[0])) * scale
-        row = ((y - np.float32(self.origin[1])) * scale).astype(np.int32)
-        row *= self.distances.shape[1]
-        row += column.astype(np.int32)
-        # What lies outside of the map is not known, whatever is found for it.
-        return np.asarray(self.distances.take(row, mode="clip"))
+        column = ((x - np.float32(self.origin[0])) * scale).ravel()
+        row = ((y - np.float32(self.origin[1])) * scale).ravel()
+        clearance = self._nearest(row, column)
+        clearance -= (np.hypot(circles[:, 0], circles[:, 1]) + circles[:, 2]).max()
+        near = np.flatnonzero(clearance < _FAR)
+        cos, sin = (part(yaw.ravel()[near]) * scale for part in (np.cos, np.sin))
+        rows = circles[:, :2] @ np.stack((sin, cos)) + row[near]
+        columns = circles[:, :2] @ np.stack((cos, -sin)) + column[near]
+        away = self._nearest(rows, columns)
+        away -= circles[:, 2:]
+        clearance[near] = away.min(axis=0)
+        return np.asarray(clearance.reshape(x.shape))
+
+    def _nearest(self, row: Singles, column: Singles) -> Singles:
+        """Return the distances at rows and columns of quarters of cells."""
+        index = row.astype(np.int32)
+        index *= np.int32(self.distances.shape[1])
+        index += column.astype(np.int32)
+        return np.asarray(self.distances.take(index, mode="wrap"))
 
     def to_go(self, x: Singles, y: Singles) -> Singles:
         """Return the cost to go at points, interpolated between the middles of cells."""
@@ -75,7 +102,7 @@ class Surroundings(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """Roll-outs, (steps, sequences)."""
+    """Roll-outs, (steps, sequences), of the steps that are looked at."""
 
     speeds: Singles  # (steps, 3, sequences), forward, to the left, turning
     x: Singles
@@ -87,7 +114,7 @@ class Follower:
     """Follows a field of costs to go with one robot."""
 
     def __init__(
-        self, vehicle: Vehicle, period: float = 0.05, *, samples: int = 400, steps: int = 24
+        self, vehicle: Vehicle, period: float = 0.05, *, samples: int = 300, steps: int = 24
     ) -> None:
         """Prepare the sequences.
 
@@ -97,25 +124,28 @@ class Follower:
             samples: random sequences.
             steps: steps of a sequence.
         """
-        self.vehicle, self._period, self._steps = vehicle, period, steps
-        horizon = min(max(1.44, vehicle.forward / vehicle.acceleration + 0.4), 3.0)
-        self._dt = horizon / steps
-        self._scale = max(0.3, vehicle.forward * horizon / _RANGE)
+        self.vehicle, self._period = vehicle, period
+        self._horizon = min(max(1.44, vehicle.forward / vehicle.acceleration + 0.4), 3.0)
+        self._dt = self._horizon / steps
+        self._stride = max(1, min(3, int(_APART / (vehicle.forward * self._dt))))
+        self._steps = steps = self._stride * math.ceil(steps / self._stride)
         centers, radii = vehicle.circles()
         self._circles = np.concatenate((centers, radii[:, None]), axis=1).astype(np.float32)
-        self._low = np.array([-vehicle.backward, -vehicle.sideways, -vehicle.turning], np.float32)
-        self._high = np.array([vehicle.forward, vehicle.sideways, vehicle.turning], np.float32)
-        self._rates = np.array(
-            [vehicle.acceleration, vehicle.acceleration, vehicle.turning_acceleration], np.float32
+        limits = (
+            (-vehicle.backward, vehicle.forward, vehicle.acceleration),
+            (-vehicle.sideways, vehicle.sideways, vehicle.acceleration),
+            (-vehicle.turning, vehicle.turning, vehicle.turning_acceleration),
         )
+        self._low, self._high, self._rates = np.array(limits, np.float32).T[..., None]
         generator = np.random.default_rng(0)
-        blocks = math.ceil(steps / _BLOCK)
-        noise = generator.standard_normal((_BATCHES, blocks, 3, samples), np.float32)
-        noise *= (self._high * np.array(_SPREAD, np.float32))[:, None]
-        self._noise = np.repeat(noise, _BLOCK, axis=1)[:, :steps]
+        block = math.ceil(_BLOCK / self._dt)
+        shape = _BATCHES, math.ceil(steps / block), 3, samples
+        noise = generator.standard_normal(shape, np.float32)
+        noise *= self._high * np.array(_SPREAD, np.float32)[:, None]
+        self._noise = np.repeat(noise, block, axis=1)[:, :steps]
         self._noise[..., 0] = 0.0
         self._noise[..., 1::3] *= np.float32(_FINE)
-        self._primitives = np.ascontiguousarray(self._fixed().transpose(1, 2, 0))
+        self._primitives = self._fixed()
         self.reset()
 
     def reset(self) -> None:
@@ -124,79 +154,83 @@ class Follower:
         self._turn = 0
 
     def _fixed(self) -> Singles:
-        """Return the sequences of a fixed kind, (N, steps, 3)."""
-        vehicle, steps = self.vehicle, self._steps
-        times = np.arange(steps) * self._dt
-        rows = [np.zeros((1, steps, 3))]
+        """Return the sequences of a fixed kind, (steps, 3, N)."""
+        vehicle, times = self.vehicle, np.arange(self._steps) * self._dt
+        rows: list[tuple[Any, Any, Any]] = [(0.0, 0.0, 0.0)]
         if not vehicle.least_radius:
             # Turn by an angle as fast as the acceleration allows, then drive on.
             for angle in np.linspace(-math.pi, math.pi, _TURNS + 1):
                 top = min(vehicle.turning, math.sqrt(abs(angle) * vehicle.turning_acceleration))
-                until = abs(angle) / top if top else 0.0
-                for speed in (0.0, 0.5, 1.0):
-                    row = np.zeros((1, steps, 3))
-                    row[0, :, 2] = np.where(times < until, math.copysign(top, angle), 0.0)
-                    row[0, times >= until, 0] = speed * vehicle.forward
-                    rows.append(row)
+                turns = times < (abs(angle) / top if top else 0.0)
+                rows += [
+                    (~turns * speed * vehicle.forward, 0.0, turns * math.copysign(top, angle))
+                    for speed in (0.0, 0.5, 1.0)
+                ]
         for speed in (-vehicle.backward, 0.15 * vehicle.forward, 0.4 * vehicle.forward):
-            curve = min(vehicle.turning, 2.0 * abs(speed) / max(self._scale, 0.1))
-            for share in (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0):
-                row = np.zeros((1, steps, 3))
-                row[0, :, 0], row[0, :, 2] = speed, share * curve
-                rows.append(row)
-        if vehicle.sideways:
-            for angle in np.linspace(0.0, math.tau, 12, endpoint=False):
-                row = np.zeros((1, steps, 3))
-                row[0, :, 0] = vehicle.forward * math.cos(angle)
-                row[0, :, 1] = vehicle.sideways * math.sin(angle)
-                rows.append(row)
-        return np.concatenate(rows).astype(np.float32)
+            curve = min(vehicle.turning, 2.0 * abs(speed) / max(self._scale(), 0.1))
+            rows += [(speed, 0.0, share * curve) for share in (-2, -1, -0.5, 0, 0.5, 1, 2)]
+        for angle in np.linspace(0.0, math.tau, 12, endpoint=False) if vehicle.sideways else ():
+            rows.append(
+                (vehicle.forward * math.cos(angle), vehicle.sideways * math.sin(angle), 0.0)
+            )
+        sequences = np.empty((self._steps, 3, len(rows)), np.float32)
+        for number, row in enumerate(rows):
+            for axis, values in enumerate(row):
+                sequences[:, axis, number] = values
+        return sequences
+
+    def _scale(self, share: float = 1.0) -> float:
+        """Return how far the robot comes at a share of its speed, over ``_RANGE``, at least 0.3."""
+        return max(0.3, share * self.vehicle.forward * self._horizon / _RANGE)
 
     def _pursuits(self, path: Floats, pose: PlanarPose) -> Singles:
         """Return sequences that pursue points of the way ahead, slowly: through narrow places."""
         kernel = np.ones(min(5, len(path)))
         weights = np.convolve(np.ones(len(path)), kernel, "same")
-        smooth = np.stack([np.convolve(part, kernel, "same") / weights for part in path.T], axis=1)
+        smooth = np.convolve(path @ (1.0, 1.0j), kernel, "same") / weights
         speeds, ahead = (part.ravel() for part in np.meshgrid(_PURSUED, _LOOKED))
         speeds = np.minimum(speeds, self.vehicle.forward)
-        poses = np.repeat(np.array([pose]).T, len(speeds), axis=1)
+        top, last = self.vehicle.turning, len(path) - 1
+        place, yaw = np.full(len(speeds), complex(pose.x, pose.y)), np.full(len(speeds), pose.yaw)
         commands = np.zeros((self._steps, 3, len(speeds)), np.float32)
-        for step in range(self._steps):
-            offsets = smooth[:, :, None] - poses[:2]
-            nearest = np.square(offsets).sum(axis=1).argmin(axis=0)
-            target = smooth[np.minimum(nearest + ahead, len(path) - 1)].T - poses[:2]
-            bearing = np.arctan2(target[1], target[0]) - poses[2]
-            bearing = (bearing + math.pi) % math.tau - math.pi
+        dt = _PURSUIT * self._dt
+        for step in range(0, self._steps, _PURSUIT):
+            nearest = np.abs(smooth[:, None] - place).argmin(axis=0)
+            toward = (smooth[np.minimum(nearest + ahead, last)] - place) * np.exp(-1.0j * yaw)
+            bearing = np.angle(toward)
             forward = speeds * np.square(np.maximum(np.cos(bearing), 0.0))
-            turning = np.clip(2.0 * bearing, -self.vehicle.turning, self.vehicle.turning)
-            commands[step, 0], commands[step, 2] = forward, turning
-            heading = poses[2] + turning * self._dt / 2.0
-            poses[0] += forward * np.cos(heading) * self._dt
-            poses[1] += forward * np.sin(heading) * self._dt
-            poses[2] += turning * self._dt
+            turning = np.maximum(np.minimum(2.0 * bearing, top), -top)
+            part = commands[step : step + _PURSUIT]
+            part[:, 0], part[:, 2] = forward, turning
+            turn = turning * dt
+            place += forward * dt * np.exp(1.0j * (yaw + turn / 2.0))
+            yaw += turn
         return commands
 
     def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
         """Return where sequences of commands, (steps, 3, N), lead to."""
-        dt = np.float32(self._dt)
-        most = (self._rates * dt)[:, None]
-        speeds = np.empty_like(commands)
-        now = np.empty_like(commands[0])
-        now[:] = np.array(speed, np.float32)[:, None]
-        for step, command in enumerate(commands):
-            change = command - now
-            np.minimum(change, most, out=change)
-            np.maximum(change, -most, out=change)
-            now += change
+        axes = slice(None, None, 1 if self.vehicle.sideways else 2)
+        most = (self._rates * np.float32(self._dt))[axes]
+        speeds = np.zeros_like(commands)
+        now = np.repeat(np.array(speed, np.float32)[axes, None], commands.shape[-1], axis=1)
+        for command, reached in zip(commands[:, axes], speeds[:, axes], strict=True):
+            np.subtract(command, now, out=reached)
+            np.clip(reached, -most, most, out=reached)
+            reached += now
             if self.vehicle.least_radius:
-                curve = np.abs(now[0]) / np.float32(self.vehicle.least_radius)
-                np.maximum(np.minimum(now[2], curve), -curve, out=now[2])
-            speeds[step] = now
-        moves = speeds * dt
-        turns = moves[:, 2]
-        yaw = np.cumsum(turns, axis=0)
+                curve = np.abs(reached[0]) / np.float32(self.vehicle.least_radius)
+                np.clip(reached[-1], -curve, curve, out=reached[-1])
+            now = reached
+        return self._driven(speeds, pose)
+
+    def _driven(self, speeds: Singles, pose: PlanarPose) -> _Paths:
+        """Return where velocities, (steps, 3, N), lead to, at each ``_stride``-th step."""
+        if self._stride > 1:
+            speeds = speeds.reshape(-1, self._stride, *speeds.shape[1:]).mean(axis=1)
+        moves = speeds * np.float32(self._dt * self._stride)
+        yaw = np.cumsum(moves[:, 2], axis=0)
         yaw += np.float32(pose.yaw)
-        middle = yaw - turns * np.float32(0.5)
+        middle = yaw - moves[:, 2] * np.float32(0.5)
         cos, sin = np.cos(middle), np.sin(middle)
         x, y = moves[:, 0] * cos, moves[:, 0] * sin
         if self.vehicle.sideways:
@@ -207,20 +241,10 @@ class Follower:
         y += np.float32(pose.y)
         return _Paths(speeds, x, y, yaw)
 
-    def _clearance(self, around: Surroundings, x: Singles, y: Singles, yaw: Singles) -> Singles:
-        """Return how far the footprint is from obstacles at poses, m; negative: it touches one."""
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        least = np.full(x.shape, np.inf, np.float32)
-        for ahead, left, radius in self._circles:
-            away = around.nearest(x + ahead * cos - left * sin, y + ahead * sin + left * cos)
-            away -= radius
-            np.minimum(least, away, out=least)
-        return least
-
     def clearance(self, around: Surroundings, pose: PlanarPose) -> float:
         """Return how far the robot is from obstacles at a pose, m; negative: it touches one."""
         x, y, yaw = (np.array([value], np.float32) for value in pose)
-        return float(self._clearance(around, x, y, yaw)[0])
+        return float(around.clearance(self._circles, x, y, yaw)[0])
 
     def command(
         self,
@@ -228,8 +252,6 @@ class Follower:
         pose: PlanarPose,
         speed: Triple,
         goal: tuple[float, float],
-        *,
-        limit: float = math.inf,
     ) -> tuple[Triple, bool]:
         """Return the next command, and whether there is a way on.
 
@@ -238,39 +260,42 @@ class Follower:
             pose: the robot's pose in the map.
             speed: its velocity forward, to the left, m/s, and turning, rad/s.
             goal: where the field ends, m.
-            limit: maximum speed, m/s.
         """
-        noise = self._noise[self._turn % _BATCHES]
-        self._turn += 1
-        high, low = self._high.copy(), self._low.copy()
-        high[:2], low[:2] = np.minimum(high[:2], limit), np.maximum(low[:2], -limit)
         now = self.clearance(around, pose)
-        parts = [self._plan + noise, self._primitives]
+        # In tight places it looks less far ahead, in smaller steps.
+        careful = now < _TIGHT and max(abs(speed[0]), abs(speed[1])) <= _CAREFUL
+        share = min(1.0, _CAREFUL / self.vehicle.forward) if careful else 1.0
+        commands = np.concatenate((self._noise[self._turn], self._primitives), axis=2)
+        self._turn = (self._turn + 1) % _BATCHES
+        commands[:, :2] *= np.float32(share)
+        commands[..., : self._noise.shape[-1]] += self._plan
         if now < _NARROW and len(around.path) > 1:
-            parts.append(self._pursuits(around.path, pose))
-        commands = np.concatenate(parts, axis=2)
-        np.minimum(commands, high[:, None], out=commands)
-        np.maximum(commands, low[:, None], out=commands)
-        paths = self._roll_out(commands, pose, speed)
-        prices, touching = self._prices(around, paths, now, goal)
-        weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * self._scale))
+            commands = np.concatenate((commands, self._pursuits(around.path, pose)), axis=2)
+        shares = np.array([[share], [share], [1.0]], np.float32)
+        np.clip(commands, self._low * shares, self._high * shares, out=commands)
+        paths, scale = self._roll_out(commands, pose, speed), self._scale(share)
+        prices, touching = self._prices(around, paths, now, goal, scale)
+        weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * scale))
         weights /= weights.sum()
-        mean = commands @ weights
         best = np.argsort(prices, kind="stable")[:_TRIED]
-        tried = np.concatenate((mean[..., None], commands[..., best]), axis=2)
-        safe = self._safe(around, tried, pose, speed, now)
+        tried = np.concatenate(((commands @ weights)[..., None], commands[..., best]), axis=2)
+        safe = self._safe(around, tried[0], pose, speed, min(_LEAST, now - 0.002))
         if touching[best[0]] or not safe.any():
             self._plan[:] = 0.0
             return (0.0, 0.0, 0.0), False
         chosen = tried[..., [int(safe.argmax())]]
-        share = np.float32(min(1.0, self._period / self._dt))
-        shifted = np.concatenate((chosen[1:], chosen[-1:]))
-        self._plan = chosen + share * (shifted - chosen)
+        shift = np.float32(min(1.0, self._period / self._dt))
+        self._plan = chosen + shift * (np.concatenate((chosen[1:], chosen[-1:])) - chosen)
         forward, left, turning = chosen[0, :, 0].tolist()
         return (forward, left, turning), True
 
     def _prices(
-        self, around: Surroundings, paths: _Paths, now: float, goal: tuple[float, float]
+        self,
+        around: Surroundings,
+        paths: _Paths,
+        now: float,
+        goal: tuple[float, float],
+        scale: float,
     ) -> tuple[Singles, NDArray[np.bool_]]:
         """Return the price of each path, and whether it touches something.
 
@@ -279,51 +304,56 @@ class Follower:
             paths: the paths.
             now: how far the robot is from obstacles, m.
             goal: where the field ends, m.
+            scale: see ``_scale``.
         """
-        dt, scale = np.float32(self._dt), np.float32(self._scale)
-        clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
-        touching = clearance < min(_LEAST, now - 0.01)
-        near = np.float32(self.vehicle.half_width * 0.5)
+        dt = self._dt * self._stride
+        clearance = around.clearance(self._circles, paths.x, paths.y, paths.yaw)
+        near = self.vehicle.half_width * 0.5
         away = np.square(paths.x - np.float32(goal[0])) + np.square(paths.y - np.float32(goal[1]))
-        arrived = np.logical_or.accumulate(away < near * near, axis=0)
-        hit = np.logical_or.accumulate(touching & ~arrived, axis=0)
-        speeds = np.abs(paths.speeds[:, 0]) + np.abs(paths.speeds[:, 1])
+        arrived = np.logical_or.accumulate(away < np.float32(near * near), axis=0)
+        hit = np.logical_or.accumulate((clearance < min(_LEAST, now - 0.01)) & ~arrived, axis=0)
+        speeds = np.abs(paths.speeds[:, 0])
+        if self.vehicle.sideways:
+            speeds += np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
         prices *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
         fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
-        prices += fast * np.maximum(speeds - _CREEP, 0.0) * np.float32(_FAST / scale)
+        speeds -= np.float32(_CREEP)
+        prices += fast * np.maximum(speeds, 0.0) * np.float32(_FAST / scale)
         prices += np.float32(0.15)
-        prices[arrived] = 0.0
-        total = prices.sum(axis=0) * (dt * scale)
-        later = np.arange(self._steps, 0, -1, dtype=np.float32) / np.float32(self._steps)
-        total += (later @ hit) * (np.float32(20.0) * dt) + hit[-1] * np.float32(_HIT)
+        prices *= ~arrived
+        total = prices.sum(axis=0) * np.float32(dt * scale)
+        later = np.linspace(1.0, 0.0, len(hit), endpoint=False, dtype=np.float32)
+        total += (later @ hit) * np.float32(20.0 * dt) + hit[-1] * np.float32(_HIT)
         x, y, yaw = paths.x[-1], paths.y[-1], paths.yaw[-1]
         ends = around.to_go(x, y)
-        ahead = np.float32(_AHEAD * min(1.0, self._scale))
-        costs = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
         if not self.vehicle.sideways:
-            ends = ends + np.float32(_HEADING) * np.minimum(costs - ends, np.float32(2.0))
+            ahead = np.float32(_AHEAD * min(1.0, scale))
+            there = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
+            ends += np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
         total += ~arrived[-1] * ends
-        total += np.abs(paths.speeds[:, 2]).mean(axis=0) * (np.float32(0.02) * scale)
-        total += (paths.speeds[-1, 0] < 0.0) * (np.float32(0.3) * scale)
+        total += np.abs(paths.speeds[:, 2]).mean(axis=0) * np.float32(0.02 * scale)
+        total += (paths.speeds[-1, 0] < 0.0) * np.float32(0.3 * scale)
         return total, hit[-1]
 
     def _safe(
-        self,
-        around: Surroundings,
-        commands: Singles,
-        pose: PlanarPose,
-        speed: Triple,
-        now: float,
-        least: float = _LEAST,
+        self, around: Surroundings, commands: Singles, pose: PlanarPose, speed: Triple, least: float
     ) -> NDArray[np.bool_]:
-        """Return which sequences can be begun, and the robot could still brake then."""
-        first = math.ceil(2.0 * self._period / self._dt)
-        braking = np.zeros_like(commands)
-        braking[:first] = commands[:first]
-        paths = self._roll_out(braking, pose, speed)
-        clearance = self._clearance(around, paths.x, paths.y, paths.yaw)
-        return np.asarray((clearance >= min(least, now - 0.002)).all(axis=0))
+        """Return after which commands, (3, N), obeyed for two periods, the robot could brake.
+
+        It keeps a clearance of ``least``, m, on the whole way.
+        """
+        times = np.arange(1, self._steps + 1, dtype=np.float32)[:, None, None] * np.float32(
+            self._dt
+        )
+        obeyed = np.minimum(times, np.float32(2.0 * self._period)) * self._rates
+        start = np.array(speed, np.float32)[:, None]
+        speeds = start + np.clip(commands - start, -obeyed, obeyed)
+        braked = times * self._rates - obeyed
+        speeds -= np.clip(speeds, -braked, braked)
+        paths = self._driven(speeds, pose)
+        clearance = around.clearance(self._circles, paths.x, paths.y, paths.yaw)
+        return np.asarray((clearance >= least).all(axis=0))
 
     def is_safe(
         self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple
@@ -332,7 +362,6 @@ class Follower:
 
         It keeps more clearance than on its way, as nothing makes it go there.
         """
-        sequence = np.empty((self._steps, 3, 1), np.float32)
-        sequence[:] = np.array(command, np.float32)[:, None]
-        now = self.clearance(around, pose)
-        return bool(self._safe(around, sequence, pose, speed, now, 3.0 * _LEAST)[0])
+        least = min(3.0 * _LEAST, self.clearance(around, pose) - 0.002)
+        commands = np.array([command], np.float32).T
+        return bool(self._safe(around, commands, pose, speed, least)[0])

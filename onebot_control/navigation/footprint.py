@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
 
 _OVERHANG = 0.01  # m by which circles may reach beyond the footprint
-_MOST_CIRCLES = 20
 # Limits where a controller has none: m/s and m/s^2, rad/s and rad/s^2.
 _LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
 _FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
@@ -62,8 +61,8 @@ class Vehicle:
     def circles(self) -> tuple[Floats, Floats]:
         """Return centres (N, 2) and radii (N,), m, of circles that together cover the footprint.
 
-        They reach at most 10 mm beyond it. Of the circles in the footprint, that which covers most
-        of what is left of its edge is taken next.
+        They reach at most 10 mm beyond it. Of the circles that cover the part of its edge that the
+        fewest cover, that which covers most of what is left is taken next.
         """
         start, edge = self.footprint, np.roll(self.footprint, -1, axis=0) - self.footprint
         length = np.hypot(*edge.T)
@@ -77,9 +76,11 @@ class Vehicle:
         depth = ((edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0]) / length).min(axis=1)
         inner, depth = inner[depth > 0.0], depth[depth > 0.0] + _OVERHANG
         covered = np.hypot(*(rim[:, None] - inner).transpose(2, 0, 1)) <= depth
-        left, chosen = np.ones(len(rim), np.bool_), list[int]()
-        while left.any() and len(chosen) < _MOST_CIRCLES:
-            chosen.append(int((covered[left].sum(axis=0) + depth).argmax()))
+        left, chosen = covered.any(axis=1), list[int]()
+        while left.any():
+            hardest = np.where(left, covered.sum(axis=1), len(inner) + 1).argmin()
+            gains = covered[hardest] * (covered[left].sum(axis=0) + depth)
+            chosen.append(int(gains.argmax()))
             left &= ~covered[:, chosen[-1]]
         return inner[chosen], depth[chosen]
 

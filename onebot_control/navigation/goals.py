@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from onebot_control.navigation.navigator import Failure, Navigator
-from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
 
 _PASSED = 0.5  # m from a pose that is only passed, at which the next one counts
@@ -33,6 +32,7 @@ class Goal:
         poses: those to reach, in the map; empty for a motion.
         motion: begins a motion, if there are no poses.
         stops: whether each pose is reached, and missed ones are left out; else only the last one.
+        stops_on_failure: whether it ends at the first pose that is missed.
         loops: how often the poses are driven again.
         lasts: how long the robot waits, s; 0 for a goal that drives.
         index: of the next pose.
@@ -46,6 +46,7 @@ class Goal:
     poses: Sequence[PlanarPose] = ()
     motion: Begin | None = None
     stops: bool = False
+    stops_on_failure: bool = False
     loops: int = 0
     lasts: float = 0.0
     index: int = 0
@@ -108,15 +109,13 @@ class Goals:
 
         Raises:
             OneBotError: it cannot be done now.
+            ValueError: a motion has a number that it cannot have.
         """
         self._prepare()
         navigator = self._navigator()
         self._end("another goal has come")
         goal.began, goal.last = navigator.time, navigator.pose
-        try:
-            goal.next(navigator)
-        except ValueError as error:
-            raise OneBotError(str(error)) from None
+        goal.next(navigator)
         self._goal = goal
         self._log(_described(goal))
 
@@ -149,12 +148,15 @@ class Goals:
 
     def _leg_ended(self, goal: Goal, navigator: Navigator) -> None:
         failure = navigator.failure
-        if navigator.status != "arrived" and not (goal.stops and failure is not None):
-            self._end(navigator.reason, failure)
-            return
-        if failure is not None:
+        if failure is not None and goal.stops:
             self._log(f"pose {goal.index} is missed: {navigator.reason}")
             goal.missed.append((goal.index, failure))
+            goes_on = not goal.stops_on_failure
+        else:
+            goes_on = navigator.status == "arrived"
+        if not goes_on:
+            self._end(navigator.reason, failure)
+            return
         goal.index += 1
         if not goal.next(navigator):
             self._end("")

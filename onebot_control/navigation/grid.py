@@ -6,6 +6,7 @@ walls more exactly than its edges, for scan matching.
 """
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -85,6 +86,12 @@ class Window(NamedTuple):
     bottom: int  # row after the last
     right: int  # column after the last
 
+    @classmethod
+    def around(cls, cell: Sequence[int], cells: int, shape: tuple[int, ...]) -> "Window":
+        """Return the part up to so many cells from one, within a map of that shape."""
+        row, column = cell
+        return cls(row, column, row + 1, column + 1).grown(cells, shape)
+
     @property
     def cells(self) -> tuple[slice, slice]:
         """The part as an index of arrays."""
@@ -154,6 +161,11 @@ class GridMap:
     def cells(self, points: Floats) -> NDArray[np.intp]:
         """Return row and column (N, 2) of points (N, 2); they may be outside of the map."""
         return np.floor((points[:, ::-1] - self.origin[::-1]) / self.resolution).astype(np.intp)
+
+    def around(self, pose: PlanarPose, radius: float) -> Window:
+        """Return the part of the map up to ``radius``, m, from a pose, along rows and columns."""
+        [cell] = self.cells(np.array([pose[:2]])).tolist()
+        return Window.around(cell, math.ceil(radius / self.resolution), self.shape)
 
     def middle(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
         """Return the middles (N, 2) of cells, m."""
@@ -277,9 +289,7 @@ class GridMap:
 
     def clear_around(self, pose: PlanarPose, radius: float) -> Window:
         """Forget what is within ``radius``, m, of a pose, and return that part."""
-        half = math.ceil(radius / self.resolution)
-        row, column = self.cells(np.array([pose[:2]]))[0].tolist()
-        window = Window(row, column, row + 1, column + 1).grown(half, self.shape)
+        window = self.around(pose, radius)
         self.log_odds[window.cells] = np.minimum(self.log_odds[window.cells], 0.0)
         self.ends[window.cells] = 0.0
         return window
@@ -291,11 +301,7 @@ class GridMap:
             near: only those in a square around this pose.
             radius: half its edge, m.
         """
-        window = Window(0, 0, *self.shape)
-        if near is not None:
-            half = math.ceil(radius / self.resolution)
-            row, column = self.cells(np.array([near[:2]]))[0].tolist()
-            window = Window(row, column, row + 1, column + 1).grown(half, self.shape)
+        window = Window(0, 0, *self.shape) if near is None else self.around(near, radius)
         ends = self.ends[window.cells]
         rows, columns = np.nonzero((self.log_odds[window.cells] > 0.0) & (ends[..., 0] > 0.0))
         chosen = ends[rows, columns].astype(float)

@@ -53,7 +53,8 @@ class Localizer:
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
         """Take the robot to be at a pose, with a covariance (3, 3); None: it is known exactly."""
         self._pose = pose
-        self.covariance = np.diag([1e-4, 1e-4, 1e-4]) if covariance is None else covariance.copy()
+        least = np.diag([1e-4, 1e-4, 1e-4])  # no pose is exact, even if it is given as such
+        self.covariance = least if covariance is None else covariance + least
         self.share = 1.0
         self._history = deque[tuple[float, PlanarPose]](maxlen=_KEPT)
         self._turn = 0.0

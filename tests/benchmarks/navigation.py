@@ -22,6 +22,7 @@ from scipy.ndimage import distance_transform_edt
 
 from onebot_control import Simulation
 from onebot_control.navigation.cost_to_go import CostToGo
+from onebot_control.navigation.costmap import quartered
 from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import Window
@@ -55,9 +56,8 @@ def run(quick: bool) -> Report:
     def repair() -> None:
         for price in (np.inf, 1.0):
             small[part.cells] = price
-            if not field.change(small, part):
-                raise WrongAnswer("a field has not noticed a change")
-            _spread(field)
+            field.change(small, part)
+            field.spread()
 
     variants = {
         "roll-outs": lambda: cpu_of(_roll_outs, least),
@@ -116,14 +116,9 @@ def _prices(shape: tuple[int, int]) -> Any:
     return prices.astype(np.float32)
 
 
-def _spread(field: CostToGo) -> None:
-    for _ in field.spread():
-        pass
-
-
 def _whole(prices: Any) -> CostToGo:
     field = CostToGo(prices, 0.05, np.array([(5, 5)]))
-    _spread(field)
+    field.spread()
     return field
 
 
@@ -147,7 +142,7 @@ def _cycle() -> Any:
     vehicle = Vehicle(corners, 1.0, 0.3, 0.0, 2.0, 1.0, 3.0)
     follower = Follower(vehicle, samples=_SAMPLES, steps=_STEPS)
     prices = _prices((400, 400))
-    distances = np.full((800, 800), 1.0, np.float32)
+    distances = quartered((distance_transform_edt(np.isfinite(prices)) * 0.05).astype(np.float32))
     around = Surroundings(distances, _whole(prices).values, 20.0, (0.0, 0.0), 0.05)
     return lambda: follower.command(around, PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2))
 

@@ -16,7 +16,6 @@ from onebot_control.navigation.grid import GridMap, Window
 from onebot_control.navigation.navigator import (
     Failure,
     NavigationError,
-    NavigationParameters,
     Navigator,
 )
 from onebot_control.occupancy_grid import OccupancyGrid
@@ -99,8 +98,7 @@ def random_prices(seed, shape=(60, 80)):
 
 def whole(prices, goal=(30, 40)) -> CostToGo:
     field = CostToGo(prices, 0.05, np.array([goal]))
-    for _ in field.spread():
-        pass
+    field.spread()
     return field
 
 
@@ -115,28 +113,25 @@ def test_a_repaired_field_is_that_of_the_new_prices(seed):
     """Whether prices rise or fall, near the goal or far from it, known already or not."""
     prices, generator = random_prices(seed), np.random.default_rng(seed)
     field = CostToGo(prices, 0.05, np.array([(30, 40)]))
-    for _ in field.spread(2.0):
-        pass
+    field.spread((30, 40), 2.0)
     for _ in range(5):
         top, left = generator.integers(0, [50, 70]).tolist()
         part = Window(top, left, top + 10, left + 10)
         prices[part.cells] = generator.choice([1.0, 4.0, np.inf], (10, 10))
         field.change(prices, part)
-        for _ in field.spread(generator.uniform(1.0, 5.0)):
-            pass
-    for _ in field.spread():
-        pass
+        field.spread((30, 40), generator.uniform(1.0, 5.0))
+    field.spread()
     np.testing.assert_allclose(field.values, by_dijkstra(prices, 0.05, (30, 40)), 1e-6)
 
 
 def test_a_wave_stops_where_it_is_told_and_goes_on():
     prices = np.ones((100, 100), np.float32)
     field = CostToGo(prices, 0.05, np.array([(0, 0)]))
-    cells = sum(field.spread(1.0))
-    assert np.isinf(field.values[99, 99]) and cells < 2000
+    assert field.spread((0, 0), 1.0) and np.isinf(field.values[99, 99])
+    assert np.isfinite(field.values).sum() < 2000
+    assert not field.spread((99, 99), budget=100) and np.isinf(field.values[99, 99])
     assert field.values[0, 20] == pytest.approx(1.0)
-    for _ in field.spread():
-        pass
+    field.spread()
     assert field.values[99, 99] == pytest.approx(99 * 0.05 * math.sqrt(2.0))
     assert field.way((3, 3)).tolist() == [[3, 3], [2, 2], [1, 1], [0, 0]]
 
@@ -410,7 +405,3 @@ def test_it_gives_up(goal, failure):
         time += 0.05
     assert navigator.failure is failure and navigator.reason == failure.value
     assert (time > 5.0) == (failure is Failure.NO_VALID_PATH)
-
-
-def test_parameters_have_nav2s_names():
-    assert NavigationParameters(xy_goal_tolerance=0.25).yaw_goal_tolerance == 0.1

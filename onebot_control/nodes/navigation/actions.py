@@ -72,8 +72,14 @@ def _waypoints(context: Context, action: "NavigationAction", request: Any) -> Go
     poses = _poses(context, request.poses)
     if request.goal_index >= len(poses):
         raise RequestError(f"goal_index is {request.goal_index} of {len(poses)} poses", "UNKNOWN")
-    loops = int(request.number_of_loops)
-    return Goal(action, poses, stops=True, loops=loops, index=int(request.goal_index))
+    return Goal(
+        action,
+        poses,
+        stops=True,
+        stops_on_failure=action.stops_on_failure,
+        loops=int(request.number_of_loops),
+        index=int(request.goal_index),
+    )
 
 
 def _follow_path(context: Context, action: "NavigationAction", request: Any) -> Goal:
@@ -227,6 +233,11 @@ class NavigationAction:
             result_timeout=RESULT_KEPT,
         )
 
+    @property
+    def stops_on_failure(self) -> bool:
+        """The parameter of that name."""
+        return bool(self._node.get_parameter("stop_on_failure").value)
+
     def _on_goal(self, request: Any) -> GoalResponse:
         try:
             for name in _PLUGINS:
@@ -255,12 +266,12 @@ class NavigationAction:
             goal = row.goal(self._context, self, handle.request)
             goal.handle = handle
             self._context.goals.start(goal)
-        except OneBotError as error:
+        except (OneBotError, ValueError) as error:
             self._refuse(handle, result, error)
 
-    def _refuse(self, handle: Any, result: Any, error: OneBotError) -> None:
+    def _refuse(self, handle: Any, result: Any, error: OneBotError | ValueError) -> None:
         self._node.get_logger().error(f"{self._row.name}: {error}")
-        name = "TF_ERROR"
+        name = "TF_ERROR" if isinstance(error, OneBotError) else "INVALID_INPUT"
         if isinstance(error, NavigationError):
             name = error.failure.name
         elif isinstance(error, RequestError):
@@ -320,9 +331,8 @@ class NavigationAction:
         if self._row.elapsed:
             elapsed = self._context.navigator().time - goal.began
             setattr(result, self._row.elapsed, Duration(seconds=elapsed).to_msg())
-        if failure is not None:
-            result.error_code = self._code(failure.name)
-        if hasattr(result, "error_msg"):
+        if reason and hasattr(result, "error_msg"):
+            result.error_code = self._code(failure.name if failure else "UNKNOWN")
             result.error_msg = reason
         self._action.finish(handle, partial(_finished, "abort" if reason else "succeed", result))
 

@@ -1,11 +1,13 @@
-"""The services of Nav2's lifecycle that its clients wait for; here all is always active."""
+"""The services of Nav2's nodes that its clients wait for; here all is always active."""
 
 from collections.abc import Callable
 from typing import Any
 
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from onebot_description.ros.wire.interfaces import load_interface
@@ -39,6 +41,13 @@ def offer_lifecycle(node: Node, is_ready: Callable[[], bool]) -> None:
         answer.success = True
         return answer
 
+    def set_parameters(request: Any, answer: Any) -> Any:
+        answer.results = node.set_parameters(
+            [Parameter.from_parameter_msg(each) for each in request.parameters]
+        )
+        return answer
+
+    node.create_service(SetParameters, "waypoint_follower/set_parameters", set_parameters)
     kind = load_interface("nav2_msgs/srv/ManageLifecycleNodes")
     for name in _NODES:
         node.create_service(GetState, f"{name}/get_state", get_state)

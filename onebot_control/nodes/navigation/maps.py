@@ -153,10 +153,16 @@ class MapTopics:
         node.create_service(load, "map_server/load_map", self._on_load)
         save = load_interface("nav2_msgs/srv/SaveMap")
         node.create_service(save, "map_saver/save_map", self._on_save)
-        clear = load_interface("nav2_msgs/srv/ClearEntireCostmap")
+        self._around = load_interface("nav2_msgs/srv/ClearCostmapAroundRobot").Request
         for name in ("global", "local"):
-            service = f"{name}_costmap/clear_entirely_{name}_costmap"
-            node.create_service(clear, service, self._on_clear)
+            for kind, service, answer in (
+                ("GetCostmap", "get_costmap", self._on_get_costs),
+                ("ClearEntireCostmap", f"clear_entirely_{name}_costmap", self._on_clear),
+                ("ClearCostmapExceptRegion", "clear_costmap_except_region", self._on_clear),
+                ("ClearCostmapAroundRobot", "clear_costmap_around_robot", self._on_clear),
+            ):
+                interface = load_interface(f"nav2_msgs/srv/{kind}")
+                node.create_service(interface, f"{name}_costmap/{service}", answer)
 
     def _on_get_map(self, _: Any, answer: Any) -> Any:
         try:
@@ -188,9 +194,25 @@ class MapTopics:
             answer.result = False
         return answer
 
-    def _on_clear(self, _: Any, answer: Any) -> Any:
+    def _on_get_costs(self, _: Any, answer: Any) -> Any:
         try:
-            self._navigator().clear()
+            costs = self._navigator().costs()
+        except OneBotError as error:
+            self._node.get_logger().error(f"no costs yet: {error}")
+            return answer
+        answer.map.header.frame_id, answer.map.header.stamp = self._frame, self._stamp()
+        specs = answer.map.metadata
+        specs.size_y, specs.size_x = costs.data.shape
+        specs.resolution, specs.origin = costs.resolution, pose_message(PlanarPose(*costs.origin))
+        answer.map.data = costs.data.tobytes()
+        return answer
+
+    def _on_clear(self, request: Any, answer: Any) -> Any:
+        try:
+            if isinstance(request, self._around):
+                self._navigator().forget_near(request.reset_distance)
+            else:
+                self._navigator().clear()
         except OneBotError as error:
             self._node.get_logger().error(f"nothing to clear: {error}")
         return answer

@@ -31,7 +31,6 @@ _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
 _TF_DEPTH = 100
 _SCANS = 10  # scans that wait for the odometry
 _KEPT = 50  # own commands that are remembered
-_JUMP = 0.5  # m or rad between two odometries, above what the robot can drive in between
 
 
 class TimedScan(NamedTuple):
@@ -97,17 +96,9 @@ class Measurements:
         locked: whether the robot is locked, so that it ignores commands.
     """
 
-    def __init__(
-        self, node: Node, *, jumped: Callable[[str], None], overruled: Callable[[str], None]
-    ) -> None:
-        """Subscribe.
-
-        Args:
-            node: the navigator's node.
-            jumped: called with a sentence when the odometry has jumped.
-            overruled: called with a sentence when others command the robot, or lock it.
-        """
-        self._node, self._jumped, self._overruled = node, jumped, overruled
+    def __init__(self, node: Node, overruled: Callable[[str], None]) -> None:
+        """Subscribe; ``overruled`` is called with a sentence when the robot is locked."""
+        self._overruled = overruled
         self.transforms = Transforms(node)
         self.motion: TimedOdometry | None = None
         self.locked = False
@@ -163,12 +154,10 @@ class Measurements:
         if not all(map(math.isfinite, (*pose, *speed))):
             self._warn("odometry", "odometry is ignored: it is not finite")
             return
-        former_motion, stamp = self.motion, nanoseconds(message.header.stamp)
-        frames = message.header.frame_id, message.child_frame_id
-        self.motion = TimedOdometry(stamp, *frames, pose, speed)
-        if former_motion is not None and (text := _jump(former_motion, self.motion)):
+        stamp, header = nanoseconds(message.header.stamp), message.header
+        if self.motion is not None and stamp < self.motion.stamp_ns:
             self._scans.clear()
-            self._jumped(text)
+        self.motion = TimedOdometry(stamp, header.frame_id, message.child_frame_id, pose, speed)
 
     def _on_imu(self, message: Imu) -> None:
         motion, stamp = self.motion, nanoseconds(message.header.stamp)
@@ -200,21 +189,6 @@ def scan_of(message: LaserScan, mount: Floats) -> LevelScan:
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
     least, step = float(message.angle_min), float(message.angle_increment)
     return LevelScan.mounted(ranges, least, step, float(message.range_max), mount)
-
-
-def _jump(before: TimedOdometry, after: TimedOdometry) -> str:
-    """Return a sentence if the robot cannot have driven from one odometry to the other."""
-    elapsed = (after.stamp_ns - before.stamp_ns) / NS_PER_S
-    if elapsed < 0.0:
-        return "the time of the odometry went back"
-    moved = before.pose.inverse().compose(after.pose)
-    away, turned = math.hypot(moved.x, moved.y), abs(math.remainder(moved.yaw, math.tau))
-    speeds = [max(abs(a), abs(b)) for a, b in zip(before.speed, after.speed, strict=True)]
-    if away > _JUMP + 2.0 * elapsed * math.hypot(*speeds[:2]):
-        return f"the odometry jumped by {away:.2f} m"
-    if turned > _JUMP + 2.0 * elapsed * speeds[2]:
-        return f"the odometry jumped by {turned:.2f} rad"
-    return ""
 
 
 class Commands:

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from onebot_control.navigation.footprint import Vehicle, footprint_of, vehicle_of
 from onebot_control.navigation.goals import Goal, Goals
 from onebot_control.navigation.map_files import load_map
-from onebot_control.navigation.navigator import NavigationParameters, Navigator
+from onebot_control.navigation.navigator import Navigator
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_control.nodes.navigation.actions import Context, offer_actions
@@ -41,6 +41,7 @@ from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
 from onebot_description.timing import NS_PER_S
+from onebot_description.timing.throttled import Throttled
 
 _POLL = 0.5  # s between looks for controllers
 _PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is taken to have none
@@ -68,11 +69,11 @@ class NavigatorNode(Node):
         self._known: OccupancyGrid | None = load_map(Path(map_file)) if map_file else None
         self._description: Description | None = load_description(file) if file else None
         self._navigator: Navigator | None = None
-        self._moved: PlanarPose | None = None  # odometry where the map began
         self._vehicle: Vehicle | None = None
         self._told, self._line = -math.inf, ""
+        self._warn = Throttled(lambda text: self.get_logger().warning(text))
         self._robot_since = math.inf  # since when somebody takes commands
-        self._measured = Measurements(self, jumped=self._on_jump, overruled=self._stop)
+        self._measured = Measurements(self, self._stop)
         self._commands = Commands(self, self._stop)
         self._controllers = Controllers(self, self._on_limits)
         self._tf = self.create_publisher(TFMessage, "/tf", DEPTH)
@@ -142,17 +143,11 @@ class NavigatorNode(Node):
 
     def _start(self, motion: TimedOdometry) -> None:
         assert self._vehicle is not None
-        parameters, start = self._settings, self._settings.initial_pose
+        start = self._settings.initial_pose
         self._navigator = Navigator(
             self._vehicle,
             PlanarPose(start.x, start.y, start.yaw).compose(motion.pose),
-            parameters=NavigationParameters(
-                xy_goal_tolerance=parameters.xy_goal_tolerance,
-                yaw_goal_tolerance=parameters.yaw_goal_tolerance,
-                resolution=parameters.resolution,
-                controller_frequency=parameters.controller_frequency,
-                time_allowance=parameters.time_allowance or math.inf,
-            ),
+            parameters=self._settings,
             known=self._known,
         )
         size = np.ptp(self._vehicle.footprint, axis=0)
@@ -196,6 +191,8 @@ class NavigatorNode(Node):
         """Publish the line on what it does, when it changes, and now and then its distance."""
         status = _WORDS.get(navigator.status, navigator.status)
         line = f"{status}: {navigator.reason}" if navigator.reason else status
+        if navigator.status == "blocked":
+            self._warn("blocked", line)
         if navigator.status == "driving":
             if 0.0 <= navigator.time - self._told < _TELLING and self._line.startswith(line):
                 return
@@ -212,24 +209,14 @@ class NavigatorNode(Node):
         self._ready()
         if self._measured.locked:
             raise OneBotError("the robot is locked: drive it from where it was stopped, first")
+        if self.count_publishers("amcl_pose") > 1:
+            raise OneBotError(
+                "another node navigates or localizes this robot, too: end one of them"
+            )
         self._commands.prepare()
 
     def _stop(self, reason: str) -> None:
         self._goals.cancel(reason)
-
-    def _on_jump(self, text: str) -> None:
-        """Go on from the same place in the map, or at the start if the odometry is there."""
-        motion, navigator = self._measured.motion, self._navigator
-        if navigator is None or motion is None:
-            return
-        self.get_logger().warning(f"{text}; goals end")
-        self._stop(text)
-        pose = navigator.pose
-        if math.hypot(motion.pose.x, motion.pose.y) < 0.01:  # it was reset
-            start = self._settings.initial_pose
-            pose = PlanarPose(start.x, start.y, start.yaw)
-        self._start(motion)
-        self._ready().place(pose)
 
     def _use_map(self, grid: OccupancyGrid) -> None:
         motion = self._measured.motion
@@ -252,6 +239,8 @@ class NavigatorNode(Node):
         rows = (0, 1, 5)
         try:
             navigator, pose = self._ready(), self._in_map(stamped)
+            if not np.isfinite(covariance).all():
+                raise OneBotError("the covariance is not finite")
             self._stop("the robot was placed in the map")
             navigator.place(pose, covariance[np.ix_(rows, rows)])
             self._maps.publish_pose(navigator)
