@@ -21,7 +21,6 @@ from nav_msgs.msg import Odometry
 
 from onebot_control import Simulation
 from onebot_control.navigation.map_files import save_map
-from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.ros.domains import used_domain
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
@@ -56,14 +55,14 @@ class Program(NamedTuple):
 
     file: str
     pattern: str  # what it prints at its good end
-    end: tuple[float, float]  # where the robot is then, in the map, m
-    poses: dict[str, str] = {}  # texts that are replaced
+    end: tuple[float, float]  # where the robot is then, from its start, m
+    poses: dict[str, str] = {}  # poses that are replaced; those of the start are added to them
     words: tuple[str, ...] = ()
 
 
 _COMMANDER = "nav2_simple_commander/nav2_simple_commander"
 _TESTS = "nav2_system_tests/src"
-_START = 2.0, 0.5  # where the robot starts in the maze, which is the map's origin, m
+_START = 2.0, 0.5  # where the robot starts in the maze, m
 _ROUTE = {
     **{"= 10.15": "= 0.3", "= 17.86": "= 0.4", "= 21.58": "= -0.3"},
     **{"= -0.77": "= -0.2", "= -3.5": "= 0.2"},
@@ -114,13 +113,13 @@ PROGRAMS = (
         f"{_TESTS}/system/nav_to_pose_tester_node.py",
         "Exiting passed",
         (0.4, 0.2),
-        words=("-r", "0.0", "0.0", "0.4", "0.2", "-e", "True"),
+        words=("-r", "2.0", "0.5", "2.4", "0.7", "-e", "True"),
     ),
     Program(
         f"{_TESTS}/system/nav_through_poses_tester_node.py",
         "Exiting passed",
         (0.4, 0.2),
-        words=("-r", "0.0", "0.0", "0.4", "0.2"),
+        words=("-r", "2.0", "0.5", "2.4", "0.7"),
     ),
     Program(
         f"{_TESTS}/waypoint_follower/tester.py",
@@ -142,10 +141,19 @@ def client_outcome(folder: Path, program: Program, scratch: Path) -> tuple[bool,
     for old, new in program.poses.items():
         text = text.replace(old, new)
     file, (x, y) = scratch / Path(program.file).name, _START
+    text = re.sub(
+        r"(position\.([xy]) = )(-?[\d.]+)$",
+        lambda found: f"{found[1]}{float(found[3]) + (x if found[2] == 'x' else y)}",
+        text,
+        flags=re.MULTILINE,
+    )
+    text = re.sub(
+        r"\[(-?\d[\d.]*), (-?\d[\d.]*)(?=[,\]])",
+        lambda found: f"[{float(found[1]) + x}, {float(found[2]) + y}",
+        text,
+    )
     file.write_text(text)
-    grid = Simulation(world="maze").occupancy_grid(0.05)
-    origin = grid.origin[0] - x, grid.origin[1] - y
-    given = save_map(OccupancyGrid(grid.data, grid.resolution, origin), scratch / "maze")
+    given = save_map(Simulation(world="maze").occupancy_grid(0.05), scratch / "maze")
     words = f"world:=maze x:={x} y:={y} sensors_enabled:=true navigate:=true viewer:=none"
     with (
         used_domain() as domain,
