@@ -44,16 +44,19 @@ Observation = dict[str, NDArray[np.float32]]
 
 @checked_methods(before=lambda self: self.simulation._core.require_open())
 class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """A Gymnasium environment: velocity commands in, scan and odometry out.
+    """A Gymnasium environment of a robot with wheels and a lidar.
 
-    Override ``reward`` and ``is_over`` for a task. By default, metres driven forward are rewarded,
-    and an episode is over when the robot is near an obstacle.
+    Velocity commands go in, scan and odometry come out. Override ``reward`` and ``is_over``, which
+    are called after each step, for a task. By default, metres driven forward are rewarded, and an
+    episode is over when the robot is near an obstacle. For an arm, write a ``gymnasium.Env`` around
+    ``Simulation``.
 
     Attributes:
         simulation: the simulation; its ``robot`` is the one that acts.
         action_space: (2,), -1 to 1: fractions of 1 m/s forward and of 3 rad/s to the left.
         observation_space: "scan" (N,): ranges in m, 0 where something is too near, and the maximum
-            range where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), m/s, rad/s.
+            range where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), linear (m/s) and
+            angular velocity (rad/s).
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - it is the base class's
@@ -120,7 +123,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Apply an action for one step.
 
         Args:
-            action: (2,), as in ``action_space``.
+            action: (2,), as in ``action_space``; the controller clips what is faster.
 
         Returns:
             Observation, reward, terminated, truncated, and an empty dict.

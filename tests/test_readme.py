@@ -1,5 +1,6 @@
 """Every command of every README does what the README says."""
 
+import ast
 import re
 import shlex
 import sys
@@ -242,11 +243,13 @@ def test_shown_files_are_the_real_ones():
         assert text in Path(CHECKOUT / name).read_text(), name
 
 
-def test_python_example_runs(monkeypatch):
-    """The notebook example gives arrays of the shapes it says."""
-    [code] = re.findall(r"<!-- python -->\n```python\n(.*?)```", ALL, re.DOTALL)
+def test_python_examples_run(monkeypatch):
+    """They give arrays of the shapes that they say."""
     monkeypatch.chdir(CHECKOUT)
     names: dict = {}
-    exec(code, names)
+    for code in re.findall(r"<!-- python -->\n```python\n(.*?)```", ALL, re.DOTALL):
+        exec(code, names)
+        for name, shape in re.findall(r"^(\w+) = .*# (\(\d.*?\))", code, re.MULTILINE):
+            assert names[name].shape == ast.literal_eval(shape), name
     assert names["translations"].shape == (1, 3) and names["rotations"].shape == (1, 4)
-    assert names["poses"].shape == (2, 7)
+    assert names["hand"].shape == (4, 4) and names["poses"].shape == (2, 7)

@@ -10,6 +10,7 @@ from onebot_control import Simulation
 from onebot_description import RobotModel
 
 PANDA = f"{pybullet_data.getDataPath()}/franka_panda/panda.urdf"
+# It would start straight, from where it could not move its hand towards its base.
 BENT = {"initial_positions.panda_joint4": -2.0, "initial_positions.panda_joint6": 1.6}
 GOAL = np.array([0.4, 0.2, 0.5])  # m, in the base's frame
 

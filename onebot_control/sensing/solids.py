@@ -186,7 +186,7 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
     scene = mesh_scene(mesh)
     assert mesh.path is not None
     for text in look_warnings(scene):
-        logger.warning("%s, nor seen by cameras", text)
+        logger.warning("%s; cameras do not see it", text)
     has_own_colors = has_colors(mesh.path, scene)
     parts = []
     for surface in surfaces(scene):

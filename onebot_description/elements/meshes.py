@@ -119,8 +119,8 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
         raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
     if suffix in GLTF_SUFFIXES:  # its y, which is up, becomes z
         scene.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-    text = "is not there, which it names for its look"
-    scene.metadata[_WARNINGS] = [f'{shown_path(path)}: "{name}" {text}' for name in files.missing]
+    text = "it is drawn without this file, which is missing"
+    scene.metadata[_WARNINGS] = [f"{shown_path(path)}: {text}: {name}" for name in files.missing]
     return scene
 
 

@@ -238,7 +238,8 @@ class RobotModel:
     def positions(self, given: _Positions) -> Floats:
         """Positions of all moving joints, (M,), from some of them by name.
 
-        Mimic joints follow; what nothing determines is at 0.
+        Mimic joints follow. Other joints are at 0, even if that is beyond their limits, which are
+        not checked: ``pose`` does that.
         """
         for name in given:
             self.row(name)
@@ -295,15 +296,20 @@ class RobotModel:
         """Return the poses of all links in the root link's frame.
 
         Args:
-            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
+            positions: (..., M) in the order of ``joints``, rad or m; or by name, as ``positions``.
 
         Returns:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
+
+        Raises:
+            OneBotError: the shape is another, or there is no such joint.
         """
         return self._tree.poses(self._checked(positions))
 
     def jacobian(self, link: str, positions: ArrayLike | Mapping[str, float]) -> Floats:
         """Return the geometric Jacobian of a link's origin, in the root link's frame.
+
+        Pinocchio names it LOCAL_WORLD_ALIGNED.
 
         Times the velocities (M,) of the joints, rad/s or m/s, it gives the linear velocity of the
         origin, m/s, above the angular velocity of the link, rad/s. The columns are those of
@@ -312,13 +318,13 @@ class RobotModel:
 
         Args:
             link: name of the link.
-            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
+            positions: (..., M) in the order of ``joints``, rad or m; or by name, as ``positions``.
 
         Returns:
             (..., 6, M).
 
         Raises:
-            OneBotError: there is no such link.
+            OneBotError: there is no such link or joint, or the shape is another.
         """
         if link not in self.links:
             hint = did_you_mean(link, self.links, "links")
@@ -346,16 +352,16 @@ class RobotModel:
         return chain
 
     def link_matrices(self, positions: ArrayLike | Mapping[str, float]) -> dict[str, Floats]:
-        """Return the pose (4, 4) of each link in the root link's frame, by name.
+        """Return the pose (..., 4, 4) of each link in the root link's frame, by name.
 
         Args:
-            positions: (M,) in the order of ``joints``, radians or metres; or by name.
+            positions: (..., M) in the order of ``joints``, rad or m; or by name, as ``positions``.
+
+        Raises:
+            OneBotError: the shape is another, or there is no such joint.
         """
-        positions = self._checked(positions)
-        if positions.ndim > 1:
-            raise OneBotError(f"positions of shape {positions.shape} are several; give one's")
         poses = matrices.of_poses(self.link_poses(positions))
-        return dict(zip(self.links, poses, strict=True))
+        return dict(zip(self.links, np.moveaxis(poses, -3, 0), strict=True))
 
     @functools.cached_property
     def _tree(self) -> LinkTree:

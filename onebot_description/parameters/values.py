@@ -55,6 +55,10 @@ class Rule:
     read_only: bool = False  # it is read once, when the node starts
     keys: tuple[str, ...] = ()  # of a map: what its names are, such as "joint"
 
+    def __repr__(self) -> str:
+        """What would be right, as ``help()`` shows it in the signatures of functions."""
+        return self.write or self.range or ", ".join(self.choices) or "any"
+
     @property
     def range(self) -> str:
         """The range in words, such as "above 0 and up to 1000"; empty for none."""

@@ -209,9 +209,9 @@ def test_a_file_that_a_mesh_lacks_for_its_look_is_named(tmp_path, lost, capsys, 
             f"<library_images><image id='i'><init_from>{name}</init_from></image></library_images>"
         )
         path.write_text(text.replace("<library_effects>", f"{image}<library_effects>"))
-    words = f'{name}" is not there, which it names for its look'
+    words = "it is drawn without this file, which is missing: "
     [warning] = _load(path).warnings
-    assert warning.startswith(f"{path}: ") and words in warning
+    assert warning.startswith(f"{path}: {words}") and warning.endswith(name)
     visual = f'<visual><geometry><mesh filename="{path}"/></geometry></visual>'
     (tmp_path / "r.urdf").write_text(
         f'<robot name="r"><link name="a">{visual}{visual}</link></robot>'
@@ -224,7 +224,7 @@ def test_a_file_that_a_mesh_lacks_for_its_look_is_named(tmp_path, lost, capsys, 
     assert capsys.readouterr().err == ""
     [part] = {_mesh(str(path))}
     assert len(solid_of([(Geometry(part, Origin()), np.eye(4))]).faces)
-    assert caplog.messages == [f"{warning}, nor seen by cameras"]
+    assert caplog.messages == [f"{warning}; cameras do not see it"]
 
 
 def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):

@@ -96,7 +96,7 @@ PUBLIC = {
         1,
         warnings={
             "unknown inside <collision>, so it is ignored": 10,
-            "is not there, which it names for its look": 2,
+            "it is drawn without this file, which is missing": 2,
         },
         starts=HAND_DOWN,
     ),
