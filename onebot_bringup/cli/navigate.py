@@ -100,4 +100,5 @@ class _Drive:
             if (feedback := self._feedback) is not None and not over():
                 left = feedback.estimated_time_remaining
                 seconds = left.sec + left.nanosec / NS_PER_S
-                print(f"{feedback.distance_remaining:.1f} m, {seconds:.0f} s left")
+                distance = feedback.distance_remaining  # 0 until there is a path
+                print(f"{distance:.1f} m, {seconds:.0f} s left" if distance else "planning ...")

@@ -113,6 +113,7 @@ export class View {
     if (!this.place.classList.contains("loading")) return;
     this.place.classList.remove("loading");
     this.explain(behind === true);
+    this.on.focus(); // a window that is not active reports none
   }
 
   /** Say for a while why the view is behind, or no longer; and all the time if it can stall us. */
