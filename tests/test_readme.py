@@ -159,7 +159,7 @@ def test_the_workflow_to_copy_installs_and_tests() -> None:
     install, test = (shlex.split(step["run"], comments=True) for step in steps if "run" in step)
     names = [Requirement(word).name for word in install[2:]]
     assert install[:2] == ["pip", "install"] and names == ["pytest", project["name"]]
-    assert test == ["python", "-m", "pytest"]
+    assert test[:3] == ["python", "-m", "pytest"]
 
 
 @pytest.mark.slow

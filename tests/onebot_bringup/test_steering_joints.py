@@ -242,7 +242,8 @@ def test_an_arm_on_a_robot_that_drives(ros_domain: int) -> None:
 
         with opened(own) as page:
             wait_for(lambda: page.state["listeners"] == 1, "the robot")
-            wait_for(lambda: peer.node.count_publishers(f"{MANAGER}/cmd_vel_lock"), "the page")
+            # A lock is published once: it is lost as long as this subscriber is not discovered.
+            wait_for(lambda: page.send("stop") or all(locks), "the page's locks")
             page.hold(0.2, arm_joint=SPEED)
             wait_for(lambda: command(0.2, SPEED), "both to move")
             for speed, turn, wheels_locked in ((0.0, -SPEED, True), (0.2, 0.0, False)):

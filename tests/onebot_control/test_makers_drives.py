@@ -264,7 +264,7 @@ def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
     ]
     wheels = config.wheels(robot(*parts))
     assert wheels.names == ("fl", "fr", "rr", "rl")
-    (right, *_) = config.geometry(wheels).kinematics.command((0.0, 0.0, 1.0)).wheels
+    (right, *_) = config.geometry(wheels).command((0.0, 0.0, 1.0)).wheels
     assert right == pytest.approx(-(0.4 + 0.6 * 1.5) / 2.0 / 0.2)
 
 
