@@ -68,7 +68,7 @@ _Cycles = Annotated[
 _Pixels = Annotated[int, Rule(at_least=1, at_most=4096, write="pixels, from 1 to 4096")]
 _Bounds = Annotated[
     Sequence[float],
-    ValueType(float, Rule(write="bounds: least x, least y, greatest x, greatest y"), True, 4),
+    ValueType(float, Rule(write="bounds: minimum x, minimum y, maximum x, maximum y"), True, 4),
 ]
 _Remap = Annotated[Mapping[str, str], Rule(write='a dict such as {"cmd_vel": "/cmd_vel"}')]
 _RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
@@ -365,7 +365,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             OneBotError: nothing is there, and there are no bounds; or there are too many cells.
         """
         if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
-            text = "write bounds: least x, least y, greatest x, greatest y"
+            text = "write bounds: minimum x, minimum y, maximum x, maximum y"
             raise ArgumentError([Problem("bounds", text)])
         boxes = [*self._core.boxes().values()]
         return occupancy_grid(self._core.scene, boxes, resolution, height, bounds)

@@ -111,7 +111,7 @@ def inertia_fault(moments: Floats) -> str:
     if moments.min() <= 0.0:
         return f"{text}; all must be above 0, else it cannot be simulated"
     if greatest > sum_of_others * (1.0 + _ROUNDING):
-        return f"{text}; the greatest is simulated as {sum_of_others:.3g}, the sum of the others"
+        return f"{text}; the largest is simulated as {sum_of_others:.3g}, the sum of the others"
     return ""
 
 

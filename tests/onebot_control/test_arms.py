@@ -618,6 +618,4 @@ def test_an_inertia_that_no_solid_has_is_lowered_and_said_to_be(
         assert simulation.robot.joints["grip"].position == pytest.approx(0.5, abs=1e-6)
     said = [text for text in caplog.messages if "moments of inertia" in text]
     assert said == [*inertia_warnings(description)]
-    assert (
-        "0.1, 0.1, 0.4 kg m^2; the greatest is simulated as 0.2, the sum of the others" in said[0]
-    )
+    assert "0.1, 0.1, 0.4 kg m^2; the largest is simulated as 0.2, the sum of the others" in said[0]

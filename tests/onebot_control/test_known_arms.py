@@ -41,7 +41,7 @@ XARM = Arm(
     warnings={"links of one robot do not collide here": 1},
     repaired=[
         'link "link3" has the principal moments of inertia 0.00202, 0.0043, 0.00731 kg m^2; the '
-        "greatest is simulated as 0.00632, the sum of the others"
+        "largest is simulated as 0.00632, the sum of the others"
     ],
     starts={"joint2": -0.6, "joint3": -0.3},
 )
@@ -71,7 +71,7 @@ KNOWN = {
         1,
         repaired=[
             'link "fer_link4" has the principal moments of inertia 0.00368, 0.00796, 0.0127 kg '
-            "m^2; the greatest is simulated as 0.0116, the sum of the others"
+            "m^2; the largest is simulated as 0.0116, the sum of the others"
         ],
     ),
     "so_arm100": Arm(6),

@@ -248,7 +248,7 @@ def test_a_moment_that_is_somewhat_too_great_is_repaired(caplog):
     inertia = _text(_robot(_inertial(1.0, moments))).find("link/inertial/inertia")
     assert float(inertia.get("izz")) == pytest.approx(0.00368 + 0.00796, rel=1e-8)
     [record] = caplog.records
-    assert "0.00368, 0.00796, 0.0127 kg m^2; the greatest is simulated as 0.0116" in record.message
+    assert "0.00368, 0.00796, 0.0127 kg m^2; the largest is simulated as 0.0116" in record.message
 
 
 @pytest.mark.parametrize(
