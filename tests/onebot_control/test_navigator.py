@@ -23,7 +23,9 @@ from nav2_msgs.action import (
 )
 from nav2_msgs.srv import LoadMap, ManageLifecycleNodes, SaveMap
 from nav_msgs.msg import OccupancyGrid, Odometry
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
@@ -32,13 +34,14 @@ from onebot_control.drive.controller_limits import Controller
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.navigation.footprint import vehicle_of
 from onebot_control.navigation.map_files import load_map
+from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
 from onebot_control.nodes.navigation.maps import costs_as_occupancy
 from onebot_control.nodes.navigation.measurements import scan_of
 from onebot_control.occupancy_grid import OccupancyGrid as Grid
 from onebot_description.description import load_description
 from onebot_description.geometry import matrices
 from onebot_description.ros.domains import used_domain
-from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.ros_support import LATCHED, NodeProcess, Peer, node_here, spin_until
 from tests.support import PATIENCE, wait_for
 
 BRINGUP = "onebot_bringup.launch.onebot_bringup"
@@ -80,6 +83,20 @@ def test_costs_are_published_as_nav2_does() -> None:
     costs = np.array([[0, 1, 126, 252, 253, 254, 255]], np.uint8)
     published = costs_as_occupancy(Grid(costs.view(np.int8), 0.05, (0.0, 0.0))).data
     assert published.tolist() == [[0, 1, 49, 98, 99, 100, -1]]
+
+
+def test_parameters_are_set_by_the_name_of_nav2s_node(ros_domain: int) -> None:
+    """An unknown one is refused; it ends neither the request nor the node."""
+    with node_here("navigator") as node:
+        node.declare_parameter("stop_on_failure", True)
+        offer_lifecycle(node, lambda: True)
+        client = node.create_client(SetParameters, "waypoint_follower/set_parameters")
+        values = Parameter("unknown", value=1), Parameter("stop_on_failure", value=False)
+        request = SetParameters.Request(parameters=[each.to_parameter_msg() for each in values])
+        answer = client.call_async(request)
+        spin_until(node, answer.done, "an answer")
+        assert [each.successful for each in answer.result().results] == [False, True]
+        assert node.get_parameter("stop_on_failure").value is False
 
 
 def test_the_strictest_limits_count() -> None:

@@ -5,7 +5,9 @@ from typing import Any
 
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
+from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -42,9 +44,12 @@ def offer_lifecycle(node: Node, is_ready: Callable[[], bool]) -> None:
         return answer
 
     def set_parameters(request: Any, answer: Any) -> Any:
-        answer.results = node.set_parameters(
-            [Parameter.from_parameter_msg(each) for each in request.parameters]
-        )
+        for message in request.parameters:
+            try:
+                result = node.set_parameters_atomically([Parameter.from_parameter_msg(message)])
+            except ParameterNotDeclaredException as error:
+                result = SetParametersResult(reason=str(error))
+            answer.results.append(result)
         return answer
 
     node.create_service(SetParameters, "waypoint_follower/set_parameters", set_parameters)
