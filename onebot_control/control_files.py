@@ -27,6 +27,7 @@ from onebot_control.drive_kinds import (
     topics_of,
 )
 from onebot_control.joint_controllers import (
+    DEFAULT_CONTROLLER,
     JOINT_CONTROLLERS,
     JointController,
     named,
@@ -265,8 +266,7 @@ class ControlFiles:
             else:
                 text = f"commands {listing(interfaces)}, which cannot be simulated yet"
                 warnings.append(self._skips(name, text))
-        default = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
-        return JointControllers(controllers or [default], places, warnings)
+        return JointControllers(controllers or [DEFAULT_CONTROLLER], places, warnings)
 
     def foreign_sections(self) -> dict[tuple[Path, str], str]:
         """Return a warning for each section for none of the nodes, by file and section."""

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
+from onebot_control.conventions import DEFAULT_JOINT_CONTROLLER
 from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.gripping import GripperCommandFollower, GripperFollower
@@ -43,6 +44,10 @@ JOINT_CONTROLLERS: Mapping[str, type[JointFollower]] = {
     "position_controllers/GripperActionController": GripperCommandFollower,
 }
 """The supported kinds of joint controllers, by ros2_control type."""
+
+
+DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
+"""The controller of joints that is used if the control file names none."""
 
 
 @contextmanager

@@ -6,9 +6,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from onebot_control.conventions import DEFAULT_JOINT_CONTROLLER
 from onebot_control.drive.wheels.geometry import Wheels
-from onebot_control.joint_controllers import JointController
+from onebot_control.joint_controllers import DEFAULT_CONTROLLER, JointController
 from onebot_control.physics import RobotSpawn
 from onebot_control.physics.simulated_model import (
     check_interfaces,
@@ -18,13 +17,9 @@ from onebot_control.physics.simulated_model import (
     without_limits,
 )
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, listing, unknown_names
 from onebot_description.parameters.reader import ConfigError, Problem
-
-DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
-"""The controller of joints that is used if the control file names none."""
 
 
 class Member(NamedTuple):

@@ -6,7 +6,8 @@ import pytest
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet
-from onebot_control.prepared_robot import DEFAULT_CONTROLLER, Member
+from onebot_control.joint_controllers import DEFAULT_CONTROLLER
+from onebot_control.prepared_robot import Member
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
