@@ -94,21 +94,6 @@ def drive_node(files: Iterable[Path]) -> DriveNode:
     return DriveNode()
 
 
-def read_control_files(
-    files: Sequence[Path],
-    namespace: str,
-    controller: str,
-    found: type[SimulationConfig] = ControlConfig,
-) -> Parameters:
-    """Return ``ControlFiles.parameters``; the arguments are those of ``ControlFiles``.
-
-    Raises:
-        ConfigError: values are wrong, or the robot has another kind of drive; it names file and
-            line.
-    """
-    return ControlFiles(files, namespace, controller, found).parameters()
-
-
 class JointControllers(NamedTuple):
     """The joint controllers that parameter files name."""
 
@@ -375,5 +360,5 @@ def _unknown_of_drive(
     names: Iterable[str],
 ) -> list[Problem]:
     """Return a problem for each name that the drive of a robot, as described, does not declare."""
-    kind = DRIVES[found_drive(description)] if description and names else ControlConfig
+    kind = found_drive(description) if description and names else ControlConfig
     return unknown_parameters(ControlFiles(files, namespace, controller, kind).declared, names)

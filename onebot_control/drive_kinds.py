@@ -62,8 +62,8 @@ DRIVES: Mapping[str, type[SimulationConfig]] = {
 """The parameters of each drive's node, by the drive's type."""
 
 
-def found_drive(description: "Description") -> str:
-    """Return the type of the drive that a robot has by its description; the default in doubt.
+def found_drive(description: "Description") -> type[SimulationConfig]:
+    """Return the parameters of the drive that a robot has by its description; in doubt OneBot's.
 
     Raises:
         OneBotError: the mesh of a collision shape cannot be read.
@@ -71,9 +71,8 @@ def found_drive(description: "Description") -> str:
     from onebot_control.drive.wheels.finding import RunningGear  # imports numpy
 
     gear = RunningGear.of(description)
-    kinds = DRIVES.items()
-    types = [k for k, drive in kinds if issubclass(drive, DriveParameters) and drive.is_found(gear)]
-    return next(iter(types), DEFAULT_DRIVE)
+    drives = [drive for drive in DRIVES.values() if issubclass(drive, DriveParameters)]
+    return next((drive for drive in drives if drive.is_found(gear)), ControlConfig)
 
 
 def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.control_files import ControlFiles, default_control_file
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, standing, suited
@@ -97,19 +97,18 @@ def fleet_members(
     Raises:
         OneBotError: a model or a parameter cannot be used.
     """
-    defaults = read_control_files([default_control_file()], "/", DRIVE_CONTROLLER).values
+    defaults = ControlFiles([default_control_file()], "/", DRIVE_CONTROLLER).parameters().values
     members, values = [], []
     for name, setup in setups.items():
         description = default if setup.model is None else _described(setup.model, {}, optional)
         own_values = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            kind = _named_drive(own_values)
-            names_drive = kind is not None
-            kind = kind or DRIVES[found_drive(description)]
+            named_kind = _named_drive(own_values)
+            kind = named_kind or found_drive(description)
             place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
             values.append({**suited(defaults, kind), **own_values, **place})
             config = read(kind, values[-1])
-        has_drive = names_drive or RunningGear.of(description).drives
+        has_drive = named_kind or RunningGear.of(description).drives
         members.append(Member(description, config if has_drive else standing(config), name))
     return members, values
 

@@ -47,13 +47,19 @@ class BroadcasterConfig:
 
 
 @dataclass(frozen=True)
-class SimulationConfig:
+class DescriptionConfig:
+    """The parameter by which a robot's drive, and so all other parameters, can be known."""
+
+    robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
+
+
+@dataclass(frozen=True)
+class SimulationConfig(DescriptionConfig):
     """Parameters of the simulation and of joint_state_broadcaster, for driving and standing robots.
 
     The table in docs/drives.md explains them.
     """
 
-    robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
     x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
     yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)

@@ -93,7 +93,7 @@ from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 
-from onebot_control.control_files import default_control_file, drive_node, read_control_files
+from onebot_control.control_files import ControlFiles, default_control_file, drive_node
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.simulation_parameters import SimulationConfig
@@ -184,7 +184,7 @@ def run_simulation(
     def check(common: Sequence[Path]) -> None:
         for file in own_files:
             files = [*common, *file]
-            read_control_files(files, "/", node_name(node, files))
+            ControlFiles(files, "/", node_name(node, files)).parameters()
 
     return run_described_node(
         program,

@@ -115,9 +115,9 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
 
     def written(self, files: Sequence[Path]) -> "Parameters":
         """Return the parameters of that node in ``files``; later ones override."""
-        from onebot_control.control_files import read_control_files
+        from onebot_control.control_files import ControlFiles
 
-        return read_control_files(files, absolute(self.namespace), self.controller)
+        return ControlFiles(files, absolute(self.namespace), self.controller).parameters()
 
     @property
     def stands(self) -> bool:

@@ -1,7 +1,7 @@
 """The differential drive: its parameters, as diff_drive_controller's, and its kinematics."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,8 @@ from onebot_control.drive.kinematics import (
     check_lengths,
 )
 from onebot_control.drive.parameters import DriveParameters, read_from_urdf, wheel_noise
-from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.geometry.poses import Triple
-from onebot_description.parameters.reader import Problem, group, ignored, parameter
+from onebot_description.parameters.reader import Problem, ignored, parameter
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import SideWheels, WheelGeometry
@@ -101,15 +100,9 @@ class SideParameters:
 class DiffDriveParameters(DriveParameters["WheelGeometry"], SideParameters):
     """diff_drive_controller's parameters."""
 
-    linear: SpeedLimits = group(SpeedLimits, "linear.x")
-    angular: SpeedLimits = group(SpeedLimits, "angular.z")
     is_async: bool = ignored(False, IN_EACH_CYCLE)
     use_stamped_vel: bool = ignored(True, "Twist and TwistStamped are received")
     wheels_per_side: int = ignored(0, "the names are counted")
-
-    @property
-    def limits(self) -> Mapping[str, SpeedLimits]:
-        return {"linear.x": self.linear, "angular.z": self.angular}
 
     def noise(self, paths: int) -> Sequence[float]:
         return self.left_wheel_noise**2, self.right_wheel_noise**2

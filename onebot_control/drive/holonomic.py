@@ -144,13 +144,11 @@ def _dot(first: Sequence[float], second: Sequence[float]) -> float:
 class HolonomicParameters(AlikeWheelsParameters[HolonomicKinematics]):
     """The parameters that all drives by wheels with rollers have."""
 
-    linear: SpeedLimits = group(SpeedLimits, "linear.x")
     lateral: SpeedLimits = group(SpeedLimits, "linear.y")
-    angular: SpeedLimits = group(SpeedLimits, "angular.z")
 
     @property
     def limits(self) -> Mapping[str, SpeedLimits]:
-        return {"linear.x": self.linear, "linear.y": self.lateral, "angular.z": self.angular}
+        return {**super().limits, "linear.y": self.lateral}
 
     def kinematics(self, geometry: HolonomicKinematics) -> HolonomicKinematics:
         return geometry

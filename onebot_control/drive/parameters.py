@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 from onebot_control.drive.kinematics import Kinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import parameter
+from onebot_description.parameters.reader import group, parameter
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.finding import RunningGear
@@ -74,6 +74,8 @@ class DriveParameters(ABC, Generic[G]):
     velocity_rolling_window_size: int = parameter(
         10, "samples over which the odometry's velocity is averaged", at_least=1
     )
+    linear: SpeedLimits = group(SpeedLimits, "linear.x")
+    angular: SpeedLimits = group(SpeedLimits, "angular.z")
 
     @property
     def timeout(self) -> float:
@@ -86,9 +88,9 @@ class DriveParameters(ABC, Generic[G]):
         return False
 
     @property
-    @abstractmethod
     def limits(self) -> Mapping[str, SpeedLimits]:
         """The limits of each axis that the drive has: of linear.x, linear.y and angular.z."""
+        return {"linear.x": self.linear, "angular.z": self.angular}
 
     @abstractmethod
     def noise(self, paths: int) -> Sequence[float]:

@@ -1,7 +1,7 @@
 """Drives that steer front wheels: bicycles, cars and tricycles, with their standard parameters."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -57,21 +57,16 @@ class SteeredKinematics(Kinematics):
             traction: limits of the driven wheels, rad/s.
 
         Raises:
-            ValueError: a length or the limit is not finite, too short, or of another drive.
+            ValueError: a length is not finite, too short, or of another drive.
         """
-        self.wheelbase, self.radius = geometry.wheelbase, geometry.radius
-        self.traction_track, self.steering_track = geometry.traction_track, geometry.steering_track
+        self.wheelbase, self.radius, *tracks = geometry[:4]
         self.limit, self.front_driven, self.axle, self.speed = geometry[4:]
+        # For each wheel of an axle, how far it is to the right of the middle, m.
+        self._traction_offsets, self._steering_offsets = map(_offsets, tracks)
         self._waits, self._traction = waits, SpeedLimiter(traction)
         check_lengths(self, "wheelbase", "radius")
-        for name in ("traction_track", "steering_track"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must be at least 0 m, not {value:g} m")
-            if value and self.front_driven:
-                raise ValueError(f"{name} must be 0 m if the steered wheel is driven")
-        if not 0.0 < self.limit <= _QUARTER:
-            raise ValueError(f"limit must be above 0 and at most pi/2 rad, not {self.limit:g} rad")
+        if self.front_driven and any(tracks):
+            raise ValueError("only a single wheel can be both steered and driven")
         # The heading's errors are as if the wheels were on two sides, as far apart as the axles.
         self.shares = Share(0.5, 0.0, -self.wheelbase), Share(0.5, 0.0, self.wheelbase)
 
@@ -97,8 +92,7 @@ class SteeredKinematics(Kinematics):
             linear, _, turn = self.body_motion([speed], [angle])
         else:
             turn = linear * math.tan(angle) / self.wheelbase if linear else 0.0
-        bend = 0.0 if self.front_driven else self._bend(angle, self.traction_track)
-        wheels = (speed * (1.0 + bend), speed * (1.0 - bend)) if self.traction_track else (speed,)
+        wheels = [speed * share for share in self._traction_shares(angle)]
         steered = self._steering_positions(reached)
         return DriveCommand(linear, -self.axle * turn, turn, wheels, steered)
 
@@ -134,11 +128,9 @@ class SteeredKinematics(Kinematics):
             path = turned[0] * self.radius
             way, turn = path * math.cos(angle), path * math.sin(angle) / self.wheelbase
         else:
-            bend = self._bend(angle, self.traction_track)
-            shares = (1.0 + bend, 1.0 - bend) if self.traction_track else (1.0,)
             ways = [
                 wheel * self.radius / share
-                for wheel, share in zip(turned, shares, strict=True)
+                for wheel, share in zip(turned, self._traction_shares(angle), strict=True)
                 if abs(share) > _PIVOT
             ]
             way = total(ways) / len(ways)
@@ -163,17 +155,9 @@ class SteeredKinematics(Kinematics):
 
     def middle_angle(self, steering: Sequence[float]) -> float:
         """Return the steering angle, rad, for positions of the steered wheels, rad."""
-        if not self.steering_track:
-            return steering[0]
-        half = self.steering_track / 2.0
-        right, left = (
-            math.atan(self.wheelbase * math.tan(position) / (self.wheelbase - across))
-            for position, across in (
-                (steering[0], half * math.tan(steering[0])),
-                (steering[1], -half * math.tan(steering[1])),
-            )
-        )
-        return (right + left) / 2.0
+        pairs = zip(steering, self._steering_offsets, strict=True)
+        angles = [self._turned(position, -offset) for position, offset in pairs]
+        return total(angles) / len(angles)
 
     def _speed(self, linear: float, angular: float, angle: float) -> float:
         """Return the speed of a driven wheel in the middle of its axle, m/s."""
@@ -182,19 +166,26 @@ class SteeredKinematics(Kinematics):
         cos = math.cos(angle)
         return linear / cos if cos > _ACROSS else abs(angular) * self.wheelbase
 
-    def _bend(self, angle: float, track: float) -> float:
-        """Return by which share a wheel at the end of the rear axle is faster than its middle."""
-        return math.tan(angle) * track / (2.0 * self.wheelbase)
+    def _traction_shares(self, angle: float) -> list[float]:
+        """Return how fast each driven wheel turns, as a share of the speed of their middle."""
+        return [
+            1.0 + math.tan(angle) * offset / self.wheelbase if offset else 1.0
+            for offset in self._traction_offsets
+        ]
 
-    def _steering_positions(self, angle: float) -> tuple[float, ...]:
-        if not self.steering_track:
-            return (angle,)
-        ahead, across = (
-            2.0 * self.wheelbase * math.cos(angle),
-            self.steering_track * math.sin(angle),
-        )
-        side = 2.0 * self.wheelbase * math.sin(angle)
-        return math.atan2(side, ahead + across), math.atan2(side, ahead - across)
+    def _steering_positions(self, angle: float) -> list[float]:
+        return [self._turned(angle, offset) for offset in self._steering_offsets]
+
+    def _turned(self, angle: float, offset: float) -> float:
+        """Return the angle, rad, of a wheel ``offset`` m to the right of one at another angle."""
+        if not offset:
+            return angle
+        side, ahead = self.wheelbase * math.sin(angle), self.wheelbase * math.cos(angle)
+        return math.atan2(side, ahead + offset * math.sin(angle))
+
+
+def _offsets(track: float) -> tuple[float, ...]:
+    return (track / 2.0, -track / 2.0) if track else (0.0,)
 
 
 @dataclass(frozen=True)
@@ -203,8 +194,6 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
 
     steers: ClassVar[bool] = True
 
-    linear: SpeedLimits = group(SpeedLimits, "linear.x")
-    angular: SpeedLimits = group(SpeedLimits, "angular.z")
     wheelbase: float = read_from_urdf("distance between the axles")
     steering_limit: float = parameter(
         0.0,
@@ -215,10 +204,6 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
     minimum_turning_radius: float = parameter(
         0.0, "the minimum radius of a curve, m, which the node sets; other values have no effect"
     )
-
-    @property
-    def limits(self) -> Mapping[str, SpeedLimits]:
-        return {"linear.x": self.linear, "angular.z": self.angular}
 
     def _lengths(
         self,

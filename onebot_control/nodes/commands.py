@@ -1,12 +1,11 @@
 """Receives the velocity commands of a robot on ~/cmd_vel, and passes them to the control loop."""
 
-import math
 import time
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any
 
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Twist
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
@@ -237,17 +236,13 @@ class CommandGate:
         speed, angle = message.drive.speed, message.drive.steering_angle
         drive = self._slot.robot.drive
         assert drive is not None
-        finite = math.isfinite(speed) and abs(angle) < math.pi / 2.0
-        turn = drive.geometry.turning(speed, angle) if finite else 0.0
-        fault = "" if finite else f"speed {speed}, steering_angle {angle}"
-        self._command((speed, 0.0, turn), Age(0.0, 0.0), None, fault)
+        turn = drive.geometry.turning(speed, angle)
+        self._command((speed, 0.0, turn), Age(0.0, 0.0), None)
 
     def _on_twist(self, twist: Twist, age: Age, stamp: int | None) -> None:
-        linear, angular = twist.linear, twist.angular
-        fault = _not_finite(linear=linear, angular=angular)
-        self._command((linear.x, linear.y, angular.z), age, stamp, fault)
+        self._command((twist.linear.x, twist.linear.y, twist.angular.z), age, stamp)
 
-    def _command(self, velocity: Triple, age: Age, stamp: int | None, not_finite: str) -> None:
+    def _command(self, velocity: Triple, age: Age, stamp: int | None) -> None:
         loop, now = self._slot.loop, boot_time()
         if loop is None:
             return
@@ -262,19 +257,8 @@ class CommandGate:
         given = now - age.least
         if stamp and not loop.simulated:
             given = now - (time.time_ns() - stamp) / NS_PER_S
-        fault = f"not finite: {not_finite}" if not_finite else ""
-        command = VelocityCommand(*velocity, stamp or 0, given, now - age.most, fault)
+        command = VelocityCommand(*velocity, stamp or 0, given, now - age.most)
         self._slot.command(command, self._on_ignored)
 
     def _on_ignored(self, reason: str) -> None:
         self._warn("command", f"{self.topic} is ignored: {reason}")
-
-
-def _not_finite(**vectors: Vector3) -> str:
-    """Return the components that are not finite, such as "linear.x nan"; "" if all are."""
-    return ", ".join(
-        f"{name}.{axis} {getattr(vector, axis)}"
-        for name, vector in vectors.items()
-        for axis in "xyz"
-        if not math.isfinite(getattr(vector, axis))
-    )

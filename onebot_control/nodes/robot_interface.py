@@ -22,7 +22,7 @@ from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.sensing import Channel, Sensing
 from onebot_control.sensing.surroundings import SensedRobot
 from onebot_control.simulation_parameters import SimulationConfig
-from onebot_description.description import Description, parse_description
+from onebot_description.description import Description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -202,15 +202,7 @@ class RobotInterface:
     # The description ---------------------------------------------------------------------------
 
     def describe(self, description: Description | None, *, follow: bool) -> None:
-        """Use a description, or that of the parameter, and wait for others on the topic.
-
-        Args:
-            description: the description; None for that of the parameter, if it is given.
-            follow: whether to use those on the topic.
-        """
-        text = self.settings.values["robot_description"]
-        if description is None and text:
-            description = parse_description(text, "robot_description")
+        """Use a description, if it is known, and wait for others on the topic if ``follow``."""
         if description is not None:
             self._start(description)
         if follow:

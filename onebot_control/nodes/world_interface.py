@@ -8,10 +8,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from onebot_control.control_files import read_control_files
+from onebot_control.control_files import ControlFiles
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.drive.parameters import DriveParameters
-from onebot_control.drive_kinds import DRIVES, found_drive
+from onebot_control.drive_kinds import found_drive
 from onebot_control.fleet import Fleet
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
@@ -27,10 +27,12 @@ from onebot_control.runtime.frames import RobotFrames, check_frames
 from onebot_control.runtime.pacing import Divider
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
-from onebot_control.simulation_parameters import SimulationConfig
+from onebot_control.simulation_parameters import DescriptionConfig, SimulationConfig
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import listing, printable
+from onebot_description.parameters.reader import read
 from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.run_node import steady_timer
 
 _POLL_PERIOD = 0.1  # s between polls of who publishes commands
@@ -287,9 +289,13 @@ def _described(file: str | None, node: Node, arguments: RosArguments) -> Descrip
     """Return the description in a file or in a node's parameters; None if a topic will have it."""
     if file is not None:
         return load_description(file)
-    namespace, name = node.get_namespace(), node.get_name()
-    text = read_control_files(arguments.files, namespace, name).values.get("robot_description")
-    return parse_description(text, "robot_description") if text else None
+    key, name = "robot_description", node.get_name()
+    values = ControlFiles(arguments.files, node.get_namespace(), name).parameters().values
+    written = {key: values[key]} if key in values.keys() - arguments.names_for(name) else {}
+    text = read(
+        DescriptionConfig, declare(node, DescriptionConfig, fixed=written)
+    ).robot_description
+    return parse_description(text, key) if text else None
 
 
 def _declared(
@@ -298,7 +304,7 @@ def _declared(
     """Return the parameters of a robot's node: of the drive that the description shows."""
     if description is None or not issubclass(parameters, DriveParameters):
         return parameters
-    return DRIVES[found_drive(description)]
+    return found_drive(description)
 
 
 def _moved_text(fleet: Fleet) -> str:

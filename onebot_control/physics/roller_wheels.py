@@ -14,10 +14,10 @@ grip only.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, Geometry, Joint, Link, Sphere
@@ -33,19 +33,6 @@ _UP = np.array([0.0, 0.0, 1.0])
 _RING = np.diag([0.5, 0.5, 1.0])  # inertia (3, 3) of a thin ring about z, by its moment about z
 
 
-class RollerWheel(NamedTuple):
-    """A wheel with rollers.
-
-    Its positive velocity drives it forward, to the right of its joint's axis seen from above.
-    """
-
-    radius: float  # m
-    # Direction of the axle of the roller at the ground, rad to the left of forward: 0 for an omni
-    # wheel; for mecanum wheels pi/4 at the front right and rear left, -pi/4 at the others.
-    angle: float = 0.0
-    offset: float = 0.0  # distance of its middle from the joint, along the joint's axis, m
-
-
 @dataclass(frozen=True)
 class RollerAxle(SkidAxle):
     """The joint of the plain wheel that is simulated for one with rollers; z is its axis."""
@@ -56,12 +43,19 @@ def has_rollers(description: Description) -> bool:
     return any(isinstance(joint, RollerAxle) for joint in description.joints)
 
 
-def with_rollers(description: Description, rollers: Mapping[str, RollerWheel]) -> Description:
+def with_rollers(
+    description: Description, rollers: Mapping[str, tuple[Tyre, float]]
+) -> Description:
     """Return a robot whose wheels with rollers are those to simulate.
+
+    The positive velocity of such a wheel drives it forward, to the right of its joint's axis seen
+    from above.
 
     Args:
         description: the robot.
-        rollers: these wheels, by the names of their joints.
+        rollers: by the names of joints, the shapes of these wheels, and the directions of the axles
+            of the rollers at the ground, rad to the left of forward: 0 for an omni wheel; for
+            mecanum wheels pi/4 at the front right and rear left, -pi/4 at the others.
     """
     places = RobotModel.from_description(description).link_matrices({})
     bodies, frames = merged_bodies(description), rigid_frames(description)
@@ -70,35 +64,40 @@ def with_rollers(description: Description, rollers: Mapping[str, RollerWheel]) -
     joints = []
     for joint in description.joints:
         if joint.name in rollers:
-            wheel, body = rollers[joint.name], bodies[joint.child]
-            axle, turn = _axle(joint, wheel, places[joint.parent])
+            (tyre, angle), body = rollers[joint.name], bodies[joint.child]
+            axle, turn = _axle(joint, tyre, angle, places[joint.parent])
             moment = float(np.array(joint.axis) @ body.inertia @ np.array(joint.axis))
-            moment = max(moment, mass * wheel.radius**2)
+            moment = max(moment, mass * tyre.radius**2)
             hub_inertia = body.inertia - moment * turn @ _RING @ turn.T
             links[joint.parent] = _loaded(links[joint.parent], joint, body, mass, hub_inertia)
             for name, (first, _) in frames.items():
                 if first == joint.child:
                     links[name] = replace(links[name], collisions=(), inertial=None)
-            links[joint.child] = _ball(links[joint.child], wheel, mass, moment)
+            ball = Sphere(tyre.radius * math.cos(angle))
+            links[joint.child] = _ball(links[joint.child], ball, mass, moment)
             joint = axle
         joints.append(joint)
     return replace(description, joints=tuple(joints), links=tuple(links.values()))
 
 
-def _axle(joint: Joint, wheel: RollerWheel, carrier: Floats) -> tuple[RollerAxle, Floats]:
+def _axle(joint: Joint, tyre: Tyre, angle: float, carrier: Floats) -> tuple[RollerAxle, Floats]:
     """Return the simulated joint of a wheel, and its rotation (3, 3) in the written joint's frame.
 
-    ``carrier`` is the pose (4, 4) of the joint's parent in the root link's frame.
+    Args:
+        joint: the wheel's joint, as written.
+        tyre: the shape of the wheel.
+        angle: direction of the roller's axle, rad to the left of forward.
+        carrier: pose (4, 4) of the joint's parent in the root link's frame.
     """
     written = carrier @ matrices.of_origin(joint.origin)
     axis = np.array(joint.axis)
     forward = np.cross(written[:3, :3] @ axis, _UP)
     forward /= np.linalg.norm(forward)
-    along = math.cos(wheel.angle) * forward + math.sin(wheel.angle) * np.cross(_UP, forward)
+    along = math.cos(angle) * forward + math.sin(angle) * np.cross(_UP, forward)
     place = np.eye(4)
     place[:3, :3] = np.column_stack([along, -_UP, np.cross(_UP, along)])
-    place[:3, 3] = matrices.transformed((wheel.offset * axis)[None], written)[0]
-    place[:3, 3] -= wheel.radius * (1.0 - math.cos(wheel.angle)) * _UP
+    place[:3, 3] = matrices.transformed((tyre.offset * axis)[None], written)[0]
+    place[:3, 3] -= tyre.radius * (1.0 - math.cos(angle)) * _UP
     origin = matrices.to_origin(np.linalg.inv(carrier) @ place)
     changes = {"kind": "continuous", "origin": origin, "axis": (0.0, 0.0, 1.0)}
     return RollerAxle(**{**vars(joint), **changes}), written[:3, :3].T @ place[:3, :3]
@@ -121,9 +120,8 @@ def _loaded(carrier: Link, joint: Joint, wheel: Body, mass: float, rest: Floats)
     return replace(carrier, inertial=body.inertial)
 
 
-def _ball(link: Link, wheel: RollerWheel, mass: float, moment: float) -> Link:
-    """Return the link of a simulated wheel, a sphere, which touches the ground in one point."""
+def _ball(link: Link, ball: Sphere, mass: float, moment: float) -> Link:
+    """Return the link of a simulated wheel, a ``ball``, which touches the ground in one point."""
     body = Body(link.name)
     body.add_mass(mass, np.zeros(3), moment * _RING)
-    ball = Geometry(Sphere(wheel.radius * math.cos(wheel.angle)), Origin())
-    return replace(link, collisions=(ball,), inertial=body.inertial)
+    return replace(link, collisions=(Geometry(ball, Origin()),), inertial=body.inertial)

@@ -25,7 +25,7 @@ from onebot_control.drive.wheels.steering import STEERING_SPEED
 from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
-from onebot_control.physics.roller_wheels import RollerWheel, with_rollers
+from onebot_control.physics.roller_wheels import with_rollers
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
@@ -96,7 +96,8 @@ def simulated_model(
         positions: start positions of joints, rad or m; they override those of ``<ros2_control>``.
 
     Raises:
-        OneBotError: a named joint does not move, or a commanded one mimics another.
+        OneBotError: a named joint does not move, a commanded one mimics another, or a wheel with
+            rollers has no round shape.
     """
     rolling = (*wheels.names, *wheels.free) if wheels else ()
     tyres = {name: wheels.tyres.tyre(name) for name in rolling} if wheels else {}
@@ -131,26 +132,9 @@ def simulated_model(
     starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
     if wheels and wheels.rollers:
-        rigid = with_rollers(rigid, _roller_wheels(wheels, tyres))
+        rollers = {name: (wheels.tyre(name), angle) for name, angle in wheels.rollers.items()}
+        rigid = with_rollers(rigid, rollers)
     return SimulatedModel(rigid, roles.held, roles.mimic_joints, roles.gears, starts)
-
-
-def _roller_wheels(wheels: Wheels, tyres: Mapping[str, Tyre | None]) -> dict[str, RollerWheel]:
-    """Return the driven wheels with rollers.
-
-    Raises:
-        OneBotError: one has no round shape.
-    """
-    roller_wheels = {}
-    for name, angle in wheels.rollers.items():
-        tyre = tyres[name]
-        if tyre is None:
-            raise OneBotError(
-                f'{wheels.description.source}: joint "{name}": the link that it moves has no '
-                "sphere, cylinder or round mesh to roll on"
-            )
-        roller_wheels[name] = RollerWheel(tyre.radius, angle, tyre.offset)
-    return roller_wheels
 
 
 def independent(description: Description) -> Description:
@@ -580,10 +564,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     across, where it slides on its axle; see ``SkidAxle``.
     """
     robot_body = wheels.robot
-    places = {
-        wheel: wheels.axles[wheel].middle(wheels.tyres.tyre(wheel)) - robot_body.center
-        for wheel in wheels.names
-    }
+    places = {wheel: wheels.middle(wheel) - robot_body.center for wheel in wheels.names}
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
     # The wheels slide on their axles, so their mass across does not resist the robot's turning.

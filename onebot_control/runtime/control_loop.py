@@ -291,7 +291,6 @@ class VelocityCommand(NamedTuple):
     stamp: int  # time in its header, ns; 0 for none
     given: float  # when it was given, s
     sent: float  # the earliest time at which it can have been sent, s
-    fault: str = ""  # why it is ignored
 
 
 class LoopSlot:
@@ -339,10 +338,8 @@ class LoopSlot:
 
     def _accept(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
         self.answered = max(self.answered, command.stamp)
-        refused: str | None = command.fault
-        if command.sent < self.running.wake.certain():
-            refused = "it was sent before this process woke from a stop"
-        elif not refused:
+        refused: str | None = "it was sent before this process woke from a stop"
+        if command.sent >= self.running.wake.certain():
             linear, lateral, angular = command[:3]
             refused = self.robot.accept(linear, angular, self._age(command), lateral=lateral)
         if refused:

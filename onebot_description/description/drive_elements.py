@@ -21,8 +21,7 @@ _KINDS: dict[DriveKind, tuple[str, str]] = {
     "planar": (r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", ""),
 }
 _CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
-_LENGTHS = ("wheelbase", "wheel_separation", "wheel_radius", "kingpin_width", "steering_limit")
-_SPELLINGS = {"wheel_base": "wheelbase", "max_steer": "steering_limit", "command_topic": "topic"}
+_STEERING_LIMIT = "steering_limit", "max_steer"
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")  # some plugins write leftHingeJoint
 _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
@@ -52,12 +51,10 @@ def _read_plugin(
     findings: Findings, plugin: Element, kind: DriveKind, joints: Collection[str]
 ) -> DrivePlugin:
     named: dict[str, tuple[str, ...]] = {}
-    lengths: dict[str, float] = {}
-    topic = ""
+    limit = math.inf
     for element in plugin:
         text = (element.text or "").strip()
         tag = _HUMP.sub("_", element.tag).lower().replace("_hinge_", "_steering_")
-        tag = _SPELLINGS.get(tag, tag)
         if match := re.fullmatch(_KINDS[kind][1], tag):
             role = match[1].replace("back", "rear")
             if text in joints:
@@ -65,15 +62,13 @@ def _read_plugin(
             else:
                 hint = findings.hint(text, joints, "joints")
                 findings.warning(element, f'the robot has no joint "{text}"{hint}')
-        elif tag == "topic":
-            topic = topic or text
-        elif tag in _LENGTHS:
+        elif tag in _STEERING_LIMIT:
             if (fault := number_fault(text)) or float(text) <= 0.0:
                 findings.problem(element, fault or f'"{text}" is not positive; it must be')
             else:
-                lengths[tag] = float(text)
+                limit = float(text)
     where = f"{findings.where(plugin)}: plugin {plugin.get('filename', '')}"
-    return DrivePlugin(kind, where, named, lengths, topic)
+    return DrivePlugin(kind, where, named, limit)
 
 
 class Rollers(NamedTuple):

@@ -234,10 +234,7 @@ class DrivePlugin(NamedTuple):
     # Joints by role. Mecanum: front_left, front_right, rear_right, rear_left. Ackermann: left and
     # right (driven), left_steering, right_steering.
     joints: Mapping[str, tuple[str, ...]]
-    # What is written of wheelbase, wheel_separation, wheel_radius, kingpin_width, m, and
-    # steering_limit, rad.
-    lengths: Mapping[str, float]
-    topic: str  # topic of commands, as written; "" if it is not
+    steering_limit: float = math.inf  # the maximum steering angle, rad; infinite: not written
 
 
 @dataclass(frozen=True)

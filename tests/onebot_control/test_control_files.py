@@ -14,7 +14,6 @@ from onebot_control.control_files import (
     ControlFiles,
     default_control_file,
     drive_node,
-    read_control_files,
     unknown_by_node,
 )
 from onebot_control.conventions import MANAGER
@@ -57,7 +56,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def read(file: Path, namespace: str = "/") -> ControlConfig:
-    parameters = read_control_files([file], namespace, "velocity_controller")
+    parameters = ControlFiles([file], namespace, "velocity_controller").parameters()
     return ControlConfig.from_parameters(parameters.values)
 
 
@@ -66,7 +65,7 @@ def complaint(file: Path, old: str, new: str) -> str:
     assert old in GOOD
     file.write_text(GOOD.replace(old, new))
     with pytest.raises(OneBotError) as caught:
-        parameters = read_control_files([file], "/", "velocity_controller")
+        parameters = ControlFiles([file], "/", "velocity_controller").parameters()
         try:
             ControlConfig.from_parameters(parameters.values)
         except OneBotError as error:
@@ -127,7 +126,7 @@ def test_unknown_parameters_are_ignored_with_a_warning(
 ) -> None:
     assert old in GOOD
     file.write_text(GOOD.replace(old, new))
-    read_parameters = read_control_files([file], "/", "velocity_controller")
+    read_parameters = ControlFiles([file], "/", "velocity_controller").parameters()
     [warning] = read_parameters.warnings
     assert warning.startswith(f"{file}{said}") and warning.endswith("; it is ignored")
     assert new.partition(":")[0] not in read_parameters.values
@@ -143,7 +142,7 @@ def test_what_is_said_to_all_nodes_is_no_mistake(file: Path) -> None:
 def test_later_files_come_first(file: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text("velocity_controller: {ros__parameters: {wheel_radius: 0.5}}")
-    values = read_control_files([file, other], "/", "velocity_controller").values
+    values = ControlFiles([file, other], "/", "velocity_controller").parameters().values
     assert (values["wheel_radius"], values["update_rate"]) == (0.5, 200)
 
 
@@ -162,7 +161,7 @@ def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
     broadcaster = read(file).broadcaster
     assert broadcaster.interfaces == ("effort",)
     assert (broadcaster.extra_joints, broadcaster.frame_id) == (("arm",), "odd")
-    places = read_control_files([file], "/", "velocity_controller").places
+    places = ControlFiles([file], "/", "velocity_controller").parameters().places
     assert places["joint_state_broadcaster.frame_id"] == f"{file}:11"
     assert places["update_rate"] == f"{file}:3"
 
@@ -198,7 +197,7 @@ def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: s
     """Those without effect here, too, so that its files work; the rate is the manager's."""
     drive = "velocity_controller: {ros__parameters: {is_async: false}}\n"
     file.write_text(USUAL + drive)
-    values = read_control_files([file], "/", controller).values
+    values = ControlFiles([file], "/", controller).parameters().values
     assert ControlConfig.from_parameters(values).update_rate == 200
     assert len(ControlFiles([file], "/").joint_controllers().controllers) == 3
 
@@ -207,7 +206,7 @@ def test_the_drive_may_have_another_name(file: Path) -> None:
     """The first one counts; of a robot that stands, none."""
     file.write_text(GOOD.replace("velocity_controller", "base"))
     assert drive_node([file]).name == "base"
-    parameters = read_control_files([file], "/", "base")
+    parameters = ControlFiles([file], "/", "base").parameters()
     assert ControlConfig.from_parameters(parameters.values).wheel_radius == 0.1
     assert (
         parameters.warnings == [] == ControlFiles([file], "/", "base").joint_controllers().warnings
@@ -219,7 +218,7 @@ def test_the_drive_may_have_another_name(file: Path) -> None:
     kind = "diff_drive_controller/DiffDriveController"
     file.write_text(f"base: {{ros__parameters: {{type: {kind}, wheel_radius: 1.0}}}}")
     assert drive_node([file]).name == "base"
-    assert read_control_files([file], "/", "base").values == {"wheel_radius": 1.0}
+    assert ControlFiles([file], "/", "base").parameters().values == {"wheel_radius": 1.0}
     assert drive_node([]).name == "velocity_controller"
 
 
@@ -333,7 +332,7 @@ def test_a_file_names_controllers_of_several_kinds(file: Path) -> None:
     assert places["hand.stall_timeout"] == f"{file}:17"
     assert places["arm.constraints.elbow.goal"] == f"{file}:9"
     # Read for a robot that stands, the manager has them and nothing else.
-    assert read_control_files([file], "/", MANAGER) == Parameters(
+    assert ControlFiles([file], "/", MANAGER).parameters() == Parameters(
         sections=["/controller_manager", "/arm", "/head", "/neck", "/hand"]
     )
 
@@ -476,7 +475,7 @@ def test_joints_that_a_section_without_a_type_names_say_which_drive_it_is(file: 
     ):
         file.write_text(section % named)
         assert ControlFiles([file], "/", "velocity_controller", ControlConfig).declared is kind
-        warnings = read_control_files([file], "/", "velocity_controller").warnings
+        warnings = ControlFiles([file], "/", "velocity_controller").parameters().warnings
         assert bool(warnings) == (kind is ControlConfig)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_control.control_files import default_control_file, read_control_files
+from onebot_control.control_files import ControlFiles, default_control_file
 from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive_kinds import ControlConfig
@@ -18,7 +18,7 @@ from tests.onebot_control.control_support import alone, config, cycle, ideal_dri
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 ONEBOT = package_share("onebot_description") / "urdf/onebot.urdf.xacro"
-LIMITS = read_control_files([default_control_file()], "/", "velocity_controller").values
+LIMITS = ControlFiles([default_control_file()], "/", "velocity_controller").parameters().values
 
 
 def drifted(drive: ControlledRobot, linear: float, angular: float, seconds: float = 20.0) -> str:

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from onebot_control import Simulation
-from onebot_control.control_files import read_control_files
+from onebot_control.control_files import ControlFiles
 from onebot_control.drive.steered import SteeredKinematics
 from onebot_control.drive.wheels.steering import SteeredGeometry
-from onebot_control.drive_kinds import DRIVES, found_drive
+from onebot_control.drive_kinds import DRIVES, ControlConfig, found_drive
 from onebot_control.simulated_robot import SimulatedRobot
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import PlanarPose
@@ -159,7 +159,7 @@ def test_of_a_plugins_wheels_those_that_are_not_steered_are_driven(named: str) -
     inside = f"{named}{_HINGES}<steering_limit>0.3</steering_limit>"
     plugin = f'<plugin filename="libgazebo_ros_ackermann_drive.so">{inside}</plugin>'
     description = car(f"<gazebo>{plugin}</gazebo>", kind="revolute")
-    config = DRIVES[found_drive(description)]()
+    config = found_drive(description)()
     wheels = config.wheels(description)
     assert wheels.names == REAR
     assert config.geometry(wheels).limit == 0.3
@@ -167,8 +167,8 @@ def test_of_a_plugins_wheels_those_that_are_not_steered_are_driven(named: str) -
 
 
 def test_a_tricycle_whose_steered_wheel_is_driven() -> None:
-    assert found_drive(car()) == CAR
-    assert found_drive(tricycle()) == TRICYCLE
+    assert found_drive(car()) is DRIVES[CAR]
+    assert found_drive(tricycle()) is DRIVES[TRICYCLE]
     with Simulation(tricycle()) as simulation:
         robot = simulation.robot
         robot.drive(0.5, 0.3)
@@ -212,7 +212,7 @@ def omni(*yaws: float, circle: float = 0.3) -> Description:
 )
 def test_an_omni_drive_may_have_lateral_wheels(yaws: tuple[float, ...]) -> None:
     description = omni(*map(math.radians, yaws))
-    assert found_drive(description) == OMNI
+    assert found_drive(description) is DRIVES[OMNI]
     with Simulation(description) as simulation:
         robot = simulation.robot
         for linear, lateral, angular in ((0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.2, -0.1, 0.4)):
@@ -231,7 +231,7 @@ def test_a_ball_that_rolls_sideways_makes_no_omni_drive() -> None:
     ball += joint("ball", "base", "0.5 0 0.05", "0 0 0", "1 0 0")
     sides = [wheel(f"side_{y}", "base", f"0 {y} {RADIUS}") for y in (-0.5, 0.5)]
     description = robot(*sides, ball, ball.replace("ball", "bowl").replace('"0.5 0', '"0.6 0'))
-    assert found_drive(description) == "diff_drive_controller/DiffDriveController"
+    assert found_drive(description) is ControlConfig
 
 
 def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
@@ -250,7 +250,7 @@ def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
         "    wheel_separation_x: 0.4\n    wheel_separation_y: 0.6\n    wheel_radius: 0.1\n"
         "    wheel_separation_y_multiplier: 1.5\n    wheel_radius_multiplier: 2.0\n"
     )
-    values = read_control_files([file], "/", "drive_controller")
+    values = ControlFiles([file], "/", "drive_controller").parameters()
     assert not values.warnings
     kind = DRIVES["husarion_mecanum_drive_controller/MecanumDriveController"]
     config = read(kind, values.values)
@@ -284,7 +284,7 @@ def test_steering_limits_of_tricycle_controller(
         f"tricycle_controller:\n  ros__parameters:\n    type: {TRICYCLE}\n"
         f"    steering: {{{steering}}}\n"
     )
-    values = read_control_files([file], "/", "tricycle_controller")
+    values = ControlFiles([file], "/", "tricycle_controller").parameters()
     config = read(DRIVES[TRICYCLE], values.values)
     geometry = config.geometry(config.wheels(tricycle()))
     assert (geometry.limit, geometry.speed) == (limit, speed)

@@ -10,10 +10,9 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 
 from onebot_control import RobotSetup, Simulation
-from onebot_control.control_files import default_control_file, drive_node, read_control_files
+from onebot_control.control_files import ControlFiles, default_control_file, drive_node
 from onebot_control.drive.wheels.finding import RunningGear
 from onebot_control.drive_kinds import (
-    DRIVES,
     ControlConfig,
     found_drive,
 )
@@ -143,7 +142,7 @@ _FDIR = "".join(
     ],
 )
 def test_the_description_says_which_drive_it_is(description: Description, kind: type) -> None:
-    assert DRIVES[found_drive(description)] is kind
+    assert found_drive(description) is kind
 
 
 @pytest.mark.parametrize(
@@ -414,7 +413,9 @@ def test_standard_topics(
 
 def test_onebots_file_suits_all_drives() -> None:
     """What it has for any drive counts; limits of driving forward are those of driving sideways."""
-    values = read_control_files([default_control_file()], "/", "velocity_controller", MECANUM)
+    values = ControlFiles(
+        [default_control_file()], "/", "velocity_controller", MECANUM
+    ).parameters()
     assert values.warnings == []
     config = read(MECANUM, values.values)
     assert config.lateral == config.linear and config.lateral.max_acceleration == 0.5

@@ -13,7 +13,6 @@ import pytest
 from onebot_control.control_files import (
     ControlFiles,
     drive_node,
-    read_control_files,
 )
 from onebot_control.conventions import MANAGER
 from onebot_control.drive_kinds import ControlConfig
@@ -267,7 +266,7 @@ PROJECTS = {
 
 def fleet_of(file: Path, robot: Description, namespace: str, name: str) -> tuple[Fleet, list[str]]:
     """The robot with its controllers, and what is said of the file but of inactive ones."""
-    config = read_control_files([file], namespace, name)
+    config = ControlFiles([file], namespace, name).parameters()
     controllers = ControlFiles([file], namespace, name).joint_controllers()
     member = Member(
         robot,

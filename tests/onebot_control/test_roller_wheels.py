@@ -9,8 +9,9 @@ import pytest
 
 from onebot_control.drive.holonomic import HolonomicKinematics
 from onebot_control.drive.odometry import Odometry
+from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics import RobotBody, RobotSpawn, World
-from onebot_control.physics.roller_wheels import RollerWheel, with_rollers
+from onebot_control.physics.roller_wheels import with_rollers
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import Triple, yaw_of
 from onebot_description.model import RobotModel
@@ -19,7 +20,7 @@ from tests.onebot_control.simulation_support import bits, planar, robot
 
 RADIUS, MASS, WHEEL_MASS, GRAVITY = 0.05, 10.0, 0.5, 9.81
 LENGTH, WIDTH, CIRCLE = 0.15, 0.14, 0.18  # m, of wheels from the middle
-SLANT = math.pi / 4.0
+SLANT, TYRE = math.pi / 4.0, Tyre(RADIUS, 0.0)
 PERIOD = 0.01
 FASTEST = np.array([0.5, 0.5, 1.0])  # m/s^2 and rad/s^2
 
@@ -71,9 +72,7 @@ def _robot(*wheels: str) -> Description:
 def _mecanum() -> Rolling:
     places = {"fl": (1, 1), "fr": (1, -1), "rr": (-1, -1), "rl": (-1, 1)}
     wheels = [_wheel(name, LENGTH * x, WIDTH * y, 0.0) for name, (x, y) in places.items()]
-    rollers = {
-        f"{name}_joint": RollerWheel(RADIUS, -x * y * SLANT) for name, (x, y) in places.items()
-    }
+    rollers = {f"{name}_joint": (TYRE, -x * y * SLANT) for name, (x, y) in places.items()}
     kinematics = HolonomicKinematics.mecanum(RADIUS, LENGTH + WIDTH)
     return Rolling(with_rollers(_robot(*wheels), rollers), tuple(rollers), kinematics)
 
@@ -84,7 +83,7 @@ def _omni(count: int = 3) -> Rolling:
         _wheel(f"w{row}", CIRCLE * math.cos(angle), CIRCLE * math.sin(angle), angle - math.pi / 2.0)
         for row, angle in enumerate(angles)
     ]
-    rollers = {f"w{row}_joint": RollerWheel(RADIUS) for row in range(count)}
+    rollers = {f"w{row}_joint": (TYRE, 0.0) for row in range(count)}
     kinematics = HolonomicKinematics.omni(RADIUS, CIRCLE, count, 0.3)
     return Rolling(with_rollers(_robot(*wheels), rollers), tuple(rollers), kinematics)
 
@@ -328,7 +327,7 @@ def test_the_mass_of_a_wheel_stays_where_it_is() -> None:
         return body
 
     written = _robot(_wheel("fl", LENGTH, WIDTH, 0.0))
-    simulated = with_rollers(written, {"fl_joint": RollerWheel(RADIUS, -SLANT)})
+    simulated = with_rollers(written, {"fl_joint": (TYRE, -SLANT)})
     before, now = whole(written), whole(simulated)
     assert now.mass == pytest.approx(before.mass)
     assert now.center == pytest.approx(before.center, abs=1e-3)

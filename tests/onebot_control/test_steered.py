@@ -145,9 +145,7 @@ def test_wheels_wait_for_the_steering() -> None:
         ((0.0, 0.1), "wheelbase must be at least 1e-06 m, not 0 m"),
         ((-0.5, 0.1), "wheelbase must be"),
         ((0.5, math.inf), "radius must be"),
-        ((0.5, 0.1, -1.0), "traction_track must be at least 0 m, not -1 m"),
-        ((0.5, 0.1, 0.3, 0.0, 0.5, True), "traction_track must be 0 m if the steered wheel"),
-        ((0.5, 0.1, 0.0, 0.0, 2.0), "limit must be above 0 and at most pi/2 rad, not 2 rad"),
+        ((0.5, 0.1, 0.3, 0.0, 0.5, True), "only a single wheel can be both steered and driven"),
     ],
 )
 def test_what_is_no_drive_is_refused(arguments, fault) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
-from onebot_control.control_files import read_control_files
+from onebot_control.control_files import ControlFiles
 from onebot_control.drive_kinds import ControlConfig
 from onebot_description.cad.dimensions import read_dimensions
 from onebot_description.errors import OneBotError
@@ -51,7 +51,7 @@ def test_every_file_is_read_within_the_bounds(tmp_path: Path) -> None:
     file.write_text(NESTED)
     for read_it in (
         lambda: read_files([file], "/jsp", JointsConfig),
-        lambda: read_control_files([file], "/", "velocity_controller"),
+        lambda: ControlFiles([file], "/", "velocity_controller").parameters(),
         lambda: load_view(file),
         lambda: read_dimensions(file),
         lambda: Bag(tmp_path),  # without a file that holds messages

@@ -177,7 +177,7 @@ STEERED = {"left_steering": ("sl",), "right_steering": ("sr",)}
 
 
 @pytest.mark.parametrize(
-    ("block", "kind", "joints", "lengths", "topic"),
+    ("block", "kind", "joints", "steering_limit"),
     [
         (
             MECANUM,
@@ -188,27 +188,18 @@ STEERED = {"left_steering": ("sl",), "right_steering": ("sr",)}
                 "rear_right": ("rr", "j"),
                 "rear_left": ("rl",),
             },
-            {"wheelbase": 1.25, "wheel_separation": 1.5, "wheel_radius": 0.3},
-            "/model/m/cmd_vel",
+            math.inf,
         ),
-        (
-            CAR,
-            "ackermann",
-            DRIVEN | STEERED,
-            {"kingpin_width": 1.0, "steering_limit": 0.5, "wheelbase": 2.0},
-            "",
-        ),
-        (CLASSIC, "ackermann", DRIVEN | STEERED, {"steering_limit": 0.6}, ""),
-        (CAMEL, "ackermann", DRIVEN | STEERED, {"wheel_separation": 0.172}, "cmd_vel"),
+        (CAR, "ackermann", DRIVEN | STEERED, 0.5),
+        (CLASSIC, "ackermann", DRIVEN | STEERED, 0.6),
+        (CAMEL, "ackermann", DRIVEN | STEERED, math.inf),
     ],
 )
-def test_plugins_are_read(
-    block: str, kind: str, joints: object, lengths: object, topic: str
-) -> None:
+def test_plugins_are_read(block: str, kind: str, joints: object, steering_limit: float) -> None:
     description = read(wheels("fl", "fr", "rl", "rr", "sl", "sr"), block, MECANUM)
     assert (plugin := description.drive_plugin)
-    assert (plugin.kind, plugin.joints, plugin.lengths) == (kind, joints, lengths)
-    assert (plugin.topic, plugin.where[:13]) == (topic, "r:3: plugin " + plugin.where[12])
+    assert (plugin.kind, plugin.joints, plugin.steering_limit) == (kind, joints, steering_limit)
+    assert plugin.where[:13] == "r:3: plugin " + plugin.where[12]
     assert description.notices == ()
 
 
@@ -231,20 +222,20 @@ def test_kinds_of_plugins(filename: str, name: str, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inside", "text"),
+    ("limit", "text"),
     [
-        ("<wheelbase>x</wheelbase>", 'plugin "p" <wheelbase>: "x" is not a finite number'),
-        ("<wheel_radius>0</wheel_radius>", '"0" is not positive; it must be'),
-        ("<wheel_separation>-1e0</wheel_separation>", '"-1e0" is not positive'),
-        ("<wheelbase>inf</wheelbase>", '"inf" is not a finite number'),
+        ("x", 'plugin "p" <steering_limit>: "x" is not a finite number'),
+        ("0", '"0" is not positive; it must be'),
+        ("-1e0", '"-1e0" is not positive'),
+        ("inf", '"inf" is not a finite number'),
     ],
 )
-def test_lengths_that_are_none(inside: str, text: str) -> None:
-    block = f'<gazebo><plugin filename="MecanumDrive" name="p">\n{inside}</plugin></gazebo>'
-    description = read(block)
+def test_steering_limits_that_are_none(limit: str, text: str) -> None:
+    inside = f"\n<steering_limit>{limit}</steering_limit>"
+    description = read(f'<gazebo><plugin filename="Ackermann" name="p">{inside}</plugin></gazebo>')
     [problem] = description.problems
     assert problem.startswith("r:3: ") and text in problem
-    assert description.drive_plugin and not description.drive_plugin.lengths
+    assert description.drive_plugin and math.isinf(description.drive_plugin.steering_limit)
 
 
 def test_a_joint_that_does_not_exist_is_a_warning() -> None:

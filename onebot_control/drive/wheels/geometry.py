@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from onebot_control.drive.wheels.finding import RunningGear
+from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description
 from onebot_description.errors import OneBotError, did_you_mean
@@ -99,7 +100,7 @@ class Wheels:
         Raises:
             OneBotError: a wheel has no round shape, or the radii differ.
         """
-        radii = {name: self._radius(name) for name in self.names}
+        radii = {name: self.tyre(name).radius for name in self.names}
         if max(radii.values()) - min(radii.values()) > _SAME:
             listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
             raise OneBotError(
@@ -139,9 +140,14 @@ class Wheels:
                     "must point to the left, (0 1 0), or to the right, (0 -1 0)"
                 )
 
-    def _radius(self, name: str) -> float:
+    def tyre(self, name: str) -> Tyre:
+        """Return the round shape that the wheel of a joint rolls on.
+
+        Raises:
+            OneBotError: there is none.
+        """
         if (tyre := self.tyres.tyre(name)) is not None:
-            return tyre.radius
+            return tyre
         raise OneBotError(
             f'robot "{self.description.robot_name}", joint "{name}": link '
             f'"{self.axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '

@@ -10,6 +10,7 @@ from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import clamp
 
 STEERING_SPEED = 3.0
 """The maximum speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
@@ -45,9 +46,10 @@ class SteeredGeometry(NamedTuple):
     def turning(self, speed: float, angle: float) -> float:
         """Return the velocity of turning to the left, rad/s, at a speed, m/s, and a steering angle.
 
-        The angle, rad to the left, is that of a wheel in the middle of the front axle.
+        The angle, rad to the left, is that of a wheel in the middle of the front axle, at most a
+        quarter turn.
         """
-        return speed * math.tan(angle) / self.wheelbase
+        return speed * math.tan(clamp(angle, -_QUARTER, _QUARTER)) / self.wheelbase
 
     def __str__(self) -> str:
         text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
@@ -151,7 +153,7 @@ class SteeredWheels(Wheels):
             radius=radius or self.radius,
             traction_track=traction if len(self.names) > 1 else 0.0,
             steering_track=steering if len(self.steering) > 1 else 0.0,
-            limit=min(limit, plugin.lengths.get("steering_limit", limit) if plugin else limit),
+            limit=min(limit, plugin.steering_limit if plugin else limit),
             front_driven=self._front_driven,
             axle=float(self._rear[0]),
             speed=min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
