@@ -68,7 +68,6 @@ if TYPE_CHECKING:
         ImuReading,
         JointState,
         OdometryReading,
-        PlanarVelocity,
         RobotPose,
         Scan,
     )
@@ -76,6 +75,7 @@ if TYPE_CHECKING:
     from onebot_control.simulated_robot import SimulatedRobot
     from onebot_control.simulation import Simulation
     from onebot_description.errors import OneBotError
+    from onebot_description.geometry.poses import PlanarVelocity
 else:
     __getattr__ = onebot_description.lazy(
         globals(),
@@ -88,11 +88,12 @@ else:
             "onebot_control.robot_setup": ("RobotSetup",),
             "onebot_control.sensing.readings": (
                 *("ImuReading", "JointState", "OdometryReading"),
-                *("RobotPose", "Scan", "PlanarVelocity"),
+                *("RobotPose", "Scan"),
             ),
             "onebot_control.simulated_navigation": ("SimulatedNavigation",),
             "onebot_control.simulated_robot": ("SimulatedRobot",),
             "onebot_control.simulation": ("Simulation",),
             "onebot_description.errors": ("OneBotError",),
+            "onebot_description.geometry.poses": ("PlanarVelocity",),
         },
     )

@@ -131,7 +131,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         """
         for robot, config in zip(self.robots, configs, strict=False):
             robot.fitted(config)
-        self.world.restart([(config.x, config.y, config.yaw) for config in configs])
+        self.world.restart([config.start for config in configs])
         for robot, config in zip(
             self.robots, configs or [robot.config for robot in self.robots], strict=True
         ):
@@ -168,7 +168,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         controllers = [*old.joint_controllers.values()]
         member = Member(description, old.config, controllers=controllers)
         prepared = _prepared(member)
-        here = prepared.spawn._replace(**old.true_pose._asdict())
+        here = prepared.spawn._replace(start=old.true_pose)
         spawns = [robot.body.spawn for robot in self.robots]
         spawns[row] = here
         world = self.world.replaced(row, here, _settings(self.rate, spawns))

@@ -98,9 +98,7 @@ class PreparedRobot:
         self.spawn = RobotSpawn(
             simulated,
             driven=wheels.names if wheels else (),
-            x=config.x,
-            y=config.y,
-            yaw=config.yaw,
+            start=config.start,
             name=member.name,
             commanded=commanded,
             steering=wheels.steering if wheels else (),

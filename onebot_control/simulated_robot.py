@@ -20,7 +20,6 @@ from onebot_control.sensing.readings import (
     ImuReading,
     JointState,
     OdometryReading,
-    PlanarVelocity,
     RobotPose,
     Scan,
 )
@@ -31,7 +30,7 @@ from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
-from onebot_description.geometry.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
 from onebot_description.parameters.arguments import checked_methods
 from onebot_description.parameters.values import Rule, ValueType
 
@@ -310,7 +309,7 @@ class SimulatedRobot:
     def twist(self) -> PlanarVelocity:
         """The true velocity of the robot's root link, in its own axes."""
         linear, angular = self._controlled.snapshot().velocity
-        return PlanarVelocity(linear[0], angular[2], linear[1])
+        return PlanarVelocity(linear[0], linear[1], angular[2])
 
     @property
     def odometry(self) -> OdometryReading:
@@ -326,8 +325,7 @@ class SimulatedRobot:
     @property
     def command(self) -> PlanarVelocity:
         """The limited velocity that the controller set in the last cycle, as in ~/cmd_vel_out."""
-        command = self._drive.command
-        return PlanarVelocity(command.linear, command.angular, command.lateral)
+        return PlanarVelocity(*self._drive.command[:3])
 
     @property
     def joints(self) -> Mapping[str, JointState]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from onebot_control.conventions import BROADCASTER, IN_EACH_CYCLE, WORLD_FRAME
 from onebot_control.drive.parameters import DriveParameters
+from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import group, ignored, parameter
 
 INTERFACES = ("position", "velocity", "effort")
@@ -111,6 +112,11 @@ class SimulationConfig(DescriptionConfig):
         50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
     )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
+
+    @property
+    def start(self) -> PlanarPose:
+        """Where the robot starts in the world."""
+        return PlanarPose(self.x, self.y, self.yaw)
 
     @property
     def drive(self) -> DriveParameters[Any] | None:

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from onebot_control import Simulation
 from onebot_control.drive.diff_drive import DiffDriveKinematics
-from onebot_control.drive.kinematics import PlanarTwist
 from onebot_control.drive.odometry import Odometry
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
 from tests.readme import CHECKOUT
 
 ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
@@ -149,7 +148,7 @@ def _follow(simulation: Simulation, path: DrivenPath) -> Result:
         robot.drive(*command)
         simulation.run(period)
         linear, angular = robot.command.linear, robot.command.angular
-        commanded.update_open_loop(PlanarTwist(linear, 0.0, angular), period)
+        commanded.update_open_loop(PlanarVelocity(linear, 0.0, angular), period)
         length += abs(linear) * period
         turned += abs(angular) * period
         # Headings are unwrapped.

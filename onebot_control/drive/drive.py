@@ -29,16 +29,16 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from onebot_control.drive.drift_check import DriftCheck
-from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
+from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimiter
-from onebot_description.geometry.poses import PlanarPose, Triple, clamp
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity, Triple, clamp
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.geometry import Wheels
 
-_AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarTwist
+_AXES = ("linear.x", "linear.y", "angular.z")  # the order of PlanarVelocity
 _REST = (0.0, 0.0, 0.0)
 _ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results are finite
@@ -52,7 +52,7 @@ class DriveState(NamedTuple):
 
     odometry: PlanarPose  # pose by the wheels, in the odometry's frame
     covariance: PoseCovariance  # covariance of that pose
-    twist: PlanarTwist  # velocity by the wheels
+    twist: PlanarVelocity  # velocity by the wheels
     command: DriveCommand
     origin: PlanarPose  # the odometry's frame in the world, as long as the wheels do not slip
 
@@ -184,7 +184,7 @@ class Drive:
         command = kinematics.command(twist, self._steering, dt)
         self.command = kinematics.limited(command, self.command, dt)
         if self.config.open_loop:
-            self.odometry.update_open_loop(PlanarTwist(*self.command[:3]), dt)
+            self.odometry.update_open_loop(PlanarVelocity(*self.command[:3]), dt)
         return self.command
 
     @property
@@ -246,7 +246,7 @@ class Drive:
         """Return the present state; ``pace`` is simulated seconds per second of the clock."""
         odometry, twist = self.odometry, self.odometry.twist
         if pace != 1.0:
-            twist = PlanarTwist(*[component * pace for component in twist])
+            twist = PlanarVelocity(*[component * pace for component in twist])
         return DriveState(odometry.pose, odometry.covariance, twist, self.command, self.origin)
 
     def _limited(self, dt: float) -> Triple:

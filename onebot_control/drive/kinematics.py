@@ -8,14 +8,6 @@ from typing import NamedTuple
 from onebot_description.geometry.poses import Triple
 
 
-class PlanarTwist(NamedTuple):
-    """A velocity of the body in its own frame, x forward and y to the left (REP-103)."""
-
-    linear: float = 0.0  # forward, m/s
-    lateral: float = 0.0  # leftward, m/s
-    angular: float = 0.0  # turning to the left, rad/s
-
-
 class DriveCommand(NamedTuple):
     """The command in force, within limits, and what the joints do for it."""
 
@@ -44,7 +36,7 @@ class Kinematics(ABC):
     Wheels and steering joints have the order of ``Wheels.groups`` and ``Wheels.steering``; wheels
     that turn as one count as one. All positive velocities drive forward. A motion of the body is
     along an arc of constant velocity: forward and to the left, m, and turning to the left, rad;
-    per second, it is the components of a PlanarTwist.
+    per second, it is the components of a PlanarVelocity.
 
     Attributes:
         shares: what each wheel contributes to the motion of the body.

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from operator import sub
 from typing import TYPE_CHECKING, NamedTuple
 
-from onebot_control.drive.kinematics import Kinematics, PathError, PlanarTwist
-from onebot_description.geometry.poses import PlanarPose, Triple
+from onebot_control.drive.kinematics import Kinematics, PathError
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity, Triple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -102,7 +102,7 @@ class Odometry:
         self.kinematics, self.noise = kinematics, noise or (0.0,) * len(kinematics.shares)
         self._wheels: Sequence[float] | None = None
         self._twists = deque[Triple](maxlen=window)  # the last updates' twists
-        self.twist = PlanarTwist()
+        self.twist = PlanarVelocity()
         self.set_pose(0.0, 0.0, 0.0)
 
     @property
@@ -125,7 +125,7 @@ class Odometry:
         """Re-reference the wheel positions and set the twist to zero, as after a teleport."""
         self.rereference_wheels()
         self._twists.clear()
-        self.twist = PlanarTwist()
+        self.twist = PlanarVelocity()
 
     def set_window(self, window: int) -> None:
         """Average the twist over ``window`` updates from now on."""
@@ -145,7 +145,7 @@ class Odometry:
         """Integrate wheel velocities (rad/s) over ``dt`` seconds."""
         self._follow([velocity * dt for velocity in velocities], dt, steering)
 
-    def update_open_loop(self, twist: PlanarTwist, dt: float) -> None:
+    def update_open_loop(self, twist: PlanarVelocity, dt: float) -> None:
         """Integrate a command over ``dt`` seconds."""
         linear, lateral, angular = twist
         self._integrate((linear * dt, lateral * dt, angular * dt))
@@ -162,7 +162,7 @@ class Odometry:
             lateral += left
             angular += turning
         count = len(self._twists)
-        self.twist = PlanarTwist(linear / count, lateral / count, angular / count)
+        self.twist = PlanarVelocity(linear / count, lateral / count, angular / count)
 
     def _integrate(self, motion: Triple) -> None:
         """Move along the arc that constant wheel velocities make.

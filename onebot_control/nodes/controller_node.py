@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Generic, NamedTuple, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock
@@ -18,7 +18,13 @@ from rclpy.parameter import Parameter
 
 from onebot_control.joint_controllers import JointController, named
 from onebot_control.runtime.control_loop import LoopSlot
-from onebot_control.trajectories.following import INVALID_GOAL, SUCCESSFUL, JointFollower, Outcome
+from onebot_control.trajectories.following import (
+    CANCELLED,
+    INVALID_GOAL,
+    SUCCESSFUL,
+    JointFollower,
+    Outcome,
+)
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.parameters.values import plain
 from onebot_description.ros.message_age import Delivery, SenderClock
@@ -159,12 +165,6 @@ class ControllerNode(Generic[F]):
         return JointController(self.controller.kind, self.controller.name, values)
 
 
-class Cancelled(NamedTuple):
-    """A goal that its client has cancelled."""
-
-    goal: Any
-
-
 @dataclass(frozen=True)
 class GoalFunctions(Generic[G]):
     """What an action does with the goals of its kind.
@@ -183,7 +183,7 @@ class GoalFunctions(Generic[G]):
     problems: Callable[[G], list[str]]
     follow: Callable[[G, Any], Outcome | None]
     fill_feedback: Callable[[Any], None]
-    fill_result: Callable[[Any, Outcome | Cancelled], None]
+    fill_result: Callable[[Any, Outcome], None]
     accepted: Callable[[G], object] = id
 
 
@@ -217,7 +217,7 @@ class GoalAction(Generic[G]):
         """
         self._host, self._functions = host, functions
         self._type = load_interface(kind)
-        self._ended: deque[tuple[Outcome | Cancelled, Any]] = deque()  # each with its result
+        self._ended: deque[tuple[Outcome, Any]] = deque()  # each with its result
         host.follower.active = None  # an earlier node's goal has no client any more
         self._action = DeferredAction(
             host.node,
@@ -233,7 +233,7 @@ class GoalAction(Generic[G]):
         host.place.listeners.append(self.finish)
         host.node.create_timer(1.0 / rate, self._monitor, clock=host.place.clock)
 
-    def finish(self, outcome: Outcome | Cancelled) -> None:
+    def finish(self, outcome: Outcome) -> None:
         """Take notice of how a goal ended; its client gets the result soon."""
         result = self._type.Result()
         self._functions.fill_result(result, outcome)
@@ -261,7 +261,7 @@ class GoalAction(Generic[G]):
         """Cancel a goal, unless it has just ended: then its client gets that result."""
         if self._host.follower.active is handle:
             self._host.follower.cancel()
-            self.finish(Cancelled(handle))
+            self.finish(Outcome(handle, CANCELLED, ""))
 
     def _feedback(self) -> Any:
         feedback = self._type.Feedback()
@@ -302,8 +302,8 @@ class GoalAction(Generic[G]):
             with suppress(OneBotError):  # the loop has just ended
                 handle.publish_feedback(self._host.loop.call(self._feedback))
 
-    def _end(self, ended: Outcome | Cancelled, result: Any) -> None:
-        if isinstance(ended, Outcome):
+    def _end(self, ended: Outcome, result: Any) -> None:
+        if ended.code != CANCELLED:
             self._log(ended)
         if ended.goal is not None:
             self._action.finish(ended.goal, partial(_ended_handle, ended, result))
@@ -316,9 +316,9 @@ class GoalAction(Generic[G]):
             self._host.node.get_logger().warning(text)
 
 
-def _ended_handle(ended: Outcome | Cancelled, result: Any, handle: Any) -> Any:
+def _ended_handle(ended: Outcome, result: Any, handle: Any) -> Any:
     """Set the state of a goal, and return its result."""
-    if isinstance(ended, Cancelled):
+    if ended.code == CANCELLED:
         handle.canceled()
     elif ended.code == SUCCESSFUL:
         handle.succeed()

@@ -18,18 +18,14 @@ def controller_interfaces() -> Mapping[type[JointFollower], Callable[[Any], obje
     """Return what makes the ROS interface at a ``ControllerPlace``, for each kind of controller."""
     # Imported late: actions take 0.1 s, and most robots have only wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
-    from onebot_control.nodes.gripper_actions import (
-        GRIPPER_COMMAND,
-        PARALLEL_GRIPPER,
-        GripperActions,
-    )
+    from onebot_control.nodes.gripper_actions import GripperActions
     from onebot_control.nodes.joint_trajectories import JointTrajectories
 
     return {
         TrajectoryFollower: JointTrajectories,
         PositionForwarder: ForwardCommands,
-        GripperFollower: partial(GripperActions, action=PARALLEL_GRIPPER),
-        GripperCommandFollower: partial(GripperActions, action=GRIPPER_COMMAND),
+        GripperFollower: partial(GripperActions, kind="ParallelGripperCommand"),
+        GripperCommandFollower: partial(GripperActions, kind="GripperCommand"),
     }
 
 

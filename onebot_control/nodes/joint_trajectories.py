@@ -8,7 +8,6 @@ from rclpy.duration import Duration
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_control.nodes.controller_node import (
-    Cancelled,
     ControllerNode,
     ControllerPlace,
     GoalAction,
@@ -21,7 +20,7 @@ from onebot_control.trajectories.config import (
     TrajectoryConfig,
     is_joint_parameter,
 )
-from onebot_control.trajectories.following import Outcome, TrajectoryFollower
+from onebot_control.trajectories.following import CANCELLED, Outcome, TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.tolerances import (
     ToleranceGiven,
@@ -199,8 +198,8 @@ def _action_goal(request: Any) -> _Goal:
     return _trajectory_goal(request.trajectory), _tolerances(request)
 
 
-def _fill_result(result: Any, ended: Outcome | Cancelled) -> None:
-    if isinstance(ended, Outcome):
+def _fill_result(result: Any, ended: Outcome) -> None:
+    if ended.code != CANCELLED:
         result.error_code, result.error_string = ended.code, ended.text
 
 

@@ -12,7 +12,6 @@ from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,
-    SpawnPose,
     load_robot,
     make_world,
 )
@@ -20,6 +19,7 @@ from onebot_description.description import Description
 from onebot_description.description.unit_check import LARGEST_ROBOT, MILLIMETRES, unit_of
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import (
+    PlanarPose,
     Quaternion,
     Transform,
     Triple,
@@ -194,7 +194,7 @@ def pose_on(
     spawn: RobotSpawn,
     settings: PhysicsSettings,
     rest: RestPose,
-    where: SpawnPose,
+    where: PlanarPose,
     positions: Sequence[float],
 ) -> Transform:
     """Return the pose of a robot's root link at rest on the fixed bodies of a scene.
@@ -208,7 +208,7 @@ def pose_on(
         spawn: the robot.
         settings: settings of the physics.
         rest: the robot's pose on level ground.
-        where: x, y (m) and yaw (rad).
+        where: the place of its root link.
         positions: positions of all joints, rad or m.
 
     Raises:
@@ -261,13 +261,13 @@ def _base_touches(robot: LoadedBody, scene: SceneBodies) -> bool:
     )
 
 
-def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: SpawnPose) -> bool:
+def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: PlanarPose) -> bool:
     """Return whether the robot rests upright on its wheels where it was released."""
     (x, y, _), rotation = pose
     touching = robot.bullet.getContactPoints(robot.body)
     links = {point[3] for point in touching}
     return (
-        math.hypot(x - where[0], y - where[1]) <= _AWAY
+        math.hypot(x - where.x, y - where.y) <= _AWAY
         and _base_speed(robot) <= _SWIVELLING
         and _is_upright(rotation)
         and all(robot.joints[name] in links for name in driven)

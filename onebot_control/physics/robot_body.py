@@ -10,11 +10,11 @@ from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
     RobotSpawn,
-    SpawnPose,
-    checked_spawn_pose,
+    checked_place,
     load_robot,
 )
 from onebot_description.geometry.poses import (
+    PlanarPose,
     Quaternion,
     Transform,
     Triple,
@@ -77,7 +77,7 @@ class _World(Protocol):
 
     def check(self) -> None: ...
 
-    def stand(self, places: Mapping["RobotBody", SpawnPose], *, at_start: bool) -> None: ...
+    def stand(self, places: Mapping["RobotBody", PlanarPose], *, at_start: bool) -> None: ...
 
     def set_joints(self, robot: "RobotBody", positions: Mapping[str, float]) -> None: ...
 
@@ -115,7 +115,7 @@ class RobotBody:
             OneBotError: the start pose is not finite, or too far from the origin.
         """
         self.world, self.spawn = world, spawn
-        self.start = checked_spawn_pose(spawn.x, spawn.y, spawn.yaw)
+        self.start_at(spawn.start)
         moving = {joint.name: joint for joint in spawn.description.moving_joints}
         self.joints = tuple(moving)
         self.driven, self.commanded = tuple(spawn.driven), tuple(spawn.commanded)
@@ -139,14 +139,13 @@ class RobotBody:
         ]
         self.finite = True
 
-    def start_at(self, x: float, y: float, yaw: float) -> None:
+    def start_at(self, place: PlanarPose) -> None:
         """Change where the robot starts, from the world's next restart on.
 
         Raises:
             OneBotError: the pose is not finite, or too far from the origin.
         """
-        self.start = checked_spawn_pose(x, y, yaw)
-        self.spawn = self.spawn._replace(x=x, y=y, yaw=yaw)
+        self.spawn = self.spawn._replace(start=checked_place(*place))
 
     def load(self, ground: int) -> None:
         """Add the robot to its world, at the origin."""
@@ -266,7 +265,7 @@ class RobotBody:
             OneBotError: another robot is at its start, or it cannot stand there; then nothing has
                 changed.
         """
-        self.world.stand({self: self.start}, at_start=True)
+        self.world.stand({self: self.spawn.start}, at_start=True)
 
     def teleport(self, x: float, y: float, yaw: float) -> None:
         """Move the robot to another pose, at rest.
@@ -283,7 +282,7 @@ class RobotBody:
                 robot is there, or the scene leaves no place to stand there; then nothing has
                 changed.
         """
-        self.world.stand({self: checked_spawn_pose(x, y, yaw)}, at_start=False)
+        self.world.stand({self: checked_place(x, y, yaw)}, at_start=False)
 
     def put(self, pose: Transform, positions: Sequence[float] | None = None) -> None:
         """Place the robot at rest with these joint positions, by default ``starts``."""

@@ -17,7 +17,14 @@ from onebot_control.physics.roller_wheels import RollerAxle
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import Description, Link, Mesh, Mimic
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import Transform, Triple, compose, inverse, total
+from onebot_description.geometry.poses import (
+    PlanarPose,
+    Transform,
+    Triple,
+    compose,
+    inverse,
+    total,
+)
 from onebot_description.model.rigid_bodies import Body
 
 # m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
@@ -30,13 +37,11 @@ _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
 class RobotSpawn(NamedTuple):
-    """A robot to add to a world, with the start pose of its root link's frame."""
+    """A robot to add to a world."""
 
     description: Description
     driven: Sequence[str]  # joints with a motor that follows velocities; see ``RobotBody``
-    x: float = 0.0  # m
-    y: float = 0.0  # m
-    yaw: float = 0.0  # heading, rad
+    start: PlanarPose = PlanarPose()  # of the root link's frame
     name: str = ""  # name in error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
     steering: Sequence[str] = ()  # those of the commanded joints that steer wheels
@@ -58,11 +63,8 @@ class RobotSpawn(NamedTuple):
         return has_linkage or bool(self.fixed_base and self.commanded)
 
 
-SpawnPose = tuple[float, float, float]  # x and y of the root link's frame, m, and yaw, rad
-
-
-def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
-    """Check the pose of a robot, m and rad, and return it as floats.
+def checked_place(x: float, y: float, yaw: float) -> PlanarPose:
+    """Check the place of a robot, m and rad, and return it as floats.
 
     Raises:
         OneBotError: a value is not finite, or the pose is too far from the origin to be exact.
@@ -72,7 +74,7 @@ def checked_spawn_pose(x: float, y: float, yaw: float) -> SpawnPose:
             f"x {x:g} m, y {y:g} m, yaw {yaw:g} rad must be finite; the simulation is exact up to "
             f"{FARTHEST:g} m from the origin"
         )
-    return float(x), float(y), float(yaw)
+    return PlanarPose(float(x), float(y), float(yaw))
 
 
 class LoadedBody(NamedTuple):

@@ -12,12 +12,12 @@ from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import has_rollers
 from onebot_control.physics.scene import SceneBodies
-from onebot_control.physics.spawning import LoadedBody, RobotSpawn, SpawnPose, make_world
+from onebot_control.physics.spawning import LoadedBody, RobotSpawn, make_world
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices
-from onebot_description.geometry.poses import Transform, Triple
+from onebot_description.geometry.poses import PlanarPose, Transform, Triple
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms or rollers, the solver stops once an iteration changes no velocity by more than the
@@ -82,7 +82,7 @@ class World(AbstractContextManager["World"]):
         self._commanded = [robot for robot in self.robots if robot.commanded]
         # A robot on bare ground comes to rest in this world, others in one of their own.
         self._alone = len(self.robots) == 1 and scene is None
-        self._on_scene: dict[tuple[RobotBody, SpawnPose, tuple[float, ...]], Transform] = {}
+        self._on_scene: dict[tuple[RobotBody, PlanarPose, tuple[float, ...]], Transform] = {}
         if not self._alone:
             self._find_rest_poses()
         self.bullet = Bullet()
@@ -153,7 +153,7 @@ class World(AbstractContextManager["World"]):
             self.scene.read()
         self._check_finite()
 
-    def restart(self, starts: Sequence[SpawnPose] = ()) -> None:
+    def restart(self, starts: Sequence[PlanarPose] = ()) -> None:
         """Go back to the start by building the world again, so that runs repeat bit by bit.
 
         Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
@@ -164,15 +164,15 @@ class World(AbstractContextManager["World"]):
         Raises:
             OneBotError: the robots cannot stand there together; then nothing has changed.
         """
-        present = [robot.start for robot in self.robots]
+        present = [robot.spawn.start for robot in self.robots]
         try:
             with self._undone_if_refused():
                 for robot, start in zip(self.robots, starts or present, strict=True):
-                    robot.start_at(*start)
+                    robot.start_at(start)
                 self._place_at_starts()
         except OneBotError:
             for robot, start in zip(self.robots, present, strict=True):
-                robot.start_at(*start)
+                robot.start_at(start)
             raise
         self.bullet.resetSimulation()
         self._build()
@@ -184,9 +184,9 @@ class World(AbstractContextManager["World"]):
         Raises:
             OneBotError: see ``stand``.
         """
-        self.stand({robot: robot.start for robot in self.robots}, at_start=True)
+        self.stand({robot: robot.spawn.start for robot in self.robots}, at_start=True)
 
-    def stand(self, places: Mapping[RobotBody, SpawnPose], *, at_start: bool) -> None:
+    def stand(self, places: Mapping[RobotBody, PlanarPose], *, at_start: bool) -> None:
         """Place robots at rest.
 
         Args:
@@ -304,8 +304,7 @@ class World(AbstractContextManager["World"]):
             OneBotError: the robot cannot be simulated, or another one, or the scene, is in the way.
         """
         spawns = [robot.spawn for robot in self.robots]
-        start = spawns[row]
-        spawns[row] = spawn._replace(x=start.x, y=start.y, yaw=start.yaw, name=start.name)
+        spawns[row] = spawn._replace(start=spawns[row].start, name=spawns[row].name)
         around = self.scene.description if self.scene else None
         world = World(spawns, settings, around, at_start=False)
         if self.scene is not None and world.scene is not None:
@@ -315,7 +314,7 @@ class World(AbstractContextManager["World"]):
                 new.continue_joints(old)
             else:
                 new.continue_from(old)
-        world.robots[row].teleport(spawn.x, spawn.y, spawn.yaw)
+        world.robots[row].teleport(*spawn.start)
         return world
 
     def close(self) -> None:
@@ -347,7 +346,7 @@ class World(AbstractContextManager["World"]):
         """Find each robot's pose at rest by simulating it alone; identical robots only once."""
         rest_poses: dict[tuple[object, ...], RestPose] = {}
         for robot in self.robots:
-            spawn = robot.spawn._replace(x=0.0, y=0.0, yaw=0.0, name="")
+            spawn = robot.spawn._replace(start=PlanarPose(), name="")
             description = spawn.description  # its joints have the positions of those that are held
             key = description.urdf, description.joints, robot.driven, robot.commanded, robot.starts
             if key not in rest_poses:
@@ -368,7 +367,7 @@ class World(AbstractContextManager["World"]):
                 robot.rest_pose = settle(robot.parts, robot.spawn, robot.starts, settings)
             else:
                 # Make room at the origin, where the next robot is loaded.
-                robot.parts.place(robot.rest_pose.at(*robot.start))
+                robot.parts.place(robot.rest_pose.at(*robot.spawn.start))
         if self.scene is not None:
             self.scene.enter(bullet, ground, settings)
         bodies = (
@@ -398,13 +397,15 @@ class World(AbstractContextManager["World"]):
         self.bullet.restoreState(self._saved)
         poses = []
         for robot in self.robots:
-            poses.append(self._pose_at(robot, robot.start, robot.starts))
+            poses.append(self._pose_at(robot, robot.spawn.start, robot.starts))
             robot.parts.place(poses[-1], robot.starts)
-            self._check_boxes(robot, robot.start)
+            self._check_boxes(robot, robot.spawn.start)
         self._check_overlaps(self.robots)
         return poses
 
-    def _pose_at(self, robot: RobotBody, where: SpawnPose, positions: Sequence[float]) -> Transform:
+    def _pose_at(
+        self, robot: RobotBody, where: PlanarPose, positions: Sequence[float]
+    ) -> Transform:
         """Place the robot at rest on what stands still there; return its pose.
 
         Raises:
@@ -429,11 +430,11 @@ class World(AbstractContextManager["World"]):
             robot.parts.place(pose)
         return pose
 
-    def _check_boxes(self, robot: RobotBody, where: SpawnPose) -> None:
+    def _check_boxes(self, robot: RobotBody, where: PlanarPose) -> None:
         """Raise OneBotError if a robot that was just placed overlaps a box."""
         if self.scene is not None and (links := self.scene.free_at(robot.parts)):
             raise OneBotError(
-                f"x {where[0]:g} m, y {where[1]:g} m: link {listing(links)} of "
+                f"x {where.x:g} m, y {where.y:g} m: link {listing(links)} of "
                 f"{self.scene.description.source} is there; put the robot somewhere else"
             )
 

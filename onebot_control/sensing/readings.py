@@ -44,21 +44,6 @@ class RobotPose:
 
 
 @dataclass(frozen=True)
-class PlanarVelocity:
-    """A velocity in the plane, in the axes of the robot's root link.
-
-    Attributes:
-        linear: forward, m/s.
-        angular: velocity of turning to the left, rad/s.
-        lateral: velocity to the left, m/s.
-    """
-
-    linear: float
-    angular: float
-    lateral: float = 0.0
-
-
-@dataclass(frozen=True)
 class OdometryReading:
     """Pose and velocity by the wheels, as in ``~/odom``.
 

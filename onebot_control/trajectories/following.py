@@ -51,6 +51,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import clamp
 from onebot_description.timing import NS_PER_S
 
+CANCELLED = 1  # the client has cancelled the goal; no code of control_msgs
 SUCCESSFUL = 0
 INVALID_GOAL = -1
 PATH_TOLERANCE_VIOLATED = -4
@@ -66,7 +67,7 @@ class Outcome(NamedTuple):
     """How an action goal, or a trajectory from the topic, ended."""
 
     goal: object | None  # the token given to ``start``; None: no action goal was active
-    code: int  # error code of control_msgs/FollowJointTrajectory; 0: succeeded, else aborted
+    code: int  # of control_msgs/FollowJointTrajectory, or CANCELLED; 0: succeeded, < 0: aborted
     text: str  # joint_trajectory_controller's wording
     detail: str = ""  # the joint beyond its tolerance, with its position error
 

@@ -229,3 +229,17 @@ class PlanarPose(NamedTuple):
         """Return the pose p for which ``self.compose(p)`` is zero."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
+
+
+class PlanarVelocity(NamedTuple):
+    """A velocity in the plane, in the axes of the robot: x forward, y to the left (REP-103).
+
+    Attributes:
+        linear: forward, m/s.
+        lateral: to the left, m/s.
+        angular: of turning to the left, rad/s.
+    """
+
+    linear: float = 0.0
+    lateral: float = 0.0
+    angular: float = 0.0

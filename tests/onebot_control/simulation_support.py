@@ -15,7 +15,7 @@ from onebot_control.physics import (
     World,
 )
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import Transform, yaw_of
+from onebot_description.geometry.poses import PlanarPose, Transform, yaw_of
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
 URDF = (ROBOTS / "diff_drive.urdf").read_text()
@@ -61,7 +61,8 @@ def simulate(
     scene: Description | None = None,
     **place: float,
 ) -> Simulation:
-    return Simulation([RobotSpawn(description or robot(), driven, **place)], settings, scene)
+    spawn = RobotSpawn(description or robot(), driven, PlanarPose(**place))
+    return Simulation([spawn], settings, scene)
 
 
 def drive(simulation: Simulation, linear: float, angular: float, duration: float) -> None:

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.drive.kinematics import DriveCommand, PlanarTwist
+from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.joint_controllers import JointController
 from onebot_control.physics import JointStates, RobotBody
 from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
 from tests.onebot_control.control_support import (
     CASTER,
     RADIUS,
@@ -156,7 +156,7 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
     drive.reset()
     snapshot = drive.snapshot()
     assert (drive.true_pose, drive.odom_in_world) == (PlanarPose(), PlanarPose())
-    assert (snapshot.drive.odometry, snapshot.drive.twist) == (PlanarPose(), PlanarTwist())
+    assert (snapshot.drive.odometry, snapshot.drive.twist) == (PlanarPose(), PlanarVelocity())
     assert not any(snapshot.joints.velocities)
     assert (drive.ticks, drive.config) == (120, chosen)
     for _ in range(3):
@@ -196,7 +196,10 @@ def test_after_a_teleport_it_starts_from_rest() -> None:
     assert drive.true_pose == pytest.approx((5.0, 6.0, 1.0))
     assert (drive.odom_in_world, drive.ticks) == (origin, 101)
     snapshot = drive.snapshot()
-    assert (snapshot.drive.odometry, snapshot.drive.twist) == (before.drive.odometry, PlanarTwist())
+    assert (snapshot.drive.odometry, snapshot.drive.twist) == (
+        before.drive.odometry,
+        PlanarVelocity(),
+    )
     for _ in range(3):
         mine, fresh = cycle(drive), cycle(new)
         assert mine.drive.odometry == before.drive.odometry

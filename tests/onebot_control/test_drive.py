@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from onebot_control.drive.drive import Drive
-from onebot_control.drive.kinematics import DriveCommand, Kinematics, PlanarTwist, Share
+from onebot_control.drive.kinematics import DriveCommand, Kinematics, Share
 from onebot_control.drive.odometry import Odometry
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.description import Description
-from onebot_description.geometry.poses import PlanarPose, Triple
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity, Triple
 
 RADIUS, LEVER = 0.1, 0.5  # m
 SIGNS = np.array([(1, -1, -1), (1, 1, 1), (1, -1, 1), (1, 1, -1)]) * (1.0, 1.0, LEVER)
@@ -125,7 +125,7 @@ def test_the_covariance_is_that_of_errors_of_the_wheels() -> None:
         odometry = Odometry(kinematics)
         odometry.set_pose(*start)
         turned = [path / RADIUS for path in paths]
-        odometry.update_open_loop(PlanarTwist(*kinematics.body_motion(turned, ())), 1.0)
+        odometry.update_open_loop(PlanarVelocity(*kinematics.body_motion(turned, ())), 1.0)
         return np.array(odometry.pose)
 
     paths, step = np.array(kinematics.paths(motion)), 1e-6
@@ -136,7 +136,7 @@ def test_the_covariance_is_that_of_errors_of_the_wheels() -> None:
     )
     odometry = Odometry(kinematics, noise=noise)
     odometry.set_pose(*start)
-    odometry.update_open_loop(PlanarTwist(*motion), 1.0)
+    odometry.update_open_loop(PlanarVelocity(*motion), 1.0)
     xx, xy, yy, xt, yt, tt = odometry.covariance
     found = np.array([(xx, xy, xt), (xy, yy, yt), (xt, yt, tt)])
     assert found == pytest.approx(expected, rel=5e-3, abs=1e-7)

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from onebot_control.drive.diff_drive import DiffDriveKinematics
-from onebot_control.drive.kinematics import PlanarTwist
 from onebot_control.drive.odometry import Odometry
-from onebot_description.geometry.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
 
 KINEMATICS = DiffDriveKinematics(0.3, 0.06, 0.06)
 DT = 0.01
@@ -22,7 +21,7 @@ def drive(
 ) -> Odometry:
     """Odometry of wheels that begin at ``start`` and turn evenly."""
     odometry = Odometry(KINEMATICS)
-    left, right = KINEMATICS.command(PlanarTwist(linear, 0.0, angular)).wheels
+    left, right = KINEMATICS.command(PlanarVelocity(linear, 0.0, angular)).wheels
     for step in range(steps + 1):
         t = step * DT
         odometry.update_from_positions((start[0] + left * t, start[1] + right * t), DT)
@@ -69,7 +68,7 @@ def test_a_step_does_not_depend_on_where_it_begins(way: float, turn: float, yaw:
     start = PlanarPose(1.0, -2.0, yaw)
     elsewhere.set_pose(*start)
     for odometry in (at_zero, elsewhere):
-        odometry.update_open_loop(PlanarTwist(way, 0.0, turn), 1.0)
+        odometry.update_open_loop(PlanarVelocity(way, 0.0, turn), 1.0)
     step = PlanarPose(at_zero.x, at_zero.y, at_zero.heading)
     reached = (elsewhere.x, elsewhere.y, elsewhere.heading)
     assert reached == pytest.approx(tuple(start.compose(step)), abs=1e-7)
@@ -163,7 +162,9 @@ def propagated(before: NDArray[np.float64], start: PlanarPose, end: PlanarPose, 
 def test_covariance_is_that_of_the_book(ways: list[tuple[float, float]]) -> None:
     odometry, expected, pose = noisy(), np.zeros((3, 3)), PlanarPose()
     for left, right in ways:
-        odometry.update_open_loop(PlanarTwist((left + right) / 2.0, 0.0, (right - left) / 0.3), 1.0)
+        odometry.update_open_loop(
+            PlanarVelocity((left + right) / 2.0, 0.0, (right - left) / 0.3), 1.0
+        )
         reached = PlanarPose(odometry.x, odometry.y, odometry.heading)
         expected, pose = propagated(expected, pose, reached, left, right), reached
     np.testing.assert_allclose(matrix(odometry), expected, rtol=1e-9, atol=1e-12)
@@ -181,7 +182,7 @@ def test_covariance_is_one_after_any_way(
     odometry = noisy(noise)
     for linear, angular, times in ways:
         for _ in range(times):
-            odometry.update_open_loop(PlanarTwist(linear, 0.0, angular), 1.0)
+            odometry.update_open_loop(PlanarVelocity(linear, 0.0, angular), 1.0)
     found = matrix(odometry)
     scale = np.sqrt(np.maximum(np.diag(found), 1e-300))
     assert np.linalg.eigvalsh(found / np.outer(scale, scale)).min() >= -1e-6
@@ -191,14 +192,14 @@ def test_covariance_is_one_after_any_way(
 def test_covariance_of_an_endless_way_stays_finite() -> None:
     odometry = noisy()
     for way in (1e5, 1e300, 1e308, -1e308):
-        odometry.update_open_loop(PlanarTwist(way, 0.0, 1e-3), 1.0)
+        odometry.update_open_loop(PlanarVelocity(way, 0.0, 1e-3), 1.0)
         assert np.isfinite(matrix(odometry)).all()
 
 
 def test_a_message_holds_the_covariance() -> None:
     """Rows and columns are x, y, z, roll, pitch and yaw; what stays zero on flat ground is sure."""
     odometry = noisy()
-    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
+    odometry.update_open_loop(PlanarVelocity(0.5, 0.0, 0.2), 1.0)
     values = np.zeros(36)
     odometry.covariance.fill(values)
     message, planar = values.reshape(6, 6), np.ix_([0, 1, 5], [0, 1, 5])
@@ -210,7 +211,7 @@ def test_a_message_holds_the_covariance() -> None:
 def test_a_pose_that_is_set_is_exact() -> None:
     """Forgotten wheels change nothing, nor does rest."""
     odometry = noisy()
-    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
+    odometry.update_open_loop(PlanarVelocity(0.5, 0.0, 0.2), 1.0)
     grown = matrix(odometry)
     odometry.forget_wheels()
     for _ in range(10):
@@ -218,7 +219,7 @@ def test_a_pose_that_is_set_is_exact() -> None:
     assert (matrix(odometry) == grown).all() and grown[0, 0] > 0.0
     odometry.set_pose(1.0, 2.0, 3.0)
     assert not matrix(odometry).any()
-    odometry.update_open_loop(PlanarTwist(0.5, 0.0, 0.2), 1.0)
+    odometry.update_open_loop(PlanarVelocity(0.5, 0.0, 0.2), 1.0)
     assert matrix(odometry)[2, 2] == pytest.approx(grown[2, 2])
     odometry.set_pose(0.0, 0.0, 0.0)
     odometry.forget_wheels()
@@ -237,7 +238,7 @@ lengths = st.floats(0.01, 2.0)
 def test_wheel_speeds_are_those_of_the_formula() -> None:
     """Each wheel turns with (v -/+ w sep / 2) / r of its own side."""
     kinematics = DiffDriveKinematics(0.4, 0.1, 0.2)
-    assert kinematics.command(PlanarTwist(1.0, 0.0, 2.0)).wheels == pytest.approx((6.0, 7.0))
+    assert kinematics.command(PlanarVelocity(1.0, 0.0, 2.0)).wheels == pytest.approx((6.0, 7.0))
 
 
 @given(speeds, speeds, lengths, lengths, lengths)
@@ -245,7 +246,7 @@ def test_body_motion_undoes_wheel_velocities(
     linear: float, angular: float, separation: float, left: float, right: float
 ) -> None:
     kinematics = DiffDriveKinematics(separation, left, right)
-    command = kinematics.command(PlanarTwist(linear, 0.0, angular))
+    command = kinematics.command(PlanarVelocity(linear, 0.0, angular))
     back = kinematics.body_motion(command.wheels)
     assert back == pytest.approx((linear, 0.0, angular), abs=1e-9 / separation)
 

@@ -13,7 +13,7 @@ from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics import RobotBody, RobotSpawn, World
 from onebot_control.physics.roller_wheels import with_rollers
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import Triple, yaw_of
+from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body
 from tests.onebot_control.simulation_support import bits, planar, robot
@@ -37,7 +37,7 @@ class Rolling(NamedTuple):
         return (MASS + WHEEL_MASS * len(self.joints)) * GRAVITY
 
     def spawn(self, **place: float) -> RobotSpawn:
-        return RobotSpawn(self.description, self.joints, **place)
+        return RobotSpawn(self.description, self.joints, PlanarPose(**place))
 
     def turn(self, body: RobotBody, twist: Sequence[float]) -> None:
         x, y, turn = map(float, twist)

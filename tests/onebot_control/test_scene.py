@@ -13,6 +13,7 @@ from onebot_control.physics.scene import load_scene
 from onebot_description.description import parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.simulation_support import DRIVEN, bits, planar, robot, simulate
 
 _INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
@@ -164,7 +165,7 @@ def test_boxes_that_have_long_been_at_rest_move_again():
 
 def test_one_of_several_robots_puts_boxes_back_unless_a_robot_is_there():
     other = part("other", xyz="3 0 0.1", kind="floating", mass=1.0)
-    spawns = [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, 0.0, 3.0)]
+    spawns = [RobotSpawn(robot(), DRIVEN), RobotSpawn(robot(), DRIVEN, PlanarPose(0.0, 3.0))]
     with World(spawns, scene=scene(BOX, other)) as world:
         first, second = world.robots
         start = world.scene.poses

@@ -15,7 +15,7 @@ from onebot_control.physics.spawning import make_world
 from onebot_description.description import parse_description
 from onebot_description.elements.urdf import Box
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import yaw_of
+from onebot_description.geometry.poses import PlanarPose, yaw_of
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, Simulation, robot, simulate
 
 _QUICK = PhysicsSettings(settling=1.0, iterations=50)
@@ -55,7 +55,7 @@ def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
     """Level, and without a word unless a link on it starts in the ground; "world" is not lifted."""
     ball = f'<origin xyz="0 0 {-0.03 - depth}"/><geometry><sphere radius="0.02"/></geometry>'
     description = _block(f"0 0 {z}", arm=f"<collision>{ball}</collision>")
-    spawn = RobotSpawn(description, (), x=1.0, fixed_base=True)
+    spawn = RobotSpawn(description, (), PlanarPose(1.0), fixed_base=True)
     with Simulation([spawn], _QUICK) as simulation:
         found = simulation.base_pose()
     assert found.translation == pytest.approx((1.0, 0.0, 0.05 - z), abs=1e-9)

@@ -16,6 +16,7 @@ from onebot_control.physics import PhysicsSettings, RobotSpawn, World
 from onebot_control.physics.engine import engine
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     bits,
@@ -32,7 +33,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 def digest() -> str:
     """What three robots do in the maze, with a teleport and a reset of one of them."""
     starts = (0.0, 0.0, 0.0), (-2.0, 0.0, 1.0), (0.0, -2.0, -2.0)
-    spawns = [RobotSpawn(robot(), DRIVEN, *start) for start in starts]
+    spawns = [RobotSpawn(robot(), DRIVEN, PlanarPose(*start)) for start in starts]
     with World(spawns, scene=load_world("maze")) as world:
         for turn in (0.7, -0.3):
             for body in world.robots:

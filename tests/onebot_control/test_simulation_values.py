@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
-from onebot_control.physics.spawning import checked_spawn_pose
+from onebot_control.physics.spawning import checked_place
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 
@@ -57,15 +57,15 @@ def test_steps_of_a_duration(duration, steps):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_places_up_to_the_farthest(sign):
-    assert checked_spawn_pose(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
-    assert checked_spawn_pose(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
+    assert checked_place(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
+    assert checked_place(0, sign * 1e4, -99) == (0.0, sign * 1e4, -99.0)
     beyond = sign * math.nextafter(1e4, math.inf)
     for place in ((beyond, 0.0, 0.0), (0.0, beyond, 0.0)):
         with pytest.raises(OneBotError, match="exact up to 10000 m from the origin"):
-            checked_spawn_pose(*place)
+            checked_place(*place)
     with pytest.raises(OneBotError, match="x 20000 m, y -3 m"):
-        checked_spawn_pose(2e4, -3.0, 0.0)
-    assert all(type(value) is float for value in checked_spawn_pose(1, 2, 3))
+        checked_place(2e4, -3.0, 0.0)
+    assert all(type(value) is float for value in checked_place(1, 2, 3))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -74,7 +74,7 @@ def test_places_are_finite(bad, row):
     place = [0.0, 0.0, 0.0]
     place[row] = bad
     with pytest.raises(OneBotError, match="must be finite"):
-        checked_spawn_pose(*place)
+        checked_place(*place)
 
 
 def motors(description, driven) -> RobotBody:

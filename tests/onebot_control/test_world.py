@@ -3,6 +3,7 @@
 import numpy as np
 
 from onebot_control.physics import RobotSpawn, World
+from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.simulation_support import (
     DRIVEN,
     bits,
@@ -16,7 +17,7 @@ STARTS = [(0.0, 0.0, 0.0), (3.0, 0.0, 1.0), (0.0, -4.0, -2.0)]
 
 def _world(starts=STARTS):
     description = robot()
-    return World([RobotSpawn(description, DRIVEN, *start) for start in starts])
+    return World([RobotSpawn(description, DRIVEN, PlanarPose(*start)) for start in starts])
 
 
 def test_each_drives_as_it_would_alone():

@@ -23,6 +23,7 @@ from onebot_description.ros.wire.interfaces import load_interface
 _COSTS = (253, 99), (254, 100), (255, -1)  # inscribed, lethal, unknown in an OccupancyGrid
 _SLOW = 1.0  # s between two maps
 _QUICK = 0.2  # s between two paths
+_UNCLEARED = "nothing to clear"
 
 
 def pose_message(pose: PlanarPose) -> Pose:
@@ -147,72 +148,65 @@ class MapTopics:
     # Services ---------------------------------------------------------------------------------
 
     def _offer_services(self) -> None:
-        node = self._node
-        node.create_service(GetMap, "map_server/map", self._on_get_map)
-        load = load_interface("nav2_msgs/srv/LoadMap")
-        node.create_service(load, "map_server/load_map", self._on_load)
-        save = load_interface("nav2_msgs/srv/SaveMap")
-        node.create_service(save, "map_saver/save_map", self._on_save)
         self._around = load_interface("nav2_msgs/srv/ClearCostmapAroundRobot").Request
+        self._offer(GetMap, "map_server/map", self._fill_map, "no map yet")
+        load, save = (load_interface(f"nav2_msgs/srv/{kind}Map") for kind in ("Load", "Save"))
+        self._offer(load, "map_server/load_map", self._load, "map not loaded")
+        self._offer(save, "map_saver/save_map", self._save, "map not saved")
         for name in ("global", "local"):
-            for kind, service, answer in (
-                ("GetCostmap", "get_costmap", self._on_get_costs),
-                ("ClearEntireCostmap", f"clear_entirely_{name}_costmap", self._on_clear),
-                ("ClearCostmapExceptRegion", "clear_costmap_except_region", self._on_clear),
-                ("ClearCostmapAroundRobot", "clear_costmap_around_robot", self._on_clear),
+            for kind, service, action, problem in (
+                ("GetCostmap", "get_costmap", self._fill_costs, "no costs yet"),
+                ("ClearEntireCostmap", f"clear_entirely_{name}_costmap", self._clear, _UNCLEARED),
+                (
+                    "ClearCostmapExceptRegion",
+                    "clear_costmap_except_region",
+                    self._clear,
+                    _UNCLEARED,
+                ),
+                ("ClearCostmapAroundRobot", "clear_costmap_around_robot", self._clear, _UNCLEARED),
             ):
                 interface = load_interface(f"nav2_msgs/srv/{kind}")
-                node.create_service(interface, f"{name}_costmap/{service}", answer)
+                self._offer(interface, f"{name}_costmap/{service}", action, problem)
 
-    def _on_get_map(self, _: Any, answer: Any) -> Any:
-        try:
-            grid = self._navigator().map.occupancy()
-            answer.map = grid_message(grid, self._frame, self._stamp())
-        except OneBotError as error:
-            self._node.get_logger().error(f"no map yet: {error}")
-        return answer
+    def _offer(
+        self, kind: Any, name: str, action: Callable[[Any, Any], None], problem: str
+    ) -> None:
+        """Offer a service; an error of ``action`` is logged as a ``problem``."""
 
-    def _on_load(self, request: Any, answer: Any) -> Any:
-        try:
-            grid = load_map(Path(request.map_url.removeprefix("file://")))
-            self._use(grid)
-        except OneBotError as error:
-            self._node.get_logger().error(f"map not loaded: {error}")
-            answer.result = answer.RESULT_INVALID_MAP_DATA
-            return answer
-        answer.map = grid_message(grid, self._frame, self._stamp())
-        answer.result = answer.RESULT_SUCCESS
-        return answer
+        def respond(request: Any, response: Any) -> Any:
+            try:
+                action(request, response)
+            except OneBotError as error:
+                self._node.get_logger().error(f"{problem}: {error}")
+            return response
 
-    def _on_save(self, request: Any, answer: Any) -> Any:
-        try:
-            grid = self._navigator().map.occupancy()
-            save_map(grid, request.map_url.removeprefix("file://") or "map")
-            answer.result = True
-        except OneBotError as error:
-            self._node.get_logger().error(f"map not saved: {error}")
-            answer.result = False
-        return answer
+        self._node.create_service(kind, name, respond)
 
-    def _on_get_costs(self, _: Any, answer: Any) -> Any:
-        try:
-            costs = self._navigator().costs()
-        except OneBotError as error:
-            self._node.get_logger().error(f"no costs yet: {error}")
-            return answer
-        answer.map.header.frame_id, answer.map.header.stamp = self._frame, self._stamp()
-        specs = answer.map.metadata
+    def _fill_map(self, _: Any, response: Any) -> None:
+        grid = self._navigator().map.occupancy()
+        response.map = grid_message(grid, self._frame, self._stamp())
+
+    def _load(self, request: Any, response: Any) -> None:
+        response.result = response.RESULT_INVALID_MAP_DATA
+        grid = load_map(Path(request.map_url.removeprefix("file://")))
+        self._use(grid)
+        response.map = grid_message(grid, self._frame, self._stamp())
+        response.result = response.RESULT_SUCCESS
+
+    def _save(self, request: Any, response: Any) -> None:
+        grid = self._navigator().map.occupancy()
+        save_map(grid, request.map_url.removeprefix("file://") or "map")
+        response.result = True
+
+    def _fill_costs(self, _: Any, response: Any) -> None:
+        costs, specs = self._navigator().costs(), response.map.metadata
+        response.map.header.frame_id, response.map.header.stamp = self._frame, self._stamp()
         specs.size_y, specs.size_x = costs.data.shape
         specs.resolution, specs.origin = costs.resolution, pose_message(PlanarPose(*costs.origin))
-        answer.map.data = costs.data.tobytes()
-        return answer
+        response.map.data = costs.data.tobytes()
 
-    def _on_clear(self, request: Any, answer: Any) -> Any:
-        try:
-            if isinstance(request, self._around):
-                self._navigator().forget_near(request.reset_distance)
-            else:
-                self._navigator().clear()
-        except OneBotError as error:
-            self._node.get_logger().error(f"nothing to clear: {error}")
-        return answer
+    def _clear(self, request: Any, _: Any) -> None:
+        if isinstance(request, self._around):
+            self._navigator().forget_near(request.reset_distance)
+        else:
+            self._navigator().clear()
