@@ -19,6 +19,7 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import re
+import signal
 import sys
 import time
 from collections.abc import Iterable, Set
@@ -127,6 +128,7 @@ class BagRecorder(Node):
             super().destroy_node()
 
     def _finish(self, bag: BagWriter) -> None:
+        signal.alarm(0)  # a slow disk has its time (see ``run_node``)
         bag.close()
         recorded = f"recorded {bag.message_count} messages of {len(bag.topics)} topics"
         lost = f", {self._topics.lost} were lost" if self._topics.lost else ""

@@ -14,7 +14,8 @@ from onebot_bringup.launcher.process import NodeProcess, RunningProcess, describ
 from onebot_description.ros.signals import stop_signals
 
 # Exit codes that are normal for a node that was asked to stop; shells report SIGINT as 130.
-_STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, 130)
+# A node that hangs while it stops is ended by SIGALRM (see ``run_node``).
+_STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM, 130)
 # Signals within this time (seconds) count as one. A wrapper such as `uv run` repeats a Ctrl-C that
 # the terminal has already delivered; a signal to all processes, such as systemd's, may reach a node
 # before the launcher.

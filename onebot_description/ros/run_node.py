@@ -43,6 +43,7 @@ RCLError = rclpy_implementation.RCLError
 # Without a timeout, the events executor would spin at full CPU load; with one it sleeps.
 _A_YEAR = 365.0 * 24 * 3600  # seconds
 _TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
+_LONGEST_STOP = 3  # s until a process that hangs while it stops is ended
 _PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
 # ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
@@ -81,6 +82,7 @@ def run_node(
         try:
             return _spin(make_node, stop, signals, events)
         finally:
+            signal.alarm(0)
             _stops.remove(stop)
             rclpy.try_shutdown()
 
@@ -119,6 +121,7 @@ def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
         # It frees the entities of DDS, for which rmw_fastrtps takes time quadratic in their number:
         # seconds for 100 robots. All else is done, so SIGTERM may end the process meanwhile.
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        signal.alarm(0)
         executor.shutdown()
 
 
@@ -202,6 +205,9 @@ def at_stop(function: Callable[[], object]) -> None:
 
 def _finish(stop: Future) -> None:
     if not stop.done():
+        # Fast DDS 2.14 may deadlock in a publisher while another process leaves, and Python with
+        # it; then only a signal's default action ends the process.
+        signal.alarm(_LONGEST_STOP)
         stop.set_result(None)
 
 

@@ -28,6 +28,9 @@ signal.signal(signal.SIGINT, stop)
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 """,
+    "hanging": """
+signal.signal(signal.SIGINT, lambda *_: signal.raise_signal(signal.SIGALRM))
+""",
     "parent": """
 child = subprocess.Popen([sys.executable, "stubborn.py"], stdout=subprocess.DEVNULL)
 while not Path("stubborn.pid").is_file():
@@ -59,6 +62,13 @@ def test_a_signal_stops_all_nodes_with_exit_code_zero(
     assert "[a] goodbye" in launcher.out and "[b] goodbye" in launcher.out
     assert launcher.err == ""
     assert not alive(number_in(tmp_path / "polite.pid"))
+
+
+def test_a_node_that_hangs_while_it_stops_has_stopped(start: Start) -> None:
+    """``run_node`` ends it by SIGALRM."""
+    launcher = start("[script('a', 'hanging.py')]")
+    launcher.says("ready")
+    assert launcher.interrupt() == 0
 
 
 def test_nohup_is_respected(tmp_path: Path, start: Start) -> None:

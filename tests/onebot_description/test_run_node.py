@@ -69,6 +69,28 @@ def test_an_error_of_a_node_is_one_line(ros_domain: int) -> None:
     assert lines_of_ours(done.stderr) == ["error: start", "error: callback", "error: end"] * 2
 
 
+_HANGING = """
+import ctypes, signal
+from rclpy.node import Node
+from onebot_description.ros.run_node import at_stop, run_node
+
+class Hanging(Node):
+    def __init__(self):
+        super().__init__("hanging")
+        at_stop(lambda: ctypes.PyDLL(None).pause())  # it keeps the interpreter's lock
+        signal.raise_signal(signal.SIGTERM)
+
+run_node(Hanging, ["hanging"])
+"""
+
+
+def test_a_node_that_hangs_while_it_stops_is_ended(ros_domain: int) -> None:
+    """As in a deadlock of Fast DDS, no Python code runs any more."""
+    assert subprocess.run([sys.executable, "-c", _HANGING], timeout=PATIENCE).returncode == (
+        -signal.SIGALRM
+    )
+
+
 _SLOW_TO_STOP = """
 from onebot_description.ros.process_start import start_node
 
