@@ -160,8 +160,10 @@ def _outcome(kind: type[_ByScans], seconds: float) -> tuple[float, ...]:
 
 
 _FOREIGN = """
+from contextlib import suppress
 import rclpy
 from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
@@ -169,7 +171,8 @@ rclpy.init()
 node = Node("foreign")
 for kind, topic in (Clock, "/clock"), (LaserScan, "scan"), (Odometry, "velocity_controller/odom"):
     node.create_subscription(kind, topic, lambda _: None, 10)
-rclpy.spin(node)
+with suppress(ExternalShutdownException):
+    rclpy.spin(node)
 """
 _worker = ExitStack()  # ends with the worker
 
