@@ -176,7 +176,9 @@ class ControlFiles:
         if found is not ControlConfig and any(map(_is_own, files)):
             self.types.pop(DRIVE_CONTROLLER, None)  # OneBot's own file is for other drives, too
         self._files = {
-            name.removesuffix(_FILE): value if isinstance(value, list) else [str(value)]
+            name.removesuffix(_FILE): [
+                str(file) for file in (value if isinstance(value, list) else [value]) if file
+            ]
             for name, value in manager.values.items()
             if name.endswith(_FILE)
         }

@@ -12,7 +12,6 @@ from onebot_control.physics import RobotSpawn
 from onebot_control.physics.simulated_model import (
     check_interfaces,
     commandable,
-    independent,
     simulated_model,
     without_limits,
 )
@@ -67,7 +66,10 @@ class PreparedRobot:
             OneBotError: config and description do not suit each other.
         """
         self.member, config = member, member.config
-        description = independent(member.description)
+        description, interfaces = member.description, member.description.interfaces
+        if faults := [fault for listed in interfaces.values() for fault in listed.faults]:
+            raise OneBotError("\n".join(faults))
+        description = description.independent()
         self.wheels: Wheels | None = None
         if config.drive is not None:
             self.wheels = config.drive.wheels(description)

@@ -101,7 +101,6 @@ class DiffDriveParameters(DriveParameters["WheelGeometry"], SideParameters):
     """diff_drive_controller's parameters."""
 
     is_async: bool = ignored(False, IN_EACH_CYCLE)
-    use_stamped_vel: bool = ignored(True, "Twist and TwistStamped are received")
     wheels_per_side: int = ignored(0, "the names are counted")
 
     def noise(self, paths: int) -> Sequence[float]:

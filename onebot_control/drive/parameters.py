@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 from onebot_control.drive.kinematics import Kinematics
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import group, parameter
+from onebot_description.parameters.reader import group, ignored, parameter
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.finding import RunningGear
@@ -70,6 +70,7 @@ class DriveParameters(ABC, Generic[G]):
         "time without a command until the robot brakes, s; a stamp's age counts; 0: it never does",
         at_least=0.0,
     )
+    use_stamped_vel: bool = ignored(True, "Twist and TwistStamped are received")
     publish_limited_velocity: bool = parameter(False, "publish ~/cmd_vel_out")
     velocity_rolling_window_size: int = parameter(
         10, "samples over which the odometry's velocity is averaged", at_least=1

@@ -137,22 +137,6 @@ def simulated_model(
     return SimulatedModel(rigid, roles.held, roles.mimic_joints, roles.gears, starts)
 
 
-def independent(description: Description) -> Description:
-    """Return a description in which joints with mimic="false" follow no other joint.
-
-    Raises:
-        OneBotError: ``<ros2_control>`` has something that it would not start with.
-    """
-    interfaces = description.interfaces
-    if faults := [fault for listed in interfaces.values() for fault in listed.faults]:
-        raise OneBotError("\n".join(faults))
-    free = {name for name, listed in interfaces.items() if not listed.mimics}
-    joints = [
-        replace(joint, mimic=None) if joint.name in free else joint for joint in description.joints
-    ]
-    return replace(description, joints=tuple(joints)) if free else description
-
-
 def without_limits(description: Description, joints: Collection[str]) -> Description:
     """Return a description without limits of command interfaces of some joints; report them."""
     listed = {**description.interfaces}

@@ -97,6 +97,14 @@ class SpeedScaling:
 
 
 @dataclass(frozen=True)
+class PositionsUpsampling:
+    """Parameters of goals whose points a policy streams."""
+
+    enable: bool = ignored(False, "points with positions are joined linearly")
+    policy_frequency: float = ignored(0.0, "points with positions are joined linearly")
+
+
+@dataclass(frozen=True)
 class Constraints:
     """The parameters ``constraints.*`` that all joints share."""
 
@@ -219,6 +227,7 @@ class TrajectoryConfig(JointControllerConfig):
         "time after the last point until the measured position is held, s; 0: never",
         at_least=0.0,
     )
+    allow_trajectory_replacement: bool = ignored(True, "a new goal holds joints that it leaves out")
     start_with_holding: bool = ignored(True, "it always holds the joints")
     state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
@@ -227,6 +236,7 @@ class TrajectoryConfig(JointControllerConfig):
         True, "refuse positions beyond the joints' limits, and command none"
     )
     speed_scaling: SpeedScaling = group(SpeedScaling)
+    positions_upsampling: PositionsUpsampling = group(PositionsUpsampling)
     constraints: Constraints = group(Constraints)
     of_joints: Mapping[str, Any] = field(default_factory=dict, metadata=NO_PARAMETER)
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
-from onebot_description.elements.reading import Element, Findings, number_fault
+from onebot_description.elements.reading import Element, Findings, number_fault, value_text
 from onebot_description.elements.urdf import DriveKind, DrivePlugin, Joint
 from onebot_description.errors import shortened
 from onebot_description.geometry.poses import Triple, from_rpy, rotate
@@ -117,7 +117,7 @@ def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Jo
 
 def _vector(findings: Findings, element: Element) -> Triple | None:
     """Return the direction in an element; None if it is faulty, empty or zero."""
-    text = element.get("value", element.text or "")
+    text = value_text(element)
     words = text.split() or ["0"] * 3
     if len(words) != 3 or any(map(number_fault, words)):
         findings.problem(element, f'"{shortened(text)}" is not a direction; write x y z')
@@ -162,5 +162,5 @@ def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
 
 def _number(parts: Iterable[Element], tags: Collection[str]) -> float | None:
     """Return the first number in elements with one of these tags; None if there is none."""
-    texts = ((part.get("value") or part.text or "").strip() for part in parts if part.tag in tags)
+    texts = (value_text(part) for part in parts if part.tag in tags)
     return next((float(text) for text in texts if not number_fault(text)), None)

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from onebot_description.description.sensors.unread import asks_for_something
-from onebot_description.elements.reading import Element, Findings, number_fault
+from onebot_description.elements.reading import Element, Findings, number_fault, value_text
 from onebot_description.elements.urdf import MOST_FRICTION, Joint
 from onebot_description.errors import listing, nearest
 
@@ -127,7 +127,7 @@ def _reason(tag: str) -> str:
 
 def _read(findings: Findings, element: Element, physics: LinkPhysics) -> LinkPhysics:
     """Return the physics of a link with an element for gravity or friction."""
-    text, name = (element.text or "").strip(), element.tag
+    text, name = value_text(element), element.tag
     if name in _FRICTION:
         if (fault := number_fault(text)) or float(text) < 0.0:
             findings.problem(element, fault or f'"{text}" is negative; it must not be')
@@ -143,4 +143,4 @@ def _read(findings: Findings, element: Element, physics: LinkPhysics) -> LinkPhy
 def _is_usual(element: Element, physics: LinkPhysics) -> bool:
     """Return whether an element for friction can be simulated as it is."""
     friction = physics.friction
-    return friction is None or (friction <= MOST_FRICTION and float(element.text or "") == friction)
+    return friction is None or float(value_text(element)) == friction <= MOST_FRICTION

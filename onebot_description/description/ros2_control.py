@@ -64,6 +64,10 @@ def _start(
     ``least`` and ``greatest`` are the limits of its command interface.
     """
     state = element.find("state_interface[@name='position']")
+    for interface in element:
+        if interface is not state and _number(interface, "initial_value", 0.0, findings.problem):
+            text = "initial_value has no effect; only a position's state_interface has one"
+            findings.warning(interface, text)
     if state is None:
         return None
     start = _number(state, "initial_value", math.nan, findings.problem)

@@ -36,6 +36,7 @@ def describe(description: Description, sizes: Mapping[Shape, Triple] = MappingPr
         description: the robot.
         sizes: side lengths of its meshes, m; see ``sizes.shape_sizes``.
     """
+    description = description.independent()
     links = {link.name: link for link in description.links}
     rows: list[_Row] = [_HEADINGS]
     for branch, name, joint in _walk(description):

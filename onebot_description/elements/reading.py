@@ -313,6 +313,11 @@ def number_fault(word: str) -> str | None:
     return f'"{shortened(word)}" is not a finite number'
 
 
+def value_text(element: Element) -> str:
+    """Return what an element holds, as sdformat does: its attribute ``value``, or else its text."""
+    return element.get("value", element.text or "").strip()
+
+
 def _read_origin(findings: Findings, element: Element, *, needed: bool = False) -> Origin | None:
     """Return the <origin> of ``element``; None if a number in it is wrong."""
     origin = element.find("origin")

@@ -7,7 +7,7 @@ are in ``sensors``.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -273,6 +273,12 @@ class Description:
         """Raise a DescriptionError with all problems and warnings, if there are problems."""
         if self.problems:
             raise DescriptionError(self.problems, self.warnings)
+
+    def independent(self) -> "Description":
+        """Return it with joints of mimic="false" in ``<ros2_control>`` following no other joint."""
+        free = {name for name, listed in self.interfaces.items() if not listed.mimics}
+        joints = [replace(each, mimic=None) if each.name in free else each for each in self.joints]
+        return replace(self, joints=tuple(joints)) if free else self
 
     def require_tree(self) -> None:
         """Raise a DescriptionError if the links are not all connected."""

@@ -1,5 +1,6 @@
 """What topics, services and parameters of velocity_controller do, in step with a simulation."""
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -104,9 +105,12 @@ def test_a_lock_stops_the_robot_whoever_drives(
     assert state[-1] == Bool(data=False) and speeds()[-1] == 0.0
     stepped.drive(twist(0.2), 0.5)
     assert speeds()[-1] == 0.2
+    stepped.drive(twist(math.nan), 0.5)
+    assert not any(map(math.isnan, speeds()))
     log = capfd.readouterr().err
     assert f"until false is published on {NODE}/cmd_vel_lock, or" in log
     assert log.count("~/cmd_vel is ignored: the robot is locked until") == 1
+    assert log.count("~/cmd_vel is ignored: not finite: linear.x nan") == 1
 
 
 def test_services_and_teleport(

@@ -249,14 +249,16 @@ controller_manager:
     defaults: {switch_controller: {strictness: strict}}
     overruns: {manage: true, print_warnings: false}
     diagnostics: {threshold: {controllers: {periodicity: {mean_error: {warn: 3.0}}}}}
+    joint_state_broadcaster: {params_file: ""}
     arm: {type: joint_trajectory_controller/JointTrajectoryController, fallback_controllers: [x]}
 arm:
   ros__parameters:
     joints: [yaw, lift]
+    positions_upsampling: {enable: false}
     gains: {yaw: {p: 100.0, i_clamp: 1.0, angle_wraparound: true}, boom: {p: 1.0}}
 """,
     "arm",
-    ("13: arm.gains.boom: no joint of the controller (known: lift, yaw); it is ignored",),
+    ("15: arm.gains.boom: no joint of the controller (known: lift, yaw); it is ignored",),
 )
 
 PROJECTS = {

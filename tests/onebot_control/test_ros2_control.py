@@ -12,7 +12,7 @@ from onebot_control.simulation import Simulation
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
-from onebot_description.description import Description, parse_description
+from onebot_description.description import Description, describe, parse_description
 from onebot_description.errors import DescriptionError, OneBotError
 from tests.onebot_control.arm_models import arm, interfaces, joint, link, mimic
 from tests.onebot_control.control_support import CASTER, urdf, wheel
@@ -35,6 +35,12 @@ def robot(*joints: str, more: str = "") -> Description:
         joint("left", "world", "l", axis="1 0 0", xyz="1 0 1", limits=LIMITS, more=more),
     ]
     return arm(*parts, f'<ros2_control name="s" type="system">{"".join(joints)}</ros2_control>')
+
+
+def starting(name: str, value: object) -> str:
+    """A state interface with an initial value."""
+    start = f'<param name="initial_value">{value}</param>'
+    return f'<state_interface name="{name}">{start}</state_interface>'
 
 
 MIMIC = mimic("right")
@@ -63,6 +69,7 @@ def test_a_joint_that_does_not_mimic_here() -> None:
     """It is commanded by itself; without the attribute it follows."""
     free = robot(listed("right", POSITION), listed("left", POSITION, 'mimic="false"'), more=MIMIC)
     assert not free.problems
+    assert "= right" not in describe(free)
     assert positions(free, {"right": 0.4}) == pytest.approx([0.4, 0.0], abs=1e-6)
     assert positions(free, {"left": 0.3}) == pytest.approx([0.0, 0.3], abs=1e-6)
     follows = robot(listed("right", POSITION), listed("left", ""), more=MIMIC)
@@ -83,18 +90,17 @@ def test_a_mimic_joint_with_a_command_interface_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("interface", "value", "said"),
     [
-        ("0.6", "initial_value 0.6 is beyond the joint's limits, -0.5 to 0.5"),
-        ("-7", "initial_value -7 is beyond the joint's limits, -0.5 to 0.5"),
-        ("nan", 'initial_value: "nan" is not a finite number'),
-        ("inf", 'initial_value: "inf" is not a finite number'),
-        ("", 'initial_value: "" is not a finite number'),
+        ("position", "0.6", "initial_value 0.6 is beyond the joint's limits, -0.5 to 0.5"),
+        ("position", "-7", "initial_value -7 is beyond the joint's limits, -0.5 to 0.5"),
+        ("position", "inf", 'initial_value: "inf" is not a finite number'),
+        ("position", "", 'initial_value: "" is not a finite number'),
+        ("velocity", "nan", 'initial_value: "nan" is not a finite number'),
     ],
 )
-def test_a_start_that_is_impossible(value: str, said: str) -> None:
-    state = f'<state_interface name="position"><param name="initial_value">{value}</param>'
-    assert said in problem(robot(listed("right", f"{POSITION}{state}</state_interface>")))
+def test_a_start_that_is_impossible(interface: str, value: str, said: str) -> None:
+    assert said in problem(robot(listed("right", POSITION + starting(interface, value))))
 
 
 def test_a_start_by_parameters_that_is_impossible() -> None:
@@ -116,8 +122,7 @@ def test_limits_of_a_command_interface() -> None:
     """Of positions, those beyond are refused; those of velocity and effort are the motor's."""
     wide, narrow = limited("position", -3, 3), limited("position", -0.1, 0.2)
     switched_off = limited("position", -0.1, 0.2, '<limits enable="false"/>')
-    start = '<state_interface name="position"><param name="initial_value">0.3</param>'
-    beyond = robot(listed("right", f"{narrow}{start}</state_interface>"))
+    beyond = robot(listed("right", narrow + starting("position", 0.3)))
     assert "initial_value 0.3 is beyond the joint's limits, -0.1 to 0.2" in problem(beyond)
     for inside in (wide, switched_off):
         assert positions(robot(listed("right", inside)), {"right": 0.4})[0] == pytest.approx(0.4)
@@ -134,11 +139,15 @@ def test_limits_of_a_command_interface() -> None:
 
 
 @pytest.mark.parametrize(
-    ("least", "greatest", "said"),
-    [("{-pi}", 1, 'min: "{-pi}" is not a finite number'), (2, 1, "min 2 is greater than max 1")],
+    ("inside", "said"),
+    [
+        (limited("position", "{-pi}", 1), 'min: "{-pi}" is not a finite number'),
+        (limited("position", 2, 1), "min 2 is greater than max 1"),
+        (starting("velocity", 0.5), "initial_value has no effect; only a position's"),
+    ],
 )
-def test_limits_that_are_no_limits(least: object, greatest: object, said: str) -> None:
-    description = robot(listed("right", limited("position", least, greatest)))
+def test_what_has_no_effect_is_a_warning(inside: str, said: str) -> None:
+    description = robot(listed("right", inside))
     assert said in description.warnings[0] and not description.problems
 
 
@@ -193,15 +202,9 @@ def test_a_joint_without_a_command_interface_is_free(kind: str) -> None:
     limits = LIMITS.replace("0.5", "4") if kind == "prismatic" else LIMITS.replace("0.5", "3")
     axis = "0 0 1" if kind == "prismatic" else "1 0 0"
     moving = joint("swing", "world", "rod", kind, axis, "0 0 9", limits=limits)
-    block = listed(
-        "swing", '<state_interface name="position"><param name="initial_value">1</param>'
-    )
-    description = arm(
-        link("rod", 1.0, "0 0 -0.5"),
-        moving,
-        f'<ros2_control name="s" type="system">{block.replace("</joint>", "")}'
-        "</state_interface></joint></ros2_control>",
-    )
+    block = listed("swing", starting("position", 1))
+    control = f'<ros2_control name="s" type="system">{block}</ros2_control>'
+    description = arm(link("rod", 1.0, "0 0 -0.5"), moving, control)
     with Simulation(description) as simulation:
         robot, least, greatest = simulation.robot, math.inf, -math.inf
         for _ in range(300):

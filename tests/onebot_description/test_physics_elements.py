@@ -28,6 +28,7 @@ def of(reference: str, inside: str) -> str:
     [
         ("<gravity>false</gravity>", False),
         ("<gravity> 0 </gravity>", False),
+        ('<gravity value="false"/>', False),
         ("<turnGravityOff>true</turnGravityOff>", False),
         ("<turnGravityOff>1</turnGravityOff>", False),
         ("<gravity>true</gravity>", True),
@@ -44,6 +45,7 @@ def test_gravity_is_read(inside: str, gravity: bool) -> None:
     ("inside", "friction", "said"),
     [
         ("<mu1>0.2</mu1>", 0.2, False),
+        ('<mu1 value="0.2"/>', 0.2, False),
         ("<mu1>0.2</mu1><mu2>0.2</mu2>", 0.2, False),
         ("<mu2>0.3</mu2>", 0.3, False),
         ("<mu2>0.3</mu2><mu1>0.2</mu1>", 0.2, False),
@@ -81,7 +83,7 @@ def test_what_nothing_simulates_is_named(tag: str, reference: str) -> None:
 def test_one_line_for_each_reason() -> None:
     """With the links; what asks for nothing is no line."""
     blocks = [
-        of(name, "<kp>1e6</kp><kd>1</kd><provideFeedback>0</provideFeedback>")
+        of(name, "<kp>1e6</kp><kd value='1'/><provideFeedback>0</provideFeedback>")
         for name in ("a", "base")
     ]
     blocks += [

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from onebot_description.description.sensors.block import text_of
 from onebot_description.description.sensors.kind import Substitute
 from onebot_description.description.sensors.kind_table import ELEMENTS, SUBSTITUTES
-from onebot_description.elements.reading import Element, Findings
+from onebot_description.elements.reading import Element, Findings, value_text
 
 RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
 _IN_ANY_PLUGIN = (
@@ -60,7 +60,7 @@ def warn_of_unread(
 
 def asks_for_something(element: Element) -> bool:
     """Return whether an element asks for anything; zeros and false do not."""
-    words = (element.text or "").lower().split()
+    words = value_text(element).lower().split()
     return len(element) > 0 or any(word.strip("0.") not in _NOTHING for word in words)
 
 
