@@ -166,13 +166,14 @@ class ControlledRobot:
         Raises:
             OneBotError: see ``fitted``.
         """
-        self._prepared, self.body, self.held = prepared, body, prepared.held
-        self.joints = (*body.joints, *(mimic_joint.name for mimic_joint in prepared.mimic_joints))
+        self._prepared, self.body, spawn = prepared, body, prepared.spawn
+        self.joints = (*body.joints, *(mimic_joint.name for mimic_joint in spawn.mimic_joints))
         self._mimic_joints = [
             (self.joints.index(mimic_joint.mimic.joint), mimic_joint)
-            for mimic_joint in prepared.mimic_joints
+            for mimic_joint in spawn.mimic_joints
         ]
-        self.description, self._starts = prepared.member.description, prepared.spawn.starts
+        self.description, self.held = prepared.member.description, spawn.held
+        self._starts = spawn.starts
         self.joint_controllers = {**prepared.controllers}
         self.followers: dict[str, JointFollower] = {}
         self.finished: list[tuple[str, Outcome]] = []

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.joint_controllers import DEFAULT_CONTROLLER, JointController
-from onebot_control.physics import RobotSpawn
 from onebot_control.physics.simulated_model import (
     check_interfaces,
     commandable,
@@ -52,8 +51,6 @@ class PreparedRobot:
         member: the robot as given.
         wheels: its wheels; None: its base stands still.
         spawn: what the world loads.
-        held: positions of joints that do not move, by name.
-        mimic_joints: joints that mimic wheels or casters.
         controllers: the active controllers of its other joints, by name.
         controlled: joints of each controller, by the controller's name.
         ignored: controllers that are inactive, and parameters without effect.
@@ -91,24 +88,11 @@ class PreparedRobot:
             for joint in self.controlled[name]
         ]
         description = without_limits(description, unlimited)
-        commanded += tuple(wheels.steering) if wheels else ()
-        simulated, self.held, self.mimic_joints, gears, starts = simulated_model(
-            description, wheels, commanded, config.initial_positions
-        )
+        spawn = simulated_model(description, wheels, commanded, config.initial_positions)
         if member.name:
-            simulated = replace(simulated, source=f"{member.name}: {simulated.source}")
-        self.spawn = RobotSpawn(
-            simulated,
-            driven=wheels.names if wheels else (),
-            start=config.start,
-            name=member.name,
-            commanded=commanded,
-            steering=wheels.steering if wheels else (),
-            gears=gears,
-            starts=starts,
-            fixed_base=wheels is None,
-            links=description.links,
-        )
+            source = f"{member.name}: {spawn.description.source}"
+            spawn = spawn._replace(description=replace(spawn.description, source=source))
+        self.spawn = spawn._replace(start=config.start, name=member.name)
         self.ignored = inactive + [
             Problem(f"{name}.{problem.key}", problem.text)
             for name, controller in self.controllers.items()

@@ -19,6 +19,7 @@ _VISITED = 0.25  # further price for each second that the robot was near
 
 # The costs of nav2_costmap_2d.
 _INSCRIBED, _LETHAL, _NO_INFORMATION = 253, 254, 255
+_SCALING = 3.0  # cost_scaling_factor, 1/m
 
 
 class Costmap:
@@ -137,14 +138,10 @@ class Costmap:
             self.further[:] = _OFF_PATH * np.minimum(distances, 1.0)
         self.price(Window(0, 0, *self.prices.shape))
 
-    def costs(self, scaling: float = 3.0) -> OccupancyGrid:
-        """Return the costs as Nav2's costmaps have them: 253 inscribed, 254 lethal, 255 unknown.
-
-        Args:
-            scaling: cost_scaling_factor, 1/m.
-        """
+    def costs(self) -> OccupancyGrid:
+        """Return the costs as Nav2's costmaps have them: 253 inscribed, 254 lethal, 255 unknown."""
         beyond = self.distances - self._radius
-        costs = np.where(self.distances < _REACH, 252.0 * np.exp(-scaling * beyond), 0.0)
+        costs = np.where(self.distances < _REACH, 252.0 * np.exp(-_SCALING * beyond), 0.0)
         costs[beyond <= 0.0] = _INSCRIBED
         costs[self._occupied] = _LETHAL
         costs[(self._grid.log_odds == 0.0) & (beyond > 0.0)] = _NO_INFORMATION

@@ -231,9 +231,7 @@ class Navigator:
             raise ValueError(f"a goal has finite numbers, not {x}, {y}, {yaw}")
         self._begin(_Goal(x, y, yaw), time_allowance)
 
-    def follow(
-        self, path: Floats, yaw: float | None = None, *, time_allowance: float | None = None
-    ) -> None:
+    def follow(self, path: Floats, yaw: float | None = None) -> None:
         """Drive along a path, around what stands on it.
 
         Where a path crosses itself, the shorter way is taken.
@@ -241,7 +239,6 @@ class Navigator:
         Args:
             path: points in the map, (N, 2), m.
             yaw: heading at its end, rad; None: any.
-            time_allowance: time for it, s; None: the parameter's.
 
         Raises:
             NavigationError: the path is empty or not finite.
@@ -250,7 +247,7 @@ class Navigator:
         if not len(points) or not np.isfinite(points).all():
             raise NavigationError(Failure.INVALID_PATH)
         x, y = points[-1].tolist()
-        self._begin(_Goal(x, y, yaw, points), time_allowance)
+        self._begin(_Goal(x, y, yaw, points))
 
     def drive_straight(
         self, distance: float, speed: float, *, time_allowance: float | None = None
@@ -286,7 +283,7 @@ class Navigator:
             raise ValueError("the robot cannot turn on the spot")
         self._begin(_Motion(angle, self.vehicle.turning, True), time_allowance)
 
-    def _begin(self, goal: _Goal | _Motion, time_allowance: float | None) -> None:
+    def _begin(self, goal: _Goal | _Motion, time_allowance: float | None = None) -> None:
         self._goal = goal
         allowance = self.parameters.time_allowance if time_allowance is None else time_allowance
         self._allowance = allowance or math.inf

@@ -15,7 +15,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_control.physics.roller_wheels import with_rollers
+from onebot_control.physics.spawning import MimicJoint, RobotSpawn
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
@@ -57,48 +57,26 @@ _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is re
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
-class MimicJoint(NamedTuple):
-    """A joint that mimics a wheel or caster; only its published position moves."""
-
-    name: str
-    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier mimic_joint
-    lower: float  # least position, rad or m
-    upper: float
-
-    def at(self, position: float) -> float:
-        """Return its position, rad or m, when its leader is at ``position``."""
-        return clamp(self.mimic.at(position), self.lower, self.upper)
-
-
-class SimulatedModel(NamedTuple):
-    """A description that is prepared for the simulation."""
-
-    description: Description
-    held: Mapping[str, float]  # positions of joints that are fixed now, by name
-    mimic_joints: Sequence[MimicJoint]  # fixed joints that mimic wheels or casters; leaders first
-    gears: Mapping[str, Mimic] = MappingProxyType({})  # joints that follow commanded ones
-    # Start positions of moving joints except wheels, rad or m.
-    starts: Mapping[str, float] = MappingProxyType({})
-
-
 def simulated_model(
     description: Description,
     wheels: Wheels | None,
     commanded: Collection[str] = (),
     positions: Mapping[str, float] = MappingProxyType({}),
-) -> SimulatedModel:
+) -> RobotSpawn:
     """Prepare a robot for the simulation.
 
     Args:
         description: the robot.
         wheels: its driven wheels; None if its base stands still.
-        commanded: names of joints that follow positions.
+        commanded: names of joints that follow positions, besides those that steer.
         positions: start positions of joints, rad or m; they override those of ``<ros2_control>``.
 
     Raises:
         OneBotError: a named joint does not move, a commanded one mimics another, or a wheel with
             rollers has no round shape.
     """
+    steering = wheels.steering if wheels else ()
+    commanded = (*commanded, *steering)
     rolling = (*wheels.names, *wheels.free) if wheels else ()
     tyres = {name: wheels.tyres.tyre(name) for name in rolling} if wheels else {}
     casters = casters_of(wheels, commanded) if wheels else ()
@@ -114,7 +92,7 @@ def simulated_model(
                 joint = SkidAxle(**vars(joint))
         elif joint.name in roles.starts:
             interfaces = description.interfaces.get(joint.name)
-            if wheels and joint.name in wheels.steering:
+            if joint.name in steering:
                 joint = _steering(
                     joint, weight * max(tyre.radius for tyre in tyres.values() if tyre)
                 )
@@ -123,18 +101,28 @@ def simulated_model(
     rigid = replace(description, joints=tuple(joints))
     links: Sequence[Link] = rigid.links
     if wheels:
-        moved, steers = {*roles.starts, *roles.passive}, bool(wheels.steering)
-        contacts = Contacts(rigid, tyres, casters, moved, steers=steers)
+        moved = {*roles.starts, *roles.passive}
+        contacts = Contacts(rigid, tyres, casters, moved, steers=bool(steering))
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
-    starts = {**roles.starts, **roles.passive}
     rigid = replace(rigid, links=tuple(links))
     if wheels and wheels.rollers:
         rollers = {name: (wheels.tyre(name), angle) for name, angle in wheels.rollers.items()}
         rigid = with_rollers(rigid, rollers)
-    return SimulatedModel(rigid, roles.held, roles.mimic_joints, roles.gears, starts)
+    return RobotSpawn(
+        rigid,
+        driven=wheels.names if wheels else (),
+        commanded=commanded,
+        steering=steering,
+        gears=roles.gears,
+        starts={**roles.starts, **roles.passive},
+        fixed_base=wheels is None,
+        links=description.links,
+        held=roles.held,
+        mimic_joints=roles.mimic_joints,
+    )
 
 
 def without_limits(description: Description, joints: Collection[str]) -> Description:

@@ -21,6 +21,7 @@ from onebot_description.geometry.poses import (
     PlanarPose,
     Transform,
     Triple,
+    clamp,
     compose,
     inverse,
     total,
@@ -36,6 +37,19 @@ _DETERMINATE = 3  # wheels up to which their loads are determinate; more share t
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
+class MimicJoint(NamedTuple):
+    """A joint that mimics a wheel or caster; only its published position moves."""
+
+    name: str
+    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier mimic_joint
+    lower: float  # least position, rad or m
+    upper: float
+
+    def at(self, position: float) -> float:
+        """Return its position, rad or m, when its leader is at ``position``."""
+        return clamp(self.mimic.at(position), self.lower, self.upper)
+
+
 class RobotSpawn(NamedTuple):
     """A robot to add to a world."""
 
@@ -49,6 +63,8 @@ class RobotSpawn(NamedTuple):
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
     fixed_base: bool = False  # whether the root link stands still
     links: tuple[Link, ...] = ()  # the written ones, if some have other shapes when simulated
+    held: Mapping[str, float] = MappingProxyType({})  # positions of joints that are fixed now
+    mimic_joints: Sequence[MimicJoint] = ()  # fixed joints that mimic wheels; leaders first
 
     @property
     def converges_slowly(self) -> bool:
@@ -299,10 +315,14 @@ def _load(
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
         converted_meshes(bodies.values(), convex=not fixed) as meshes,
-        _file(
-            physics_urdf(description, bodies, meshes, fixed=fixed, fixed_base=fixed_base)
-        ) as path,
+        scratch_file() as (
+            file,
+            path,
+        ),
     ):
+        urdf = physics_urdf(description, bodies, meshes, fixed=fixed, fixed_base=fixed_base)
+        file.write(urdf.encode())
+        file.flush()
         try:
             with captured() as lines:
                 body: int = bullet.loadURDF(path, useFixedBase=fixed or fixed_base, flags=flags)
@@ -313,15 +333,6 @@ def _load(
             ) from None
     log(lines)
     return body
-
-
-@contextmanager
-def _file(text: str) -> Iterator[str]:
-    """Yield the path of a temporary file with ``text``."""
-    with scratch_file() as (file, path):
-        file.write(text.encode())
-        file.flush()
-        yield path
 
 
 @contextmanager

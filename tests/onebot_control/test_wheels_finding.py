@@ -197,7 +197,8 @@ def test_what_is_simulated() -> None:
     description = base(*TWO, *BALLS, SWIVEL, ARM)
     wheels = SideWheels(description)
     assert commandable(description, wheels) == ["arm_joint", "hand_joint"]
-    simulated, held, *_ = simulated_model(description, wheels)
+    spawn = simulated_model(description, wheels)
+    simulated, held = spawn.description, spawn.held
     assert held == {"arm_joint": 0.0, "hand_joint": 0.0}
     names = [joint.name for joint in simulated.moving_joints]
     assert names == ["l_joint", "r_joint", "fork_joint", "roller_joint"]
