@@ -62,7 +62,6 @@ if TYPE_CHECKING:
     from onebot_control.nodes.lockstep import Lockstep as Lockstep
     from onebot_control.occupancy_grid import OccupancyGrid
     from onebot_control.physics.contacts import Contact
-    from onebot_control.recording import Moment
     from onebot_control.robot_setup import RobotSetup
     from onebot_control.sensing.readings import (
         ImuReading,
@@ -73,6 +72,7 @@ if TYPE_CHECKING:
     )
     from onebot_control.simulated_navigation import SimulatedNavigation
     from onebot_control.simulated_robot import SimulatedRobot
+    from onebot_control.simulated_world import Moment
     from onebot_control.simulation import Simulation
     from onebot_description.errors import OneBotError
     from onebot_description.geometry.poses import PlanarVelocity
@@ -84,7 +84,7 @@ else:
             "onebot_control.environment": ("OneBotEnv",),
             "onebot_control.occupancy_grid": ("OccupancyGrid",),
             "onebot_control.nodes.lockstep": ("Lockstep",),
-            "onebot_control.recording": ("Moment",),
+            "onebot_control.simulated_world": ("Moment",),
             "onebot_control.robot_setup": ("RobotSetup",),
             "onebot_control.sensing.readings": (
                 *("ImuReading", "JointState", "OdometryReading"),

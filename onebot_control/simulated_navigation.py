@@ -1,12 +1,12 @@
 """Drives a robot of a ``Simulation`` to goals, by its own scans, odometry and IMU."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from onebot_control.drive.controller_limits import Controller
-from onebot_control.drive.drive import Drive
+from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.sensing.imu import ImuInstrument
 from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import LidarInstrument
@@ -18,6 +18,7 @@ from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.parameters.arguments import checked_methods
+from onebot_description.parameters.reader import values_of
 
 if TYPE_CHECKING:  # the first goal imports the modules that need scipy
     from onebot_control.navigation.grid import LevelScan
@@ -129,7 +130,10 @@ class SimulatedNavigation:
             if self._imu
             else np.eye(4)
         )
-        vehicle = vehicle_of(robot.description, [_limits(robot.drive)])
+        limits = ControllerLimits.from_parameters("", values_of(robot.drive.config))
+        assert limits is not None
+        least_radius = getattr(robot.drive.geometry, "least_radius", 0.0)
+        vehicle = vehicle_of(robot.description, [replace(limits, least_radius=least_radius)])
         odometry, _ = self._odometry()
         navigator = Navigator(vehicle, self._origin.compose(odometry))
         rate = core.fleet.rate
@@ -207,15 +211,3 @@ class SimulatedNavigation:
         self._core.after_cycle.pop(self, None)
         self._core.commands[self._row] = None
         self._core.fleet.robots[self._row].accept(0.0, 0.0)
-
-
-def _limits(drive: Drive) -> Controller:
-    """Return the limits of a drive's controller."""
-    limits = drive.config.limits
-    return Controller(
-        "",
-        limits["linear.x"],
-        limits["angular.z"],
-        limits.get("linear.y"),
-        float(getattr(drive.geometry, "least_radius", 0.0)),
-    )

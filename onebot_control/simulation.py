@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_control.physics.occupancy import occupancy_grid
-from onebot_control.recording import Moment, MomentLog
 from onebot_control.robot_setup import (
     Model,
     Parameters,
@@ -39,7 +38,7 @@ from onebot_control.sensing.rays import HAS_EMBREE, Rays
 from onebot_control.sensing.readings import ByName, RobotPose
 from onebot_control.sensing.surroundings import LinkPose
 from onebot_control.simulated_robot import Duration, Positive, SimulatedRobot, Vector
-from onebot_control.simulated_world import SimulatedWorld
+from onebot_control.simulated_world import Moment, MomentLog, SimulatedWorld
 from onebot_description.description import Description
 from onebot_description.description.loading import XacroValues
 from onebot_description.errors import OneBotError, listing

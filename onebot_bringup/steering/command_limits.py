@@ -10,7 +10,7 @@ from math import isnan
 from typing import NamedTuple
 
 from onebot_bringup.steering.protocol import SetLimits, Velocity
-from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.geometry.poses import clamp
 
@@ -86,7 +86,7 @@ def _in_force(bound: Bound, chosen: float | None) -> float:
     return min(bound.initial if chosen is None else chosen, bound.most)
 
 
-def limits_of(controllers: Sequence[Controller], fixed: Velocity = _NONE) -> Limits:
+def limits_of(controllers: Sequence[ControllerLimits], fixed: Velocity = _NONE) -> Limits:
     """Return the strictest limits of all ``controllers`` and of the page's parameters.
 
     Args:

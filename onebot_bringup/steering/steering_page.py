@@ -83,7 +83,7 @@ from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
-from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
@@ -108,7 +108,7 @@ class SteeringParameters(PageParameters):
         topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
         return replace(settings, **topics)
 
-    def limits(self, controllers: Sequence[Controller]) -> Limits:
+    def limits(self, controllers: Sequence[ControllerLimits]) -> Limits:
         fixed = Velocity(self.max_linear, self.max_angular, self.max_linear)
         return limits_of(controllers, fixed)
 

@@ -22,7 +22,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import CameraSettings, ViewConfig
 from onebot_control.conventions import WORLD_FRAME
 from onebot_control.physics.scene import scene_frames
-from onebot_control.recording import Moment
+from onebot_control.simulated_world import Moment
 from onebot_control.simulation import Simulation
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices

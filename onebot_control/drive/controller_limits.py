@@ -27,7 +27,7 @@ NAMES = frozenset(f"{axis}.{name}" for axis in _AXES for name in _NAMES).union(P
 
 
 @dataclass(frozen=True)
-class Controller:
+class ControllerLimits:
     """The limits in a controller's parameters."""
 
     node: str  # full name
@@ -37,7 +37,7 @@ class Controller:
     least_radius: float = 0.0  # m, of its curves; 0: it turns on the spot
 
     @classmethod
-    def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "Controller | None":
+    def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "ControllerLimits | None":
         """Return the controller with these parameters; None if they are not a controller's.
 
         An impossible limit, such as one of the wrong sign, is ignored.

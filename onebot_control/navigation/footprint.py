@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
@@ -85,7 +85,7 @@ class Vehicle:
         return inner[chosen], depth[chosen]
 
 
-def vehicle_of(description: "Description", controllers: Sequence[Controller]) -> Vehicle:
+def vehicle_of(description: "Description", controllers: Sequence[ControllerLimits]) -> Vehicle:
     """Return a robot's footprint, with the strictest limits of its controllers.
 
     Raises:

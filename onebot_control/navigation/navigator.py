@@ -27,9 +27,9 @@ import numpy as np
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
-from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, LevelScan, Window, placed
+from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.parameters import NavigationParameters
 from onebot_control.navigation.scan_matching import Walls
@@ -50,7 +50,7 @@ _JUMP = 0.2  # m or rad by which odometry may differ from what the robot can dri
 _RESET = 0.01  # m from its origin at which odometry that jumps was set to it
 _EXACT = 0.01  # m or rad at which a motion has ended
 _MARGIN = 0.01  # m that a gap is to be wider than the robot on either side
-_SOON = 30  # cells of the way that the follower gets
+_SOON = 30  # cells of the way that the local planner gets
 _OWN = 0.02  # m around the footprint in which a scan sees the robot itself
 _PATIENCE = 2.0  # s to wait before what blocks the way
 _HOPELESS = 6.0  # s without any way to the goal until it is given up
@@ -167,7 +167,7 @@ class Navigator:
     def use_vehicle(self, vehicle: Vehicle) -> None:
         """Take the robot to have another footprint or other limits from now on."""
         self.vehicle = vehicle
-        self._follower = Follower(vehicle, 1.0 / self.parameters.controller_frequency)
+        self._local_planner = LocalPlanner(vehicle, 1.0 / self.parameters.controller_frequency)
         self._circles = vehicle.circles()
         # The best way may lie between the middles of cells.
         self._radius = vehicle.half_width + _MARGIN - 0.25 * self.map.resolution
@@ -291,7 +291,7 @@ class Navigator:
         self.recoveries, self.traveled = 0, 0.0
         self._field, self._is_planned, self._finishing = None, False, False
         self._costmap.prefer(None)
-        self._follower.reset()
+        self._local_planner.reset()
         self._moved: tuple[float, PlanarPose] | None = None
         self._blocked: float | None = None
         self._recovery: _Recovery | None = None
@@ -532,7 +532,7 @@ class Navigator:
         else:
             top = min(motion.speed, vehicle.forward if sign > 0.0 else vehicle.backward)
             command = sign * min(top, self._braking(left), 2.0 * left + 0.01), 0.0, 0.0
-        if not self._follower.is_safe(self._around(pose), command, pose, speed):
+        if not self._local_planner.is_safe(self._around(pose), command, pose, speed):
             return self._fail(Failure.COLLISION_AHEAD)
         return command
 
@@ -543,19 +543,19 @@ class Navigator:
         around = self._around(pose)
         if self._recovery is not None:
             command, until = self._recovery
-            if self.time < until and self._follower.is_safe(around, command, pose, speed):
+            if self.time < until and self._local_planner.is_safe(around, command, pose, speed):
                 return command
             self._recovery = None
-            self._follower.reset()
+            self._local_planner.reset()
         if self._finishing or math.hypot(goal.x - pose.x, goal.y - pose.y) < _NEAR_GOAL:
             last_stretch = self._finish(goal, pose, speed)
             if self._goal is None:
                 return _STOP
-            if last_stretch and self._follower.is_safe(around, last_stretch, pose, speed):
+            if last_stretch and self._local_planner.is_safe(around, last_stretch, pose, speed):
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return last_stretch
-        command, free = self._follower.command(around, pose, speed, (goal.x, goal.y))
+        command, free = self._local_planner.command(around, pose, speed, (goal.x, goal.y))
         stuck = not self._progress(pose)
         if free:
             self._blocked = None

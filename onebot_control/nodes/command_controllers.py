@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
-from onebot_control.drive.controller_limits import NAMES, PREFIXES, Controller
+from onebot_control.drive.controller_limits import NAMES, PREFIXES, ControllerLimits
 
 _PERIOD = 2.0  # s between requests to a node, answered or not
 
@@ -27,7 +27,7 @@ class Controllers:
         """Start with none; ``changed`` is called when ``known`` has changed."""
         self._node, self._changed = node, changed
         self._inquiries: dict[str, _Inquiry] = {}
-        self.known: tuple[Controller, ...] = ()
+        self.known: tuple[ControllerLimits, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -63,7 +63,7 @@ class Controllers:
         if controllers:
             self._set(tuple(controllers))
 
-    def _set(self, controllers: tuple[Controller, ...]) -> None:
+    def _set(self, controllers: tuple[ControllerLimits, ...]) -> None:
         # Compare as text, since missing limits are NaN, which never equals NaN.
         if repr(controllers) != repr(self.known):
             self.known = controllers
@@ -79,7 +79,7 @@ class _Inquiry:
         self._get = node.create_client(GetParameters, f"{name}/get_parameters")
         self._pending: tuple[Any, Any] | None = None  # the client, and the pending response
         self.due = 0.0  # when to request the parameters again
-        self.controller: Controller | None = None
+        self.controller: ControllerLimits | None = None
 
     def poll(self) -> None:
         now = time.monotonic()
@@ -123,7 +123,7 @@ class _Inquiry:
         if len(names) != len(response.values):
             return  # one of them has just been undeclared; they will be requested again
         values = map(parameter_value_to_python, response.values)
-        self.controller = Controller.from_parameters(
+        self.controller = ControllerLimits.from_parameters(
             self._name, dict(zip(names, values, strict=True))
         )
         self._answered()

@@ -84,7 +84,7 @@ class ContactRecorder:
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
         """Begin without contacts; ``load`` has to follow."""
         self._robots, self._scene = robots, scene
-        self._links = [(_shapes(robot.spawn), _arm_links(robot.spawn)) for robot in robots]
+        self._links = [(_shapes(robot.spawn), _moved_links(robot.spawn)) for robot in robots]
 
     def load(self, bullet: Bullet) -> None:
         """Begin without contacts in a world in which all bodies have been loaded anew."""
@@ -93,15 +93,15 @@ class ContactRecorder:
         self._ground = self._robots[0].parts.ground
         self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
         self._shapes: dict[_Place, _Shapes] = {}
-        self._arms: set[_Place] = set()
+        self._moved_places: set[_Place] = set()
         self._indices: dict[int, list[int]] = {}  # links of each robot that have shapes
-        for robot, (shapes, arms) in zip(self._robots, self._links, strict=True):
+        for robot, (shapes, moved) in zip(self._robots, self._links, strict=True):
             joints = robot.spawn.description.moving_joints
             indices = {joint.child: robot.parts.joints[joint.name] for joint in joints}
             places = {link: (robot.parts.body, indices.get(link, -1)) for link in shapes}
             self._indices[robot.parts.body] = [index for _, index in places.values()]
             self._shapes |= {place: shapes[link] for link, place in places.items()}
-            self._arms |= {place for link, place in places.items() if link in arms}
+            self._moved_places |= {place for link, place in places.items() if link in moved}
         self._sleepers: set[int] = set()  # boxes
         self._loaded = {robot.parts.body: robot.parts for robot in self._robots}
         for index, body, loaded in self._scene.bodies() if self._scene else ():
@@ -185,7 +185,7 @@ class ContactRecorder:
         poses, self._poses = self._poses, {}
         points = self._bullet.getContactPoints(*self._filter)
         self._listed.append((points, poses))
-        merged, ground, always = self._merged, self._ground, bool(self._arms)
+        merged, ground, always = self._merged, self._ground, bool(self._moved_places)
         for point in points:
             body, other_body = point[1], point[2]
             for place in ((body, point[3]), (other_body, point[4])):
@@ -216,7 +216,7 @@ class ContactRecorder:
             state = engine.ACTIVATION_STATE_DISABLE_SLEEPING
             self._bullet.changeDynamics(other_body, -1, activationState=state)
         stands = other_body not in self._rows and touch.normal[2] > _BELOW
-        if not stands or touch.own in self._arms:
+        if not stands or touch.own in self._moved_places:
             self.collided[row] = True
 
     def contacts(self, row: int) -> list[Contact]:
@@ -286,18 +286,18 @@ def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:
     return shapes
 
 
-def _arm_links(spawn: RobotSpawn) -> set[str]:
+def _moved_links(spawn: RobotSpawn) -> set[str]:
     """Return the first links of the bodies that commanded joints move: they stand on nothing."""
     frames = rigid_frames(spawn.description)
     joints = {joint.child: joint for joint in spawn.description.moving_joints}
-    moved, arms = {*spawn.commanded, *spawn.gears} - {*spawn.steering}, set()
+    commanded, moved = {*spawn.commanded, *spawn.gears} - {*spawn.steering}, set()
     for first in joints:
         link = first
         while link in joints and joints[link].name not in spawn.driven:
-            if joints[link].name in moved:
-                arms.add(first)
+            if joints[link].name in commanded:
+                moved.add(first)
             link, _ = frames[joints[link].parent]
-    return arms
+    return moved
 
 
 def _height(shape: Shape, pose: Floats, point: Floats) -> float:

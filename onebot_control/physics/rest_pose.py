@@ -222,7 +222,7 @@ def pose_on(
         bodies.enter(bullet, ground, settings, free=False)
         robot = load_robot(bullet, ground, spawn, settings)
         robot.place(pose, positions)
-        links = bodies.arm_in(robot) if stays else _lift(bodies, robot, pose)
+        links = bodies.moving_links_in(robot) if stays else _lift(bodies, robot, pose)
         if stays:
             stands = not links
         elif spawn.fixed_base:

@@ -198,7 +198,7 @@ class SceneBodies:
         """Return the fixed bodies that ``robot`` overlaps, with the names of their links."""
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
-    def arm_in(self, robot: LoadedBody) -> list[str]:
+    def moving_links_in(self, robot: LoadedBody) -> list[str]:
         """Return the links of fixed bodies that moving links of ``robot`` are deep in."""
         return [
             link

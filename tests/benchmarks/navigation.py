@@ -23,9 +23,9 @@ from scipy.ndimage import distance_transform_edt
 from onebot_control import Simulation
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import quartered
-from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import Window
+from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
 from onebot_description.description import Description, parse_description
 from onebot_description.description.clutter import ClutterParameters, clutter
 from onebot_description.geometry.poses import PlanarPose
@@ -140,11 +140,11 @@ _VALUES = np.zeros(160_000, np.float32)
 def _cycle() -> Any:
     corners = np.array([(-0.2, -0.15), (0.2, -0.15), (0.2, 0.15), (-0.2, 0.15)])
     vehicle = Vehicle(corners, 1.0, 0.3, 0.0, 2.0, 1.0, 3.0)
-    follower = Follower(vehicle, samples=_SAMPLES, steps=_STEPS)
+    planner = LocalPlanner(vehicle, samples=_SAMPLES, steps=_STEPS)
     prices = _prices((400, 400))
     distances = quartered((distance_transform_edt(np.isfinite(prices)) * 0.05).astype(np.float32))
     around = Surroundings(distances, _whole(prices).values, 20.0, (0.0, 0.0), 0.05)
-    return lambda: follower.command(around, PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2))
+    return lambda: planner.command(around, PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2))
 
 
 # Worlds -------------------------------------------------------------------------------------------

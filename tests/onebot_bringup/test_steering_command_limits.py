@@ -15,11 +15,11 @@ from onebot_bringup.steering.command_limits import (
     limits_of,
 )
 from onebot_bringup.steering.protocol import SetLimits, Velocity
-from onebot_control.drive.controller_limits import NAMES, Controller
+from onebot_control.drive.controller_limits import NAMES, ControllerLimits
 from onebot_control.drive.speed_limiter import SpeedLimits
 
-FAST = Controller("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0))
-SLOW = Controller(
+FAST = ControllerLimits("/fast", SpeedLimits(max_velocity=3.0), SpeedLimits(max_velocity=6.0))
+SLOW = ControllerLimits(
     "/slow",
     SpeedLimits(max_velocity=0.5, min_velocity=-0.25, max_acceleration=1.0),
     SpeedLimits(max_velocity=8.0),
@@ -37,8 +37,8 @@ def test_without_any_limit_there_is_one_nevertheless():
     assert limits.linear.source == limits.angular.source == ""
     assert _in_force(limits, 1.5, 3.0) == Velocity(1.5, 3.0)
     assert _in_force(limits, 1e9, 10251000000100.0) == UNKNOWN._replace(lateral=0.0)
-    assert limits_of([Controller("/mute")]) == limits
-    sliding = limits_of([Controller("/mute", lateral=SpeedLimits())])
+    assert limits_of([ControllerLimits("/mute")]) == limits
+    sliding = limits_of([ControllerLimits("/mute", lateral=SpeedLimits())])
     assert sliding.in_force == DEFAULT
     assert _in_force(sliding, 1e9, 1e9, 1e9) == UNKNOWN
 
@@ -64,7 +64,7 @@ def test_a_chosen_limit_is_lower_or_does_nothing():
 
 def test_a_limit_of_zero_is_one():
     """A controller that cannot turn is not commanded to."""
-    still = Controller("/rails", SpeedLimits(max_velocity=1.0), SpeedLimits(max_velocity=0.0))
+    still = ControllerLimits("/rails", SpeedLimits(max_velocity=1.0), SpeedLimits(max_velocity=0.0))
     limits = limits_of([still])
     assert limits.in_force == Velocity(1.0, 0.0)
     assert limits.range.clamp(Velocity(0.5, 0.0)) == Velocity(0.5, 0.0)
@@ -75,7 +75,7 @@ def test_a_controller_is_known_by_its_parameters():
     """A limit of velocity makes one; what cannot be a limit is none."""
     assert {"linear.x.max_velocity", "linear.y.max_velocity", "angular.z.min_jerk"} < NAMES
     assert {"robot_radius", "wheel_names", "wheelbase", "steering_joint_name"} < NAMES
-    found = Controller.from_parameters(
+    found = ControllerLimits.from_parameters(
         "/robot",
         {
             "linear.x.max_velocity": 0.5,
@@ -106,22 +106,22 @@ def test_a_controller_is_known_by_its_parameters():
 )
 def test_a_drive_that_goes_sideways_is_known_by_its_parameters(values, most, reverse):
     """The mecanum drive's limits, also unset, or the omni drive's lengths."""
-    found = Controller.from_parameters("/robot", {"angular.z.max_velocity": 1.0, **values})
+    found = ControllerLimits.from_parameters("/robot", {"angular.z.max_velocity": 1.0, **values})
     allowed = limits_of([found]).range
     assert allowed.most.lateral == most
     assert allowed.clamp(Velocity(0.0, 0.0, -9.0)) == Velocity(0.0, 0.0, -reverse)
     if values.keys() & {"linear.y.max_velocity", "wheel_names"}:
-        assert Controller.from_parameters("/robot", values) is not None, "by these alone"
+        assert ControllerLimits.from_parameters("/robot", values) is not None, "by these alone"
 
 
 def test_the_pages_own_linear_limit_holds_sideways_too():
     """Whoever lowers it for safety need not know the drive."""
     fixed = Velocity(0.3, 0.0, 0.3)
-    wide = Controller("/wide", lateral=SpeedLimits(max_velocity=0.5))
+    wide = ControllerLimits("/wide", lateral=SpeedLimits(max_velocity=0.5))
     limits = limits_of([wide, FAST], fixed)
     assert limits.in_force == Velocity(0.3, 6.0, 0.3) and limits.lateral.source == "max_linear"
     assert limits_of([FAST], fixed).in_force == Velocity(0.3, 6.0, 0.0)
-    slow = Controller("/slow", lateral=SpeedLimits(max_velocity=0.125))
+    slow = ControllerLimits("/slow", lateral=SpeedLimits(max_velocity=0.125))
     assert limits_of([wide, slow], fixed).lateral.source == "/slow"
 
 
@@ -145,7 +145,7 @@ CAR = {"wheelbase": 0.5, "steering_joints_names": ["right", "left"]}
 )
 def test_a_drive_that_steers_has_a_least_radius(values, radius):
     """It is known by that alone: the standard controllers of cars have no limits."""
-    found = Controller.from_parameters("/car", values)
+    found = ControllerLimits.from_parameters("/car", values)
     assert (found.least_radius if found else 0.0) == pytest.approx(radius)
 
 
@@ -155,7 +155,7 @@ _speeds = st.floats(-1e300, 1e300)
 @given(_speeds, _speeds, st.floats(0.01, 10.0))
 def test_no_curve_is_tighter_than_the_least_radius(linear, angular, radius):
     """A wider one stays as it is; standing still, nothing turns."""
-    allowed = limits_of([Controller("/car", least_radius=radius), FAST]).range
+    allowed = limits_of([ControllerLimits("/car", least_radius=radius), FAST]).range
     clamped = allowed.clamp(Velocity(linear, angular))
     assert abs(clamped.angular) * radius <= abs(clamped.linear) * (1.0 + 1e-12)
     assert clamped.angular * angular >= 0.0 and clamped.linear * linear >= 0.0
@@ -174,7 +174,7 @@ def test_no_curve_is_tighter_than_the_least_radius(linear, angular, radius):
 )
 def test_anything_else_is_no_controller(values):
     """Whatever other parameters it has."""
-    assert Controller.from_parameters("/onlooker", values) is None
+    assert ControllerLimits.from_parameters("/onlooker", values) is None
 
 
 @pytest.mark.parametrize(

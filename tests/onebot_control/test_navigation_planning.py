@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap, quartered
-from onebot_control.navigation.follower import Follower, Surroundings
 from onebot_control.navigation.footprint import Vehicle, convex_hull, footprint_of
 from onebot_control.navigation.grid import GridMap, Window
+from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
 from onebot_control.navigation.navigator import (
     Failure,
     NavigationError,
@@ -236,19 +236,19 @@ def free_ground(field=None) -> Surroundings:
 
 
 def test_it_drives_down_the_field():
-    follower, pose, speed = Follower(vehicle()), PlanarPose(-1.0), (0.0, 0.0, 0.0)
+    planner, pose, speed = LocalPlanner(vehicle()), PlanarPose(-1.0), (0.0, 0.0, 0.0)
     for _ in range(10):
-        (forward, left, turning), free = follower.command(free_ground(), pose, speed, (2.0, 0.0))
+        (forward, left, turning), free = planner.command(free_ground(), pose, speed, (2.0, 0.0))
         assert free and left == 0.0
         speed = forward, 0.0, turning
     assert forward > 0.4 and abs(turning) < 0.5
 
 
 def test_it_turns_when_the_way_is_behind_it():
-    follower, pose, speed = Follower(vehicle()), PlanarPose(0.0, 0.0, math.pi), (0.0, 0.0, 0.0)
+    planner, pose, speed = LocalPlanner(vehicle()), PlanarPose(0.0, 0.0, math.pi), (0.0, 0.0, 0.0)
     turned = 0.0
     for _ in range(60):
-        command, _ = follower.command(free_ground(), pose, speed, (2.0, 0.0))
+        command, _ = planner.command(free_ground(), pose, speed, (2.0, 0.0))
         speed = command
         pose = pose.compose(PlanarPose(0.05 * command[0], 0.0, 0.05 * command[2]))
         turned += abs(0.05 * command[2])
@@ -256,21 +256,21 @@ def test_it_turns_when_the_way_is_behind_it():
 
 
 def test_a_car_keeps_its_radius():
-    follower = Follower(vehicle(least_radius=0.8))
+    planner = LocalPlanner(vehicle(least_radius=0.8))
     speed = (0.3, 0.0, 0.0)
     for yaw in (0.0, 2.0, math.pi):
-        (forward, _, turning), _ = follower.command(
+        (forward, _, turning), _ = planner.command(
             free_ground(), PlanarPose(0.0, 0.0, yaw), speed, (2.0, 0.0)
         )
         assert abs(turning) <= abs(forward) / 0.8 + 1.0  # the limiter clips the rest
-    paths = follower._roll_out(np.ones((20, 3, 1), np.float32), PlanarPose(), (0.0, 0.0, 0.0))
+    paths = planner._roll_out(np.ones((20, 3, 1), np.float32), PlanarPose(), (0.0, 0.0, 0.0))
     curves = paths.speeds[:, 2] / np.maximum(paths.speeds[:, 0], 1e-6)
     assert curves.max() <= 1.0 / 0.8 + 1e-5
 
 
 def test_it_brakes_before_a_wall():
     """However fast it is, no command is given from which it could not stop."""
-    follower = Follower(vehicle(forward=2.0, acceleration=2.0))
+    planner = LocalPlanner(vehicle(forward=2.0, acceleration=2.0))
     grid = GridMap.of(wall_map(1.0))
     costmap = Costmap(grid, 0.16)
     costmap.update(Window(0, 0, *grid.shape))
@@ -278,11 +278,11 @@ def test_it_brakes_before_a_wall():
     around = Surroundings(costmap.fine, np.tile(5.0 - x, (80, 1)), 10.0, (-2.0, -2.0), 0.05)
     pose, speed = PlanarPose(-1.5), 0.0
     for _ in range(120):
-        (forward, _, _), free = follower.command(around, pose, (speed, 0.0, 0.0), (5.0, 0.0))
+        (forward, _, _), free = planner.command(around, pose, (speed, 0.0, 0.0), (5.0, 0.0))
         wanted = forward if free else 0.0
         speed += min(max(wanted - speed, -0.1), 0.1)
         pose = PlanarPose(pose.x + 0.05 * speed)
-        assert follower.clearance(around, pose) > -0.01
+        assert planner.clearance(around, pose) > -0.01
     assert pose.x > 0.3  # it came near
 
 

@@ -30,7 +30,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
 from onebot_bringup.cli.main import main as onebot
-from onebot_control.drive.controller_limits import Controller
+from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.drive.speed_limiter import SpeedLimits
 from onebot_control.navigation.footprint import vehicle_of
 from onebot_control.navigation.map_files import load_map
@@ -101,8 +101,10 @@ def test_parameters_are_set_by_the_name_of_nav2s_node(ros_domain: int) -> None:
 
 def test_the_strictest_limits_count() -> None:
     onebot_urdf = load_description("package://onebot_description/urdf/onebot.urdf.xacro")
-    fast = Controller("/a", SpeedLimits(max_velocity=2.0, max_acceleration=9.0), SpeedLimits())
-    slow = Controller(
+    fast = ControllerLimits(
+        "/a", SpeedLimits(max_velocity=2.0, max_acceleration=9.0), SpeedLimits()
+    )
+    slow = ControllerLimits(
         "/b",
         SpeedLimits(max_velocity=0.4, min_velocity=-0.1),
         SpeedLimits(max_velocity=1.0),

@@ -110,7 +110,7 @@ class _Paths(NamedTuple):
     yaw: Singles
 
 
-class Follower:
+class LocalPlanner:
     """Follows a field of costs to go with one robot."""
 
     def __init__(
