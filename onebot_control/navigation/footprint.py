@@ -140,22 +140,12 @@ def footprint_of(description: "Description") -> Floats:
 
 
 def convex_hull(points: Floats) -> Floats:
-    """Return the corners of the convex hull of points (N, 2), counterclockwise.
+    """Return the corners of the convex hull of points (N, 2), counterclockwise; none of a line."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
 
-    Points on its edges are left out (A. M. Andrew's monotone chain).
-    """
-    ordered = np.unique(points.round(6), axis=0).tolist()
-    if len(ordered) < 3:
-        return np.array(ordered).reshape(-1, 2)
-    chains = []
-    for order in (ordered, ordered[::-1]):
-        chain: list[list[float]] = []
-        for x, y in order:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 1e-12:
-                    break
-                chain.pop()
-            chain.append([x, y])
-        chains += chain[:-1]
-    return np.array(chains)
+    ordered = np.unique(points.round(6), axis=0)
+    try:
+        corners = ConvexHull(ordered).vertices
+    except (QhullError, ValueError):  # they are on a line, or too few
+        return np.zeros((0, 2))
+    return np.asarray(ordered[np.roll(corners, -corners.argmin())])
