@@ -148,11 +148,8 @@ class Drive:
             self.notice = "linear.y is ignored: the drive does not move sideways"
         elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
             self.notice = fault
-        self._reference = (
-            clamp(linear, -_FASTEST, _FASTEST),
-            clamp(lateral, -_FASTEST, _FASTEST),
-            clamp(angular, -_FASTEST, _FASTEST),
-        )
+        x, y, turn = (clamp(v, -_FASTEST, _FASTEST) for v in (linear, lateral, angular))
+        self._reference = x, y, turn
         self._age, self._fresh = age, True
         return None
 
