@@ -30,7 +30,7 @@ _FILE_RATIO = 100  # maximum growth of a whole compressed file
 
 # Besides the chunks of an MCAP file, rosbag2 can compress whole files or single messages.
 _COMPRESSED = ".zstd"
-_FRAME = b"\x28\xb5\x2f\xfd"  # zstd's data begins with this, CDR never does
+_FRAME = b"\x28\xb5\x2f\xfd"  # zstd data begins with this, CDR never does
 _ROS1 = ".bag"
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
 
@@ -91,7 +91,7 @@ class Bag(Contents):
                             yield message
             except DAMAGE as error:
                 name = f"{file} ({megabytes(file.stat().st_size)})"
-                self.warnings.append(f"{name}: {_reason(error)}; what comes before is read")
+                self.warnings.append(f"{name}: {_reason(error)}; only the data before it was read")
 
     def definition(self, type_name: str) -> str:
         """Return the definition of a type, from the recording or an installed package.
@@ -115,7 +115,7 @@ class Bag(Contents):
         folder = tempfile.mkdtemp(prefix="onebot-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         target = Path(folder, file.stem)
-        most = max(self._max_size, _FILE_RATIO * file.stat().st_size)
+        limit = max(self._max_size, _FILE_RATIO * file.stat().st_size)
         try:
             with open_file(file) as source, target.open("wb") as plain:
 
@@ -126,7 +126,7 @@ class Bag(Contents):
                 reader: Any = SimpleNamespace(read=read)
                 for part in zstandard.ZstdDecompressor().read_to_iter(reader):
                     plain.write(part)
-                    check_size("its content", plain.tell(), most)
+                    check_size("its content", plain.tell(), limit)
         except (OSError, zstandard.ZstdError, ValueError) as error:
             raise OneBotError(f"{file} cannot be decompressed into {folder}: {error}") from error
         return target
@@ -139,13 +139,13 @@ class Bag(Contents):
             raise OneBotError(f"there is no recording {source}")
         if source.suffix == _ROS1:
             raise OneBotError(
-                f"{source} is a recording of ROS 1: convert it to ROS 2 by pip install rosbags and "
+                f"{source} is a ROS 1 recording: convert it with pip install rosbags and "
                 f"rosbags-convert --src {source} --dst {source.stem}"
             )
         if not _is_storage(source):
             raise OneBotError(
-                f"{source} is no recording: its name must end in .mcap, .db3 or .rrd, or be that "
-                "of a folder that ros2 bag has made"
+                f"{source} is not a recording: write a file whose name ends in .mcap, .db3 or "
+                ".rrd, or a folder that ros2 bag has made"
             )
         return [source]
 
@@ -158,7 +158,7 @@ class Bag(Contents):
         # ros2 bag leaves a file that it has decompressed beside the compressed one.
         files = {path.name.removesuffix(_COMPRESSED): path for path in paths if _is_storage(path)}
         if not files:
-            raise OneBotError(f"{self.source} is no recording: it holds no .mcap or .db3 file")
+            raise OneBotError(f"{self.source} is not a recording: it has no .mcap or .db3 file")
         return list(files.values())
 
 
@@ -168,5 +168,5 @@ def _is_storage(path: Path) -> bool:
 
 def _reason(error: BaseException) -> str:
     if isinstance(error, KeyError):
-        return f"it lacks the channel {error}"
+        return f"channel {error} is missing"
     return str(error) or "it ends too early"

@@ -5,7 +5,7 @@ The folder is completed about once a second: whatever ends the recorder, everyth
 second can be read by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove and
 ``onebot replay``.
 
-The recorder warns of messages that were lost.
+The recorder warns about lost messages.
 
 Subscribes:
     /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
@@ -54,7 +54,7 @@ from onebot_description.timing.throttled import Throttled
 
 _POLL_PERIOD = 0.2  # seconds between looking for topics
 _WRITE_PERIOD = 1.0  # minimum seconds between checkpoints
-_LEAST_IDLE = 10.0  # minimum pause between checkpoints, as a multiple of a checkpoint's duration
+_MIN_PAUSE = 10.0  # pause between checkpoints, as a multiple of a checkpoint's duration
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
 # Type of each topic that our robots publish, and whether it is transient_local. The recorder
 # subscribes to them from the start, so that nothing is missed before publishers are discovered.
@@ -117,7 +117,7 @@ class BagRecorder(Node):
         if start >= self._next_write:
             self._bag.checkpoint()
             now = time.monotonic()
-            self._next_write = now + _LEAST_IDLE * (now - start) - _WRITE_PERIOD
+            self._next_write = now + _MIN_PAUSE * (now - start) - _WRITE_PERIOD
 
     def destroy_node(self) -> None:
         bag, self._bag = self._bag, None
@@ -139,7 +139,7 @@ def _pattern(name: str, text: str) -> re.Pattern[str] | None:
     try:
         return re.compile(text) if text else None
     except re.error as error:
-        raise OneBotError(f"{name}:={text} is no regular expression: {error}") from None
+        raise OneBotError(f"{name}:={text} is not a regular expression: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class _Recorded:
     """A topic that is subscribed to; its first message adds it to the recording."""
 
     subscription: TopicSubscription
-    number: int | None = None  # the topic's in the recording
+    number: int | None = None  # the topic's number in the recording
     lost: int = 0  # number of messages lost
 
 
@@ -238,7 +238,7 @@ class TopicRecorder:
             recorded.subscription.update(kind, qos)
 
     def _installed(self, topic: str, types: Iterable[str]) -> list[str]:
-        """Return the installed ones of the types, sorted; warn of the others."""
+        """Return those types that are installed, sorted; warn about the others."""
         installed = []
         for kind in sorted(types):
             try:
@@ -260,7 +260,7 @@ class TopicRecorder:
 
         def lost(count: int) -> None:
             recorded.lost += count
-            self._warn(topic, f"{topic}: {recorded.lost} messages were lost by now")
+            self._warn(topic, f"{topic}: {recorded.lost} messages lost so far")
 
         subscription = TopicSubscription(self._node, topic, received, message_class, lost=lost)
         recorded = self._topics[topic] = _Recorded(subscription)
@@ -270,7 +270,7 @@ class TopicRecorder:
         """Return the topic to add to the recording, with the QoS that its publishers offer now."""
         publishers = self._node.get_publishers_info_by_topic(name)
         publishers = [end for end in publishers if end.topic_type == kind]
-        # Our own subscription has the type's hash, too, if the publisher is already gone.
+        # Our own subscription also has the type's hash, if the publisher is already gone.
         ends = [*publishers, *self._node.get_subscriptions_info_by_topic(name)]
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
         type_hash = next((text for text in hashes if text.startswith("RIHS")), "")

@@ -103,8 +103,8 @@ def check_size(what: str, size: int, max_size: int) -> None:
     """Check a size before reading the data.
 
     Args:
-        what: what it is the size of, for the message.
-        size: its size, bytes.
+        what: the thing that has the size, for the message.
+        size: the size, bytes.
         max_size: the maximum, bytes.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Reads MCAP files: whole records of one that was cut short; no record may be too large."""
+"""Reads MCAP files, truncated ones up to their last whole record; limits the size of records."""
 
 import heapq
 import io
@@ -115,7 +115,7 @@ class McapFile:
         start = self._file.read(len(MCAP0_MAGIC))
         if start != MCAP0_MAGIC:
             self._file.close()
-            raise OneBotError(f"{path} {'is no MCAP file' if start else 'is empty'}")
+            raise OneBotError(f"{path} {'is not an MCAP file' if start else 'is empty'}")
         index = self._summary()
         self._indexed = index is not None
         self._declared = index or _Declared(max_size)
@@ -169,11 +169,11 @@ class McapFile:
         return index if index.is_index else None
 
     def _extents(self) -> dict[int, tuple[int, int, int]]:
-        """Return each channel's number of messages, first and last time, up to the first damage."""
+        """Return each channel's number of messages, first and last time, up to any damage."""
         extents: dict[int, tuple[int, int, int]] = {}
-        if (summed := self._declared.statistics) is not None:
-            times = summed.message_start_time, summed.message_end_time
-            return {n: (count, *times) for n, count in summed.channel_message_counts.items()}
+        if (statistics := self._declared.statistics) is not None:
+            times = statistics.message_start_time, statistics.message_end_time
+            return {n: (count, *times) for n, count in statistics.channel_message_counts.items()}
         with suppress(*DAMAGE):
             for number, time, _ in self._in_order():
                 self._declared.channels[number]  # a KeyError counts as damage
@@ -205,7 +205,7 @@ class McapFile:
         elif chunk.compression == "lz4":
             content = lz4.frame.LZ4FrameDecompressor().decompress(content, max_length=size)
         elif chunk.compression:
-            raise ValueError(f"its chunks are compressed by {chunk.compression}, not zstd or lz4")
+            raise ValueError(f"its chunks are compressed with {chunk.compression}, not zstd or lz4")
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise ValueError("a checksum is wrong")
         return self._records(io.BytesIO(content))
@@ -244,7 +244,7 @@ class McapFile:
                 if kind == Opcode.MESSAGE and int.from_bytes(record[:2], "little") in channels:
                     channel, time, data = _message(record)
                     held += len(data) + _OVERHEAD
-                    check_size("what overlaps in time", held, self._max_size)
+                    check_size("data that overlaps in time", held, self._max_size)
                     heapq.heappush(waiting, (time, place, number, channel, data))
 
     def _chunk(self, place: int, length: int) -> Iterator[tuple[int, bytes]]:

@@ -1,4 +1,4 @@
-"""Shows a whole bag in Rerun as the live viewer would have shown it."""
+"""Shows a whole bag in Rerun, as the live viewer would have shown it."""
 
 import time
 from collections import Counter
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.core.inbox import DESCRIPTION
-from onebot_bringup.viewer.core.shown_robot import MOST_PLOTTED, WORLD_DESCRIPTION, RobotToShow
+from onebot_bringup.viewer.core.shown_robot import MAX_PLOTTED, WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_bringup.viewer.displays.joint_plot import JOINT_STATE
 from onebot_bringup.viewer.robot_view import RobotView
@@ -27,8 +27,8 @@ _DESCRIPTION_NAME = "robot_description"
 _TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf within which every robot is expected to appear
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
-_MOST_WAITING = 64_000_000  # most bytes queued in Rerun, which itself has no limit
-_SETTLE = 10.0  # s after the end, for data that is shown only if nothing better has come
+_MAX_QUEUED = 64_000_000  # bytes queued in Rerun, which itself has no limit
+_SETTLE = 10.0  # s after the end, for data that is shown only if nothing better has arrived
 _REPORT_EVERY = 2.0  # s
 
 Log = Callable[[str], None]
@@ -62,12 +62,12 @@ class ShownBag:
         Args:
             bag: the recording.
             view: see ``ViewSource``.
-            fixed_frame: the fixed frame; "" for the view's, or else the one above the robot, or
+            fixed_frame: the fixed frame; "" for the view's, or else the frame above the robot, or
                 above most topics' frames.
-            frame_prefix: put before link names to get their frames; "" to find it out.
+            frame_prefix: prefix of link names in frames; "" to find it out.
             namespace: the namespace of the robot to show; "" for all robots.
             progress: called with the progress if loading takes over two seconds.
-            warn: called with a sentence about what cannot be shown, and about damage.
+            warn: called with a sentence about each thing that cannot be shown, and about damage.
 
         Raises:
             OneBotError: the view or another argument has a mistake.
@@ -121,7 +121,7 @@ class ShownBag:
             warn(warning)
         if not replay.messages:
             topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
-            raise OneBotError(f"nothing of {bag.source} can be shown: it has {listing(topics)}")
+            raise OneBotError(f"nothing in {bag.source} can be shown: it has {listing(topics)}")
         return replay
 
 
@@ -163,10 +163,10 @@ class _Player:
             view.take(message.topic, message.type, message.data, message.time)
             count += 1
             waiting += len(message.data)
-            if self.now_ns - last_tick >= _TICK or waiting >= _MOST_WAITING:
+            if self.now_ns - last_tick >= _TICK or waiting >= _MAX_QUEUED:
                 last_tick = self.now_ns
                 self._tick(view)
-                if waiting >= _MOST_WAITING:
+                if waiting >= _MAX_QUEUED:
                     waiting = 0
                     self._stream.flush()
                 if time.monotonic() >= next_report:
@@ -178,7 +178,7 @@ class _Player:
         self._tick(view)
         view.finish()
         for topic, error in self._first_errors.items():
-            self._warn(f"{self._bad[topic]} messages of {topic} were left out; the first: {error}")
+            self._warn(f"{self._bad[topic]} messages of {topic} were skipped; the first: {error}")
         robot = printable(view.robot.robot_name) if view.robot is not None else ""
         return Shown(robot, count - self._bad.total(), seconds)
 
@@ -205,7 +205,7 @@ class RecordedRobot:
 def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
     """Return the robots in a recording.
 
-    Without any description, it is one robot with the topics that may be a robot's.
+    Without any description, there is one robot, with the topics that may be a robot's.
 
     Args:
         bag: the recording.
@@ -251,7 +251,7 @@ def _robots_to_show(
             )
         # For a single robot, ``resolved`` returns its topics.
         space = robot.space if len(robots) > 1 else ""
-        choice.append(RobotToShow(space, prefix, plotted=len(choice) < MOST_PLOTTED))
+        choice.append(RobotToShow(space, prefix, plotted=len(choice) < MAX_PLOTTED))
     return choice
 
 

@@ -1,4 +1,4 @@
-"""Reads rosbag2's SQLite files: only stored data, and Ctrl-C works meanwhile."""
+"""Reads rosbag2's SQLite files: stored data only, interruptible by Ctrl-C."""
 
 import sqlite3
 from collections.abc import Collection, Iterator
@@ -70,7 +70,7 @@ class SqliteFile:
                 if number in topics:
                     contents.add_messages(topics[number]["name"], *extent)
         except DAMAGE as error:
-            raise OneBotError(f"{self._path} is no recording of rosbag2: {error}") from error
+            raise OneBotError(f"{self._path} is not a rosbag2 recording: {error}") from error
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Yield messages by time; damage raises one of ``DAMAGE``."""
@@ -83,7 +83,7 @@ class SqliteFile:
     def _topics(self) -> dict[Any, dict[str, Any]]:
         """Return the rows of the topics by id; their columns depend on the distro."""
         if not {"topics", "messages"} <= self._tables():
-            raise ValueError("it has no tables topics and messages")
+            raise ValueError("the tables topics and messages are missing")
         columns = [name for _, name, *_ in self._rows("PRAGMA table_info(topics)")]
         rows = [dict(zip(columns, row, strict=True)) for row in self._rows(_TOPICS)]
         return {row["id"]: row for row in rows}

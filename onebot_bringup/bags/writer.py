@@ -17,7 +17,7 @@ from onebot_description.ros.wire.interface_text import full_definition
 
 _METADATA = "metadata.yaml"
 CHUNK_SIZE = 768 * 1024  # bytes, rosbag2's default
-_MOST_PENDING = 16 * 1024 * 1024  # most bytes kept in memory between two checkpoints
+_MAX_PENDING = 16 * 1024 * 1024  # bytes kept in memory between two checkpoints
 _INFINITE = 2**63 - 1  # ns; what rosbag2 writes for an infinite duration, and for no start
 _FOREVER = dict(zip(("sec", "nsec"), divmod(_INFINITE, 10**9), strict=True))
 _FastDumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # libyaml's, if PyYAML has it
@@ -113,7 +113,7 @@ class BagWriter:
         self._changed = True
         # The publish time is unknown, so use the receive time.
         self._file.writer.add_message(topic, time_ns, data, time_ns, self._counts[topic])
-        if self._file.pending > _MOST_PENDING:
+        if self._file.pending > _MAX_PENDING:
             self.checkpoint()
 
     def checkpoint(self) -> None:

@@ -80,10 +80,10 @@ class SentGoal:
         self.accepted = bool(handle.accepted)
 
     def result(self, show_until: Callable[[Callable[[], bool]], None]) -> Any:
-        """Return the status and the result; the goal is cancelled if Ctrl-C comes before.
+        """Return the status and the result; if Ctrl-C is pressed first, the goal is cancelled.
 
         Args:
-            show_until: shows the progress until the function that it gets returns true.
+            show_until: shows the progress until the function passed to it returns true.
 
         Raises:
             OneBotError: the action's server does not answer.

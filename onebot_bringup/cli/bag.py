@@ -1,4 +1,4 @@
-"""``onebot bag ...``: records topics, plays and describes recordings, like ``ros2 bag``."""
+"""``onebot bag ...``: records topics; plays and describes recordings, like ``ros2 bag``."""
 
 import json
 import time
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _DEPTH = 1000  # messages that a publisher of a latched topic keeps for late subscribers
 _CLOCK = "/clock"
 _CLOCK_RATE = 40.0  # Hz, as in ros2 bag play
-_LEAST_ROUND = 0.1  # least duration of a round with --loop, s
+_MIN_ROUND = 0.1  # minimum duration of a round with --loop, s
 
 
 _SOURCE = (
@@ -38,8 +38,8 @@ _SOURCE = (
     option(
         "--max-size",
         "MB",
-        "of a message or a chunk of messages, unpacked; what comes after a larger one is not "
-        "read (256)",
+        "maximum size of a message or a chunk of messages, uncompressed; reading ends at a larger "
+        "one (256)",
         positive,
         256.0,
     ),
@@ -140,8 +140,8 @@ _RECORD = (
     positional("TOPIC", "such as /tf", nargs="*"),
     option("--topics", "TOPIC", "the same", default=[], nargs="+"),
     flag("-a --all", "all topics but hidden ones"),
-    option("-e --regex", "REGEX", "topics with this in their name", default=""),
-    option("-x --exclude-regex", "REGEX", "but not those with this in it", default=""),
+    option("-e --regex", "REGEX", "topics whose names match this", default=""),
+    option("-x --exclude-regex", "REGEX", "but not those whose names match this", default=""),
     option("-o --output", "FOLDER", "a new folder (rosbag2_DATE-TIME)"),
     option(
         "--compression-format", None, "of the messages", default="zstd", choices=("zstd", "none")
@@ -167,11 +167,11 @@ _PLAY = (
     option("--topics", "TOPIC", "play only these", default=[], nargs="+"),
     option("--exclude-topics", "TOPIC", "play all but these", default=[], nargs="+"),
     flag("-l --loop", "begin again at the end"),
-    option("-m --remap", "OLD:=NEW", "publish by other names", default=[], nargs="+"),
+    option("-m --remap", "OLD:=NEW", "publish under other names", default=[], nargs="+"),
     option(
         "--start-offset",
         "S",
-        "begin S seconds after the start; latched topics have their messages before it, too",
+        "begin S seconds after the start; earlier messages of latched topics are published, too",
         not_negative,
         0.0,
     ),
@@ -188,7 +188,7 @@ _PLAY = (
 
 
 class _Player:
-    """Publishes a recording in its own time."""
+    """Publishes a recording at its own pace."""
 
     def __init__(self, session: Session, bag: "Bag", args: Namespace) -> None:
         self._session, self._bag, self._args = session, bag, args
@@ -212,7 +212,7 @@ class _Player:
             if not self._args.loop:
                 break
             # Otherwise a recording of a single moment would flood its topics.
-            self._session.spin_until(began + _LEAST_ROUND)
+            self._session.spin_until(began + _MIN_ROUND)
         for publisher in self._publishers.values():
             await_acknowledgements(publisher)
 

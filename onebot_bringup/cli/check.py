@@ -19,7 +19,7 @@ usage: onebot check FILE [name:=value ...] [package_path:=FOLDER]
 
 Checks a URDF or xacro file. Prints all problems (exit code 1), or the tree of links and joints,
 and the sensors (exit code 0); warnings either way. name:=value are arguments that the xacro file
-declares; --show-args lists them. Nodes are less strict: of many problems they only warn. ROS
+declares; --show-args lists them. Nodes are less strict: they only warn about many problems. ROS
 packages are looked for in package_path (folders joined by :), ROS_PACKAGE_PATH, AMENT_PREFIX_PATH,
 this environment, and the source tree around FILE."""
 

@@ -22,7 +22,7 @@ def run(argv: Sequence[str]) -> int:
     """Print the code that the shell evaluates to complete our commands; return the exit code."""
     text = 'bash, zsh: eval "$(onebot completion bash)"; fish: onebot completion fish | source'
     shell = positional("SHELL", text, choices=_SHELLS)
-    summary = "print the tab completion of a shell"
+    summary = "print the code for a shell's tab completion"
     args = Parser("onebot completion", summary, [shell]).parse(argv)
     try:
         from argcomplete.shell_integration import shellcode

@@ -23,13 +23,13 @@ OK, NOTE, PROBLEM = "ok", "note", "problem"
 
 _RANGES = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
 
-_LEAST_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
+_MIN_MEMORY = 16 * 2**20  # free bytes in /dev/shm that a bringup needs
 _NAME = "onebot-robots"
 _REQUIREMENT = re.compile(r"([\w.-]+)[^;]*")  # a requirement that has no marker (extra, platform)
 _PROJECT = "pyproject.toml"
 _BULLETS = ("pybullet", "pybullet-arm64")  # the second is a fork of the first
 _IS_LINUX, _IS_X86 = sys.platform == "linux", platform.machine() == "x86_64"
-# The one that pyproject.toml names for this Python.
+# The distribution that pyproject.toml names for this Python.
 _BULLET = _BULLETS[0 if _IS_LINUX and (sys.version_info < (3, 12) or not _IS_X86) else 1]
 _ONEBOT = (sys.executable, "-m", "onebot_bringup.cli.main")
 
@@ -44,8 +44,9 @@ class Verdict(NamedTuple):
 
 def run(argv: Sequence[str]) -> int:
     """Print the report; return 1 if something is broken."""
-    timeout = option("--timeout", "S", "for a message between two processes (20 s)", positive, 20.0)
-    summary = "check what ROS and this project need of this computer"
+    text = "limit for a message between two processes (20 s)"
+    timeout = option("--timeout", "S", text, positive, 20.0)
+    summary = "check that this computer has what ROS and this project need"
     args = Parser("onebot doctor", summary, [timeout]).parse(argv)
     use_local_discovery()
     python = f"Python {platform.python_version()} on {platform.platform()}"
@@ -84,7 +85,7 @@ def _required() -> list[str]:
 
 
 def dependencies(required: Iterable[str]) -> Verdict:
-    """Check that the required packages are installed, and by pip that their versions are right."""
+    """Check that the required packages are installed, and with pip their versions."""
     matches = map(_REQUIREMENT.fullmatch, required)
     names = [match[1] for match in matches if match]
     if missing := [name for name in names if not any(metadata.distributions(name=name))]:
@@ -101,7 +102,7 @@ def pybullet() -> Verdict:
     """Check that one distribution has installed the module pybullet, and only one."""
     installed = [name for name in _BULLETS if any(metadata.distributions(name=name))]
     if len(installed) == 1:
-        return Verdict(OK, f"of {installed[0]} {metadata.version(installed[0])}")
+        return Verdict(OK, f"{installed[0]} {metadata.version(installed[0])}")
     repair = f"pip install --force-reinstall --no-deps {_BULLET}"
     if not installed:
         return Verdict(PROBLEM, f"neither {' nor '.join(_BULLETS)} is installed", repair)
@@ -123,7 +124,7 @@ def _rclpy() -> Verdict:
     """Check that rclpy can be imported with the middleware that the environment names."""
     code = (
         "import rclpy, rclpy.utilities as u; "
-        "print(u.get_rmw_implementation_identifier(), 'of', rclpy.__path__[0])"
+        "print(u.get_rmw_implementation_identifier(), 'from', rclpy.__path__[0])"
     )
     done = _python("-c", code)
     if not done.returncode:
@@ -139,11 +140,11 @@ def _rclpy() -> Verdict:
 
 
 def _packages() -> Verdict:
-    """List where the packages come from that ROS's wheels lack."""
+    """List the sources of the packages that ROS's wheels lack."""
     places: dict[str, list[str]] = {}
     for name in package_names():
         places.setdefault(origin(name) or "nowhere", []).append(name)
-    text = "; ".join(f"{', '.join(names)} of {place}" for place, names in places.items())
+    text = "; ".join(f"{', '.join(names)} from {place}" for place, names in places.items())
     code = "import sys; print(any(getattr(each, 'is_onebot', 0) for each in sys.meta_path))"
     if _python("-c", code).stdout.strip() == "True":
         return Verdict(OK, text)
@@ -202,8 +203,8 @@ def shared_memory(folder: Path) -> Verdict:
     if segments.stale:
         size = segments.stale_bytes / 2**20
         text += f", {len(segments.stale)} ({size:.0f} MiB) of killed processes"
-    remedy = "the next bringup that starts removes what they left" if segments.stale else ""
-    if free < _LEAST_MEMORY:
+    remedy = "the next bringup removes them" if segments.stale else ""
+    if free < _MIN_MEMORY:
         room = "in a container: --shm-size=256m or --ipc host"
         return Verdict(PROBLEM, text, remedy or room)
     return Verdict(NOTE if segments.stale else OK, text, remedy)

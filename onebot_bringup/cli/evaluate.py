@@ -37,13 +37,13 @@ def _minimum(text: str) -> tuple[str, float]:
 
 
 OPTIONS = (
-    positional("STUDY.py", "the file; STUDY.py:NAME for another function than episode"),
+    positional("STUDY.py", "the file; STUDY.py:NAME for a function other than episode"),
     option("--workers", "N", "episodes at once (one on each processor)", count),
     option("--on", None, "where (processes)", default="processes", choices=("processes", "ray")),
     option(
         "--out",
         "FILE",
-        "the table: .parquet, .csv, or .xml for JUnit's; may be repeated",
+        "the table: .parquet, .csv, or .xml for JUnit; may be repeated",
         Path,
         [],
         action="append",
@@ -56,15 +56,15 @@ OPTIONS = (
         [],
         action="append",
     ),
-    option("--timeout", "SECONDS", "after which an episode is ended (600)", positive, 600.0),
+    option("--timeout", "SECONDS", "time limit of an episode (600)", positive, 600.0),
     option(
         "--keep",
         None,
-        "episodes of which there is a recording, beside the table (failed)",
+        "which episodes leave a recording beside the table (failed)",
         default="failed",
         choices=("all", "failed", "none"),
     ),
-    flag("--resume", "go on where an interrupted study has ended"),
+    flag("--resume", "continue an interrupted study"),
     option("--case", "N", "run only this case, in this process, and print its row", natural),
     flag("--show", "show its recording, with --case"),
 )
@@ -88,7 +88,7 @@ def run(argv: Sequence[str]) -> int:
             table = _evaluated(episode, cases, args, base)
         except KeyboardInterrupt:
             again = [*argv, *(() if args.resume else ["--resume"])]
-            print(f"interrupted; go on with: onebot evaluate {' '.join(again)}", file=sys.stderr)
+            print(f"interrupted; continue with: onebot evaluate {' '.join(again)}", file=sys.stderr)
             return INTERRUPTED
     return _reported(table, args, outs)
 
@@ -183,16 +183,16 @@ def _reported(table: "pa.Table", args: Namespace, outs: Sequence[Path]) -> int:
     for path in outs:
         print(f"wrote {path}")
     code = 0
-    for name, least in args.min:
+    for name, minimum in args.min:
         mean = share(table, name)
-        if not mean >= least:
-            print(f"{name}: {mean:g} is below {least:g}", file=sys.stderr)
+        if not mean >= minimum:
+            print(f"{name}: {mean:g} is below {minimum:g}", file=sys.stderr)
             code = 1
     return code
 
 
 def _run_case(episode: Any, cases: Any, args: Namespace) -> int:
-    """Run one case in this process, and print its row; show it, if wanted."""
+    """Run one case in this process and print its row; show it if requested."""
     from onebot_bringup.cli import replay
     from onebot_bringup.testing.failed_run import record_run
     from onebot_control.evaluation.cases import checked_cases
@@ -212,6 +212,6 @@ def _run_case(episode: Any, cases: Any, args: Namespace) -> int:
         if args.show:
             recording = Path(folder) / "0.rrd"
             if not recording.is_file():
-                raise OneBotError("there is nothing to show: the episode has made no Simulation")
+                raise OneBotError("there is nothing to show: the episode created no Simulation")
             return replay.run([str(recording)])
     return 0

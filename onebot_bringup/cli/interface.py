@@ -1,4 +1,4 @@
-"""``onebot interface ...``: lists the installed types, shows their fields, adds one's own."""
+"""``onebot interface ...``: lists the installed types, shows their fields, adds your own."""
 
 import re
 import shutil
@@ -75,11 +75,11 @@ def _nested(line: str, package: str) -> str | None:
     return full if full in installed("msg") else None
 
 
-# ---- One's own packages ----
+# ---- The user's own packages ----
 
 
 def list_packages(_: Namespace) -> None:
-    """List the packages with interfaces, and the folders of those that are made of definitions."""
+    """List the packages with interfaces, and the folders of those made from definitions."""
     names = {name.partition("/")[0] for kind in KINDS for name in installed(kind)}
     own = own_packages()
     for name in sorted(names):
@@ -95,7 +95,7 @@ def add(args: Namespace) -> None:
         raise OneBotError(f"{folder} has no file such as msg/Name.msg, srv/Name.srv")
     name = package_name(folder) or folder.name
     if not re.fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", name):
-        raise OneBotError(f'"{name}" is no package name, such as my_interfaces: add a package.xml')
+        raise OneBotError(f'"{name}" is not a package name such as my_msgs: add a package.xml')
     link = ADDED / name
     link.unlink(missing_ok=True)
     try:
@@ -106,7 +106,7 @@ def add(args: Namespace) -> None:
         raise OneBotError(text) from error
     if (place := origin(name)) != str(folder.parent):
         link.unlink()
-        raise OneBotError(f"{name} of {place or 'the sourced ROS'} takes precedence")
+        raise OneBotError(f"{name} from {place or 'the sourced ROS'} takes precedence")
     types = [f"{name}/{file.parent.name}/{file.stem}" for file in definitions(folder)]
     try:
         for type_ in types:
@@ -115,7 +115,7 @@ def add(args: Namespace) -> None:
         link.unlink()
         raise
     write_stubs(name, folder, _SITE)
-    print(f"added {name} of {folder}: {', '.join(types)}")
+    print(f"added {name} from {folder}: {', '.join(types)}")
 
 
 def remove(args: Namespace) -> None:

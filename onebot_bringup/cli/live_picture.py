@@ -1,4 +1,4 @@
-"""Draws for ``onebot snapshot``: the robots that run now."""
+"""Draws the running robots for ``onebot snapshot``."""
 
 from argparse import Namespace
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ _LISTED = 5
 def record_running(
     args: Namespace, recording: "rr.RecordingStream", progress: Callable[[str], None]
 ) -> list[str]:
-    """Log the robots that run as they are now; return a sentence per thing that is not drawn."""
+    """Log the running robots as they are now; return a sentence per thing that is not drawn."""
     with Session(args.ros_args) as session:
         robots = running_robots(session)
         return RunningRobots(session, args.view, recording, robots, progress).record()
@@ -88,7 +88,7 @@ class RunningRobots:
             raise self._broken
         if self._view.robot is None or lacking:
             raise OneBotError(
-                f"no description within {_FRAMES:.0f} s of the robots in {listing(lacking)}"
+                f"no description of the robots in {listing(lacking)} within {_FRAMES:.0f} s"
             )
         return self._view.robot
 

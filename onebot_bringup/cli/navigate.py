@@ -1,4 +1,4 @@
-"""``onebot navigate``: drives a robot to a place by a navigator."""
+"""``onebot navigate``: drives a robot to a place with its navigator."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.timing import NS_PER_S
 
 _SUMMARY = (
-    "drive a robot to a place in the map, by its navigator (onebot_bringup navigate:=true, or "
+    "drive a robot to a place in the map with its navigator (onebot_bringup navigate:=true, or "
     "Nav2), and wait until it is there; Ctrl-C cancels the goal, and the robot stops. -r __ns:=NS "
     "after --ros-args chooses the robot in a namespace. Exit codes: 0 the robot is there; 1 it "
     "gave up, or somebody else drives; 2 the command line is wrong; 130 Ctrl-C"
@@ -23,7 +23,7 @@ _OPTIONS = (
         "YAW", "rad; default: the heading of the straight way there", type=finite, nargs="?"
     ),
 )
-_POSE = 20.0  # s to wait for the robot's pose, which takes some after its start
+_POSE = 20.0  # s to wait for the robot's pose, which is not known at its start
 _PROGRESS = 1.0  # s between two lines of the progress
 
 
@@ -59,7 +59,9 @@ class _Drive:
         )
         notice = "waiting for the navigator to know where the robot is ..."
         if not session.await_or_report(lambda: poses, lambda: notice, _POSE):
-            raise OneBotError("the navigator does not know where the robot is: its log has why")
+            raise OneBotError(
+                "the navigator does not know the robot's pose: its log has the reason"
+            )
         self._start = poses[-1].pose.pose.position
 
     def to(self, x: float, y: float, yaw: float | None = None) -> None:
@@ -79,7 +81,7 @@ class _Drive:
         *_, goal.pose.pose.orientation.z, goal.pose.pose.orientation.w = about_z(yaw)
         with self._action.sent(goal, self._on_feedback) as sent:
             if not sent.accepted:
-                raise OneBotError("the navigator refuses the goal; its log has the reason")
+                raise OneBotError("the navigator rejects the goal; its log has the reason")
             answer = sent.result(self._show_until)
         statuses = load_interface("action_msgs/msg/GoalStatus")
         if answer.status == statuses.STATUS_SUCCEEDED:

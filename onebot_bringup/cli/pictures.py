@@ -1,4 +1,4 @@
-"""Draws for ``onebot snapshot``: a robot in a given pose, or a recording; no ROS is needed."""
+"""Draws a robot in a given pose, or a recording, for ``onebot snapshot``, without ROS."""
 
 import sys
 from argparse import Namespace
@@ -97,7 +97,7 @@ def record_pose(
 
 def _record_description(args: Namespace, recording: "rr.RecordingStream") -> None:
     description = args.description
-    lacking = _mesh_problems(description)  # the view warns of them
+    lacking = _mesh_problems(description)  # the view warns about them
     for text in description.notices:
         if not text.endswith(lacking):
             warn(text)

@@ -46,13 +46,13 @@ class ReplaySettings(Settings):
     """The arguments of the command."""
 
     viewer: str = _viewer("viewer")
-    save: str = _viewer("save", note="with viewer:=none only that")
+    save: str = _viewer("save", note="with viewer:=none, it is only saved")
     view: str = _viewer("view")
     fixed_frame: str = argument("", "the frame that stands still; empty: the view's, else a root")
-    frame_prefix: str = argument("", "put before link names; empty: as the recorded frames are")
-    namespace: str = argument("", "of one robot, where several are recorded; empty: all")
+    frame_prefix: str = argument("", "prefix of link names; empty: found in the recorded frames")
+    namespace: str = argument("", "the only robot to show, if several are recorded; empty: all")
     max_size: float = argument(
-        256, "MB of a message or chunk, unpacked; larger ones are not read", at_least=0.0
+        256, "MB of an uncompressed message or chunk; larger ones are not read", at_least=0.0
     )
     grpc_port: int = _viewer("grpc_port")
     web_port: int = _viewer("web_port")
@@ -133,7 +133,7 @@ def _check_rrd(source: Path, settings: ReplaySettings) -> None:
 
     with open_file(source) as file:
         if not file.read(4).startswith(_RRD_STARTS):
-            raise OneBotError(f"{source} is no recording of Rerun")
+            raise OneBotError(f"{source} is not a Rerun recording")
     for name in ("view", "save", "fixed_frame", "frame_prefix", "namespace"):
         if value := getattr(settings, name):
             raise UsageError(f"{name}:={value}: a .rrd file is shown as it is")

@@ -1,6 +1,6 @@
 """``onebot run PACKAGE EXECUTABLE ...``: runs a node or bringup, like ``ros2 run``.
 
-``onebot run FILE.py ...`` runs anybody's node from its file, which need not be installed.
+``onebot run FILE.py ...`` runs any node from its file, which need not be installed.
 """
 
 import ast
@@ -62,7 +62,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def run_file(file: Path, arguments: Sequence[str]) -> int:
-    """Run a node from its file: with its name as ``__main__``, or else by its ``main``.
+    """Run a node from its file as ``__main__``, and its function ``main`` if it does not call that.
 
     A file of a Python package is run as its module, so it may import its neighbours.
     """
@@ -109,9 +109,9 @@ def _calls_main(file: Path) -> bool:
 def _explain(error: ImportError) -> str:
     """Return which package is missing, and where it comes from."""
     name = str(error.name)
-    if not isinstance(error, ModuleNotFoundError) or "." in name:  # a part of what is there
+    if not isinstance(error, ModuleNotFoundError) or "." in name:  # part of an installed package
         return str(error)
-    apt = f"an installed ROS 2 has it by apt install ros-jazzy-{name.lower().replace('_', '-')}"
+    apt = f"with an installed ROS 2: apt install ros-jazzy-{name.lower().replace('_', '-')}"
     if name in _ROS_1:
         return f'it imports "{name}", a package of ROS 1: it is not a node of ROS 2'
     if _INTERFACES.fullmatch(name):
@@ -120,5 +120,5 @@ def _explain(error: ImportError) -> str:
             f"`onebot interface add FOLDER`; {apt}"
         )
     if _OF_ROS.fullmatch(name):
-        return f'there is no package "{name}" here, nor a wheel of it; {apt}'
+        return f'there is no package "{name}" here, and pip has none; {apt}'
     return f'there is no module "{name}" here: pip install {_DISTRIBUTIONS.get(name, name)}'

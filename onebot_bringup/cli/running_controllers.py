@@ -9,7 +9,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing, printa
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _TOPIC = "/controller_state"
 _DEPTH = 1000  # states; several seconds of a busy computer
-_START = "start one by mrm_bringup sim:=true, or of any robot by onebot view FILE sim:=true"
+_START = "start one with mrm_bringup sim:=true, or for any robot onebot view FILE sim:=true"
 
 
 class RunningController:

@@ -66,7 +66,7 @@ def chosen_commands(session: Session, name: str, *, first: bool = False) -> str:
         if len(robots) > 1 and not first:
             raise OneBotError(
                 f"{len(robots)} robots take commands: {listing(robot.name for robot in robots)}; "
-                "choose one by its name, or by its topic of commands"
+                "choose one by its name or by its command topic"
             )
         return robots[0].topic if robots else session.full_name(_COMMANDS)
     topic = session.full_name(name)

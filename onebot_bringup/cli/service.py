@@ -30,7 +30,7 @@ def call_service(args: Namespace) -> None:
 
 
 def _await_service(session: Session, name: str, kind: str) -> None:
-    """Wait for a server, which is discovered before a client of this process is one of its ends."""
+    """Wait for a server; without a client of this process, which would count as an endpoint."""
     print("waiting for service to become available...")
     types = session.await_or_report(
         lambda: SERVICES.types(session, name),

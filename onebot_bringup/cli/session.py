@@ -27,8 +27,8 @@ from onebot_description.ros.names import absolute, node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete
-_LEAST = 0.5  # minimum duration of discovery, s
-_MOST = 2.0  # maximum duration of discovery, s
+_MIN_DISCOVERY = 0.5  # s
+_MAX_DISCOVERY = 2.0  # s
 _LOOKUP = 3.5  # s to discover a name, since participants announce themselves every 3 s
 PATIENCE = 1.0  # s after which a waiting command prints what it waits for
 _POLL = 0.02  # s
@@ -125,7 +125,8 @@ class Session:
             now, graph_now = time.monotonic(), self._graph()
             if graph_now != graph:
                 graph, changed = graph_now, now
-            if now - self._began > _LEAST and now - changed > _QUIET or now - started > _MOST:
+            is_quiet = now - self._began > _MIN_DISCOVERY and now - changed > _QUIET
+            if is_quiet or now - started > _MAX_DISCOVERY:
                 return
 
     def _sees_other_nodes(self) -> bool:
@@ -155,7 +156,7 @@ class Session:
             full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())
             validate_full_topic_name(full)
         except (ValueError, InvalidTopicNameException) as error:
-            raise OneBotError(f'"{name}" is no name: {first_line(error)}') from None
+            raise OneBotError(f'"{name}" is not a valid name: {first_line(error)}') from None
         return str(full)
 
     def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:

@@ -51,10 +51,10 @@ def check_picture(png: Path) -> None:
 # --- the command line -----------------------------------------------------------------------------
 
 _SUMMARY = """\
-draw robots into a PNG file, without any display: those that run, as they are now; or with
+draw robots into a PNG file, without any display: the running ones as they are now; or with
 SOURCE, a URDF or xacro file at given joint positions, or the end of a recording (.rrd, .mcap, or a
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
-messages, namespace:= chooses one robot, where several are recorded. package_path:= holds the
+messages, namespace:= chooses one robot if several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
 _NAMESPACE = "namespace"  # the only argument for a bag
 _WIDTH, _HEIGHT = 1280, 720
@@ -64,7 +64,7 @@ _SMALLEST, _LARGEST = 100, 4096
 
 def _pixels(text: str) -> int:
     if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"{text} is no number from {_SMALLEST} to {_LARGEST}")
+        raise argparse.ArgumentTypeError(f"{text} is not a number from {_SMALLEST} to {_LARGEST}")
     return int(text)
 
 
@@ -89,7 +89,7 @@ def _vector(text: str) -> Triple:
 
 
 OPTIONS = (
-    option("file", "FILE.png", "the picture; one that exists is replaced", Path),
+    option("file", "FILE.png", "the picture; an existing one is replaced", Path),
     positional("SOURCE", "what to draw (default: the running robot)", nargs="?"),
     option(
         "--joints",
@@ -138,8 +138,8 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     own_names = {_NAMESPACE} if args.kind == "bag" else set()
     if args.kind != "description" and (args.joints or args.arguments.keys() - own_names):
         raise UsageError(
-            "--joints and name:=value are for a URDF or xacro file as SOURCE; of running robots "
-            "choose by --ros-args -r __ns:=/NAMESPACE"
+            "--joints and name:=value are for a URDF or xacro file as SOURCE; choose a running "
+            "robot by --ros-args -r __ns:=/NAMESPACE"
         )
     args.namespace = args.arguments.get(_NAMESPACE, "")
     return args

@@ -41,7 +41,7 @@ _page = partial(parameter_of, (STEERING_PAGE.name,), PageParameters)
 
 @dataclass(frozen=True)
 class _PageSettings(Settings):
-    topic: str = argument("", "to steer, or a robot such as robot2; the page can change it")
+    topic: str = argument("", "command topic, or a robot such as robot2; the page can change it")
     odom_topic: str = _page("odom_topic")
     host: str = _page("host")
     port: int = _page("port")
@@ -51,7 +51,7 @@ class _PageSettings(Settings):
     max_angular: float = _page("max_angular")
     viewer: str = argument(
         "auto",
-        "the 3D view; auto: the robot's viewer, or else, and for a view:=, start one",
+        "the 3D view; auto: the robot's viewer, or without one, or with view:=, start one",
         choices=("auto", "web", "none"),
     )
     view: str = parameter_of((_VIEWER,), ViewerParameters, "view")
@@ -66,10 +66,10 @@ class SteerSettings(DiscoverySettings, _PageSettings):
 
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
 
-Serves a page to steer a robot from, and prints its address. Hold the pad (mouse or finger), an
-arrow key, a slider or a gamepad's stick, and the robot drives; let go, and it stops. So it does
+Serves a page to steer a robot from, and prints its address. The robot drives while you hold the
+pad (mouse or finger), an arrow key, a slider or a gamepad's stick. It stops when you let go, and
 when the page loses the focus, is closed or loses its connection. The space bar stops it at once.
-Of several pages, the last to take hold drives.
+If several pages are open, the last one that took hold drives.
 
 From another computer: ssh -L 8080:127.0.0.1:8080 THIS_COMPUTER, and open http://127.0.0.1:8080
 there; or host:=0.0.0.0, and open the whole address that is printed, with its token.
@@ -139,7 +139,7 @@ def _found(
 def robot_parameters(session: Session) -> dict[str, object]:
     """Return the viewer's parameters for the robots that run in the session's namespace.
 
-    The frames of a robot that is started later are named as a bringup names them.
+    The frames of a robot that is started later are named as by a bringup.
     """
     topics = session.spin(lambda: description_topics(session, session.space), PATIENCE)
     if len(topics) > 1:

@@ -81,7 +81,7 @@ t : up (+z)
 b : down (-z)
 
 space : stop, and lock the robot for everybody
-r : unlock it (a key that drives does not)
+r : unlock it (driving keys do not)
 anything else : stop
 
 q/z : increase/decrease max speeds by 10%
@@ -264,7 +264,7 @@ class _Teleop:
             if pressed is None or any(key in _QUIT for key in pressed):
                 return
             was_moving = self._driver.moving(now)
-            if just_woke:  # keys of before that may have waited in the terminal
+            if just_woke:  # earlier keys may have waited in the terminal
                 self._driver.release()
                 pressed = [key for key in pressed if key == _LOCK]
             for key in pressed:
@@ -323,14 +323,14 @@ class _Teleop:
             sys.stdout.flush()
 
     def _subscriber_note(self) -> str:
-        """Return what is known of the robot: its minimum turning radius, or that it is gone."""
+        """Return what is known about the robot: its minimum turning radius, or that it is gone."""
         from onebot_bringup.steering.command_topic import command_subscribers
 
         if self._publisher.get_subscription_count():
             ends = command_subscribers(self._session.node, self._topic)
             self._controllers.update(end.node for end in ends if end.node)
             radius = max((c.least_radius for c in self._controllers.known), default=0.0)
-            return f"\tleast radius {radius:.3g} m" if radius else ""
+            return f"\tminimum radius {radius:.3g} m" if radius else ""
         types = self._session.subscribed_types(self._topic)
         hint = f", but of {', '.join(types)}: see --stamped" if types else " yet"
         return f"\t(no subscriber of {self._kind.__name__}{hint})"

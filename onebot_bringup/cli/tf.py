@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
 _DEPTH = 100  # queue depth, as in tf2's subscriptions
-_WINDOW = 1000  # most samples of a rate
+_WINDOW = 1000  # maximum number of samples of a rate
 _PARTICIPANT = 12  # bytes of a GID that identify the participant
 
 
@@ -141,7 +141,7 @@ def _await_transform(transforms: "_Transforms", args: Namespace, timeout: float 
 
 
 def _shown(stamp_ns: int, pose: "Floats", precision: int) -> str:
-    """Return the text that tf2_echo prints of a pose."""
+    """Return the text that tf2_echo prints for a pose."""
     from onebot_description.geometry.poses import rpy_of_rows
     from onebot_description.geometry.quaternions import from_matrix
 

@@ -223,8 +223,8 @@ def pub(args: Namespace) -> None:
     kind = message_class(args.type)
     message = kind()
     times = fill(message, args.values, finite=not args.allow_non_finite)
-    most = 1 if args.once else args.times
-    wait = int(most is not None) if args.wait is None else args.wait
+    is_endless = not args.once and args.times is None
+    wait = int(not is_endless) if args.wait is None else args.wait
     with Session(args.ros_args) as session:
         topic = session.full_name(args.topic)
         publisher = session.node.create_publisher(kind, topic, qos.profile(args, "default"))
@@ -255,14 +255,14 @@ def _publish(
     from onebot_bringup.introspection.message_text import stamp
 
     period, began = 1.0 / args.rate, time.monotonic()
-    due, most = began, 1 if args.once else args.times
-    report = args.wait != 0 or most is None
+    due, total = began, 1 if args.once else args.times
+    report = args.wait != 0 or total is None
     for number in itertools.count(1):
         stamp(times, session.node.get_clock().now().nanoseconds)
         if args.print and number % args.print == 0:
             print(f"publishing #{number}: {message!r}\n")
         publisher.publish(message)
-        if number == most:
+        if number == total:
             return
         # After a suspend of the computer, continue without catching up.
         due = max(due + period, time.monotonic() - period)
@@ -327,7 +327,7 @@ COMMANDS = {
     "hz": Subcommand(
         "measure the rate of messages",
         hz,
-        flag("--wall-time", "by this computer's time, not a simulated one"),
+        flag("--wall-time", "by this computer's clock, not by simulated time"),
         *_measurement(10000),
         endless=lambda _: True,
     ),

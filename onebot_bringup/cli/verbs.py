@@ -1,4 +1,4 @@
-"""The verbs of ``onebot``: a table of them, and how the words of a command line choose one."""
+"""The table of the verbs of ``onebot``, and how the words of a command line choose one."""
 
 import os
 import sys
@@ -29,11 +29,11 @@ VERBS = {
     "tf": Verb("show the tree of frames, and transforms between frames"),
     "snapshot": Verb("draw a robot into a picture file"),
     "run": Verb("run a node by its package and name, or from its file", 0),
-    "evaluate": Verb("run an episode for many cases, and write the table of them"),
+    "evaluate": Verb("run an episode for many cases, and write a table of the results"),
     "bag": Verb("record topics, play a recording, show what it holds"),
     "replay": Verb("show a recording"),
     "doctor": Verb("check what is wrong on this computer"),
-    "completion": Verb("print the tab completion of a shell"),
+    "completion": Verb("print the code for a shell's tab completion"),
     "steer": Verb("drive from a page in the browser", 0),
     "teleop": Verb("drive from the keyboard", 0),
     "navigate": Verb("drive a robot to a place in its map"),

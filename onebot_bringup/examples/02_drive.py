@@ -1,4 +1,4 @@
-"""Drives OneBot round a square of 1 m, and compares its odometry with where it truly is.
+"""Drives OneBot round a square of 1 m, and compares its odometry with the ground truth.
 
 Run it with `python 02_drive.py`. It needs no ROS, and the figures are the same on each run.
 """
@@ -11,7 +11,7 @@ with Simulation() as simulation:
     robot = simulation.robot
 
     def drive(linear: float, angular: float) -> None:
-        """Drive at m/s and rad/s for 2 s, and stop: the braking makes up for the speeding up."""
+        """Drive at m/s and rad/s for 2 s, and stop: braking covers what speeding up has lost."""
         robot.drive(linear, angular)
         simulation.run(2.0)
         robot.drive(0.0)

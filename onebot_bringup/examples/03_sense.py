@@ -24,4 +24,4 @@ with Simulation(world="maze", y=0.8, sensors=True, seed=7) as simulation:
     Image.fromarray(robot.image()).save("camera.png")
     height, width = robot.depth().shape
     middle = robot.depth()[height // 2, width // 2]
-    print(f"the camera has {width} x {height} pixels, and the wall is {middle:.2f} m before it")
+    print(f"the camera has {width} x {height} pixels, and the wall is {middle:.2f} m ahead")

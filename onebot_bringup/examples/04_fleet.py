@@ -1,4 +1,4 @@
-"""Four robots drive in a convoy: one leads, and each other one keeps 0.5 m behind the one ahead.
+"""Four robots drive in a convoy: one leads, and the others keep 0.5 m behind the robot ahead.
 
 Run it with `python 04_fleet.py`. On ROS topics a fleet is `onebot_bringup robots:=4`.
 """
@@ -12,7 +12,7 @@ with Simulation(robots={name: RobotSetup(x=-row) for row, name in enumerate(NAME
     leader, *followers = simulation.robots.values()
 
     def drive(speed: float, seconds: float) -> None:
-        """Let the leader drive, and ten times a second choose how fast the others do."""
+        """Let the leader drive, and set the followers' speeds ten times a second."""
         leader.drive(speed)
         for _ in range(round(10.0 * seconds)):
             for robot in followers:
@@ -23,4 +23,4 @@ with Simulation(robots={name: RobotSetup(x=-row) for row, name in enumerate(NAME
     drive(0.0, 4.0)
     print(f"the leader is at x {leader.pose.x:.3f} m")
     for robot in followers:
-        print(f"{robot}, {robot.distance_ahead():.3f} m behind the one ahead")
+        print(f"{robot}, {robot.distance_ahead():.3f} m behind the robot ahead")

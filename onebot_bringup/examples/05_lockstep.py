@@ -1,6 +1,6 @@
 """A ROS node drives OneBot to x = 1 m in lockstep with the simulation: both runs are bit-identical.
 
-Run it with `python 05_lockstep.py`. By `rclpy.spin` the node drives that of `onebot_bringup`, too.
+Run it with `python 05_lockstep.py`. For a robot of `onebot_bringup`, call `rclpy.spin(Driver())`.
 """
 
 from geometry_msgs.msg import Twist, Vector3
@@ -11,7 +11,7 @@ from onebot_control import Simulation
 
 
 class Driver(Node):
-    """Commands a velocity for each odometry."""
+    """Commands a velocity for each odometry message."""
 
     def __init__(self) -> None:
         super().__init__("driver")

@@ -1,6 +1,7 @@
 """Records a drive of OneBot into a new folder, a rosbag2, and converts it to a file for Rerun.
 
-Run it with `python 07_record_and_replay.py`. Afterwards `onebot replay FOLDER` shows the drive.
+Run it with `python 07_record_and_replay.py`, then `onebot replay FOLDER` to see it. To drive it
+yourself, `onebot_bringup steer:=true record:=FOLDER`; Ctrl-C ends the drive.
 """
 
 import signal
@@ -18,7 +19,7 @@ def run(*words: str) -> None:
 
 with subprocess.Popen(["onebot_bringup", "viewer:=none", f"record:={FOLDER}"]) as robot:
     try:
-        # It waits for two that listen, the controller and the recorder, and publishes for 3 s.
+        # It waits for two subscribers, the controller and the recorder, and publishes for 3 s.
         publish = "onebot topic pub -w 2 -r 50 -t 150 -p 50 /velocity_controller/cmd_vel"
         run(*publish.split(), "geometry_msgs/msg/Twist", TWIST)
     finally:

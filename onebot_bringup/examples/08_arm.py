@@ -1,4 +1,4 @@
-"""An arm of two links, whose URDF is made here, moves; then its motors hold it against gravity.
+"""An arm of two links, with its URDF in this file, moves; its motors then hold it against gravity.
 
 Run it with `python 08_arm.py`. For an arm in a file there is `onebot view FILE sim:=true`.
 """
@@ -23,4 +23,4 @@ with Simulation(parse_description(URDF, "arm")) as simulation:
     simulation.run(until=lambda: not robot.moving)
     for name, joint in robot.joints.items():
         print(f"{name} is at {joint.position:.4f} rad, and holds {-joint.effort:.3f} N m")
-    print(f"by gravity the elbow has to hold {1.0 * 9.81 * 0.2 * sin(0.5 + 1.0):.3f} N m")
+    print(f"against gravity the elbow has to hold {1.0 * 9.81 * 0.2 * sin(0.5 + 1.0):.3f} N m")

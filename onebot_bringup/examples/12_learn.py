@@ -1,4 +1,4 @@
-"""A task for reinforcement learning, to go to a place in the maze; random actions play an episode.
+"""A reinforcement learning task, to reach a place in the maze; random actions play an episode.
 
 Run it with `python 12_learn.py`. It needs `pip install 'gymnasium>=1.0'`.
 """
@@ -9,7 +9,7 @@ from onebot_control.environment import OneBotEnv
 
 
 class GoTo(OneBotEnv):
-    """Each step costs the distance to the place; an episode ends there, or by a collision."""
+    """Each step costs the distance to the goal; an episode ends there, or with a collision."""
 
     def distance(self, robot):
         return hypot(1.6 - robot.pose.x, 0.8 - robot.pose.y)  # m

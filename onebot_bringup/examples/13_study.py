@@ -1,7 +1,7 @@
-"""Which gain of a controller of one's own takes OneBot through a corridor, however it faces?
+"""Which gain of your own controller takes OneBot through a corridor, whatever its heading?
 
-Run it with `python 13_study.py`. And `onebot evaluate 13_study.py --out study.parquet` writes the
-table, and a recording of each run that failed; it can be interrupted, and resumed.
+Run it with `python 13_study.py`. `onebot evaluate 13_study.py --out study.parquet` also writes the
+table and a recording of each failed run; it can be interrupted and resumed.
 """
 
 from onebot_control import Simulation

@@ -1,4 +1,4 @@
-"""OneBot finds its way through the maze by its lidar, and maps it.
+"""OneBot finds its way through the maze with its lidar, and maps it.
 
 Run it with `python 14_go_to.py`. It needs no ROS, and the figures are the same on each run.
 """
@@ -19,5 +19,5 @@ with Simulation(world="maze", sensors=True, y=0.8, parameters=limits) as simulat
     pose, navigator = robot.pose, robot.navigation.navigator
     print(f"it is {1e3 * hypot(pose.x - 0.1, pose.y - 1.7):.0f} mm from its goal")
     error = hypot(pose.x - navigator.pose.x, pose.y - navigator.pose.y)
-    print(f"it is {1e3 * error:.0f} mm from where it believes to be")
+    print(f"it is {1e3 * error:.0f} mm from its own estimate")
     save_map(navigator.map.occupancy(), "maze")  # maze.yaml and maze.pgm, as map_server's

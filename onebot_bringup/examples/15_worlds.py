@@ -1,7 +1,7 @@
-"""In how many of 300 generated worlds does OneBot find its way, by how cluttered they are?
+"""In how many of 300 generated worlds does OneBot find its way, depending on their clutter?
 
 Run it with `onebot evaluate 15_worlds.py --out worlds.parquet`. The table has a row for each world,
-and each run that failed leaves a recording.
+and each failed run leaves a recording.
 """
 
 from onebot_control import Simulation
@@ -10,7 +10,7 @@ from onebot_description.description.clutter import clutter, parameters_of
 
 
 def episode(case: Case) -> dict[str, object]:
-    """Drive to the other side of a field of cylinders, by the lidar and the wheels alone."""
+    """Drive to the other side of a field of cylinders, with the lidar and the wheels alone."""
     world = f"clutter:seed={case['seed']},density={case['density']}"
     field = clutter(parameters_of(world))
     with Simulation(world=world, sensors=True) as simulation:

@@ -75,5 +75,5 @@ def _load(full: str) -> Any:
 
 
 def is_hidden(name: str) -> bool:
-    """Whether ROS's rule hides a topic or service, such as those that tools use internally."""
+    """Whether a topic or service is hidden by its name, such as those that tools use internally."""
     return any(part.startswith("_") for part in name.split("/"))

@@ -306,10 +306,10 @@ def _floating(kind: str, text: str, finite: bool) -> float:
     if not math.isfinite(value):
         spelled = any(word in lower for word in ("inf", "nan"))
         if finite or not spelled:
-            advice = "; --allow-non-finite lets it through" if spelled else ""
+            advice = "; --allow-non-finite accepts it" if spelled else ""
             raise ValueError(f'is a finite number, not "{text}"{advice}')
     elif kind == "float" and abs(value) >= _LARGEST_FLOAT32:
-        raise ValueError(f"is a float32, too small for {text}")
+        raise ValueError(f"is a float32, which cannot hold {text}")
     return value
 
 

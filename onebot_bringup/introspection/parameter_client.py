@@ -114,7 +114,7 @@ class ParameterClient:
             field, kind, value = parse_value(text, declared)
             if finite and not is_finite(value):
                 raise OneBotError(
-                    f'{name} is a finite number, not "{text}"; --allow-non-finite lets it through'
+                    f'{name} is a finite number, not "{text}"; --allow-non-finite accepts it'
                 )
             request.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
         return list(self._call("set", parameters=request).results)

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 # Arguments of other ROS launch files, with hints how to write them here.
 _VIEWER = "write viewer:=web, viewer:=native or viewer:=none"
-_SLIDERS = "joints move as joints:=FILE says, without sliders; joint_states:=false: not at all"
-_VIEW = "what the viewer shows is in view:=FILE"
+_SLIDERS = "joints:=FILE sets how joints move, without sliders; joint_states:=false: they do not"
+_VIEW = "view:=FILE chooses what the viewer shows"
 _FORMER = {
     "gui": f"{_VIEWER} for the view; {_SLIDERS}",
     **dict.fromkeys(("use_gui", "jsp_gui"), _SLIDERS),
@@ -57,9 +57,9 @@ class Argument:
     name: str  # the word before :=
     default: str  # the text after :=; if it is empty, the user may leave the argument empty, too
     description: str  # one line
-    type: ValueType = ValueType(str)  # the type that its text must be a value of
+    type: ValueType = ValueType(str)  # the type of its value
     examples: tuple[str, ...] = ()  # other values, for tab completion
-    nodes: tuple[str, ...] = ()  # the nodes, any of them, whose parameter it sets
+    nodes: tuple[str, ...] = ()  # the nodes whose parameter it sets
     parameter: str = ""  # the name of that parameter
 
     @property
@@ -100,7 +100,7 @@ class Argument:
     def value(self, text: str) -> Any:
         """Return ``text`` as a value of the argument's type, or unchanged if it is not one.
 
-        What is empty and not a string is None.
+        An empty text is None, unless the argument is a string.
         """
         if not text:
             return "" if self.type.base is str and not self.type.many else None
@@ -174,11 +174,11 @@ S = TypeVar("S", bound="Settings")
 class Settings:
     """The checked values of a command's arguments, which are the fields of a subclass.
 
-    The type of an argument is that of its annotation. Fields that none of ``argument``,
-    ``parameter_of`` and ``field_of`` makes are no arguments.
+    The type of an argument is that of its annotation. Only fields made by ``argument``,
+    ``parameter_of`` and ``field_of`` are arguments.
     """
 
-    # Names of the arguments that were written; the others have their defaults.
+    # Names of the arguments that were given; the others have their defaults.
     given: frozenset[str] = field(default=frozenset(), metadata=NO_PARAMETER)
 
     @classmethod
@@ -191,7 +191,7 @@ class Settings:
 
     @classmethod
     def read(cls: type[S], given: Mapping[str, str], **defaults: str) -> S:
-        """Return checked values: what is ``given``, else the defaults.
+        """Return checked values: those ``given``, else the defaults.
 
         Raises:
             UsageError: names or values are wrong; it has a line for each.
@@ -246,7 +246,7 @@ def split(argv: Sequence[str]) -> Arguments:
     for word in words:
         name, separator, value = word.partition(":=")
         if separator and not name.startswith("-"):
-            assignments[name] = os.path.expanduser(value)  # shells leave the ~ of ``name:=~/x``
+            assignments[name] = os.path.expanduser(value)  # shells do not expand ``name:=~/x``
         elif word.startswith("-") and word != "-":
             options.add(_OPTIONS.get(word) or _refuse_option(word))
         else:
@@ -330,7 +330,7 @@ def table(arguments: Sequence[Argument]) -> str:
 
 # Arguments of several commands ------------------------------------------------------------------
 
-OF_MODEL = "model."  # before the name of an argument of the model that the command has, too
+OF_MODEL = "model."  # prefix of a model's argument if the command has one of the same name
 PACKAGES = Argument(PACKAGE_PATH, "", "folders with ROS packages, joined by :, searched first")
 
 _WORDS = "words of letters, digits and _ that do not start with a digit, joined by /"
@@ -369,7 +369,7 @@ def take_package_path(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def model_values(given: Mapping[str, str], own_names: Collection[str]) -> dict[str, str]:
-    """Return the xacro arguments of the model: ``model.NAME``, and NAME if the command has none."""
+    """Return the model's xacro arguments: ``model.NAME``, and NAME if the command has none."""
     return {
         name.removeprefix(OF_MODEL): value for name, value in given.items() if name not in own_names
     }

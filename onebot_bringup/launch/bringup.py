@@ -76,7 +76,7 @@ class Bringup(NamedTuple):
 
     @property
     def defaults(self) -> dict[str, str]:
-        """The defaults of arguments that each command has of its own."""
+        """The defaults that differ between commands."""
         files = {"model": self.model, "joints": self.joints, "view": self.view}
         return {**files, "params_file": self.control}
 
@@ -85,7 +85,7 @@ class Bringup(NamedTuple):
         return self.settings_class.arguments(**self.defaults)
 
     def model_arguments(self, given: Mapping[str, str]) -> tuple[list[Argument], bool]:
-        """Return the model's xacro arguments; those that the command has, too, as ``model.NAME``.
+        """Return the model's xacro arguments, as ``model.NAME`` if the command has the same name.
 
         From now on, packages are also looked for in the given ``package_path``.
 
@@ -124,7 +124,7 @@ def bring_up(command: Bringup, argv: Sequence[str]) -> int:
 
 
 def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSettings":
-    """Return the checked arguments that are the command's own; print warnings.
+    """Return the command's own arguments, checked; print warnings.
 
     From now on, packages are also looked for in the given ``package_path``.
 
@@ -242,7 +242,7 @@ def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[s
 
 
 def _check_files(settings: "BringupSettings") -> None:
-    """Reject missing files, recordings that cannot be written, an invalid world or page address."""
+    """Reject missing files, unwritable recordings, an invalid world or page address."""
     view_file(settings.view)
     for name, file in (("joints", settings.joints), ("params_file", settings.params_file)):
         if file:
@@ -305,8 +305,8 @@ def _check_sections(
 def with_params_file(settings: "BringupSettings") -> "BringupSettings":
     """Return the settings, updated for all nodes from the ``params_file``.
 
-    All nodes have to agree on the name of the controller, on those of frames, and on the clock. The
-    file's settings apply unless they are given on the command line.
+    All nodes have to agree on the controller's name, the frames' names and the clock. The file's
+    settings apply unless they are given on the command line.
     """
     from onebot_control.control_files import drive_node
     from onebot_control.simulation_parameters import SimulationConfig
@@ -380,7 +380,7 @@ def help_text(
         parts.append(f"Arguments of the model:\n{table(of_model)}")
     if complete:
         parts.append(
-            "An argument given twice: the last one counts. --ros-args goes to every node.\n"
+            "If an argument is given twice, the last one counts. --ros-args goes to every node.\n"
             f"{command.program.split()[0]} --version shows the version.\n"
             "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
             "node failed, 2 the command line is wrong."

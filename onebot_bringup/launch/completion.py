@@ -1,4 +1,4 @@
-"""Answers each press of Tab, by argcomplete.
+"""Completes a command line when Tab is pressed, with argcomplete.
 
 Options are only defined in the commands: to complete, a command is run up to its argparse parser,
 or with ``--show-args`` until it has listed its launch arguments.
@@ -86,7 +86,7 @@ def choose(choices: Mapping[str, str], position: int) -> NoReturn:
 
 
 def _finish_words(completer: Completer, position: int) -> NoReturn:
-    """Complete a word by ``completer``."""
+    """Complete a word with ``completer``."""
     parser = argparse.ArgumentParser(add_help=False)
     action = parser.add_argument("words", nargs="*")
     action.completer = completer  # type: ignore[attr-defined]

@@ -1,6 +1,6 @@
 """The nodes of a bringup in a table: when each starts, with which parameters and policy.
 
-Nodes get their parameters in ROS parameter files, where any text and length is possible.
+Nodes get their parameters in ROS parameter files, which allow any text of any length.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Launch:
     source: Source  # the files of the description
     ros_args: Sequence[str] = ()  # every node gets them, after its own
     robots: Sequence[PlacedRobot] = ()  # several robots in one world; empty for a single one
-    robot: PlacedRobot | None = None  # the one of them to make nodes for
+    robot: PlacedRobot | None = None  # the robot to make nodes for, if there are several
     folder: Path = Path()  # folder of the nodes' parameter files
 
     @property
@@ -55,7 +55,7 @@ class Launch:
         return [self.node(row) for row in NODES if row.starts(self)]
 
     def node(self, row: NodeRow) -> NodeProcess:
-        """Return the process of a row to start.
+        """Return the process to start for a row.
 
         If there are several robots, a row with ``each_robot`` is one process with a node for each.
         """
@@ -90,7 +90,7 @@ class Launch:
         return RosNodes(self.folder, settings.namespace, ros_args, settings.log_level)
 
     def _remappings(self) -> list[str]:
-        """Return remappings in each robot's namespace: of nav2_topics:=true, and of a drive's name.
+        """Return the remappings of ``nav2_topics`` and of a drive's name, per namespace.
 
         Other nodes expect the topics of velocity_controller.
         """
@@ -166,7 +166,7 @@ def _controller_parameters(launch: Launch) -> Parameters:
 
 
 def given_files(file: str | Path | None) -> list[Path]:
-    """Return the file that a launch argument names, if it does."""
+    """Return the file that a launch argument names, if any."""
     return [Path(file).absolute()] if file else []
 
 
@@ -176,14 +176,14 @@ def world_frame(settings: BringupSettings, params_files: Sequence[Path]) -> str:
     It is world, or if the ground truth is not on TF, map, so that TF is one tree.
     """
     written = settings.written(params_files).values
-    truth = settings.ground_truth_tf
-    if truth is None:
-        truth = written.get("ground_truth_tf", True)
-    return str(written.get("world_frame_id") or (WORLD_FRAME if truth is True else _MAP))
+    on_tf = settings.ground_truth_tf
+    if on_tf is None:
+        on_tf = written.get("ground_truth_tf", True)
+    return str(written.get("world_frame_id") or (WORLD_FRAME if on_tf is True else _MAP))
 
 
 def _navigator_parameters(launch: Launch) -> Parameters:
-    """Return where the robot starts, so that the map has the frame of the world."""
+    """Return where the robot starts, so that the map's frame is the world's."""
     settings = launch.settings
     written = settings.written(launch.params_files).values
     starts = {name: getattr(settings, name) for name in ("x", "y", "yaw")}
@@ -197,7 +197,7 @@ def _state_parameters(launch: Launch) -> Parameters:
     return {
         "robot_description": launch.description.urdf,
         "frame_prefix": launch.settings.frame_prefix,
-        # Where the joint states are made up, nobody knows where the robot is.
+        # Made-up joint states say nothing about where the robot is.
         "hold_floating_joints": _makes_joint_states(launch),
     }
 

@@ -126,14 +126,14 @@ def _params_file(file: Path, name: str) -> Path | None:
 
 
 def in_rows(count: int, description: Description) -> list[PlacedRobot]:
-    """Place ``count`` robots in rows, with room between them.
+    """Place ``count`` robots in rows, with space between them.
 
     robot1 is at the origin, the others of its row are to its right, further rows behind it.
     """
-    a_row = math.ceil(math.sqrt(count))
-    apart = math.ceil(10.0 * _ROOM * 2.0 * reach(description)) / 10.0
+    per_row = math.ceil(math.sqrt(count))
+    gap = math.ceil(10.0 * _ROOM * 2.0 * reach(description)) / 10.0
     return [
-        PlacedRobot(f"robot{k + 1}", -apart * (k // a_row), -apart * (k % a_row), 0.0, description)
+        PlacedRobot(f"robot{k + 1}", -gap * (k // per_row), -gap * (k % per_row), 0.0, description)
         for k in range(count)
     ]
 

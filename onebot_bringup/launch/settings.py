@@ -31,8 +31,8 @@ from onebot_description.state_parameters import StateParameters
 if TYPE_CHECKING:
     from onebot_description.parameters.files import Parameters
 
-_AS_IN_FILE = "default: params_file's"
-_PACE = "not simulated: messages on joint_states; default: that of params_file or joints"
+_AS_IN_FILE = "default: from params_file"
+_PACE = "if not simulated, rate of joint_states; default: from params_file or joints"
 _LEVELS = ("debug", "info", "warn", "error", "fatal")
 _STEERING_PAGE, _NAVIGATOR = "steering_page", "navigator"
 _OF_SIMULATION = ("params_file", "nav2_topics", "robots")  # besides parameters of controllers
@@ -99,9 +99,9 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
     world: str = _simulation("world", default="", examples=tuple(shipped_worlds()))
     sensors: str = _simulation("sensors", default="")
     ground_truth_tf: bool | None = _simulation("ground_truth_tf")
-    navigate: bool = argument(False, "drive to goals by the lidar, around what is in the way")
+    navigate: bool = argument(False, "drive to goals with the lidar, around obstacles")
     map: str = _navigator("yaml_filename", note="for the navigator")
-    nav2_topics: bool = argument(False, "the topics that Nav2 expects, cmd_vel and odom")
+    nav2_topics: bool = argument(False, "use the topics that Nav2 expects, cmd_vel and odom")
     rate: float | None = _simulation("update_rate", note=_PACE)
     real_time_factor: float | None = _simulation("real_time_factor")
     paused: bool | None = _simulation("paused")
@@ -121,7 +121,7 @@ class BringupSettings(DiscoverySettings, DescriptionSettings):
 
     @property
     def stands(self) -> bool:
-        """Whether the robot would be simulated standing, not driving."""
+        """Whether the robot's base is fixed, as an arm's."""
         return self.controller == MANAGER
 
 
@@ -162,7 +162,7 @@ def checked_settings(
 
 
 def _check_effect(settings: BringupSettings, given: Mapping[str, str]) -> None:
-    """Reject arguments of what is switched off, and those of a single robot for several."""
+    """Reject arguments of features that are off, and of a single robot if there are several."""
     for declared in settings.arguments():
         name, nodes = declared.name, declared.nodes
         if name not in given:
@@ -173,11 +173,11 @@ def _check_effect(settings: BringupSettings, given: Mapping[str, str]) -> None:
             if value is not False and value not in (None, ""):
                 raise UsageError(f"{written} is for the simulation: write sim:=true")
         elif settings.sim and name in _OF_JOINTS:
-            text = "is without effect, since the simulation moves the joints: leave it out"
+            text = "has no effect, since the simulation moves the joints: leave it out"
             raise UsageError(f"{written} {text}, or write sim:=false")
         elif not settings.steer and _STEERING_PAGE in nodes:
-            raise UsageError(f"{written} is the steering page's: add steer:=true")
+            raise UsageError(f"{written} is for the steering page: add steer:=true")
         elif not settings.navigate and _NAVIGATOR in nodes:
-            raise UsageError(f"{written} is the navigator's: add navigate:=true")
+            raise UsageError(f"{written} is for the navigator: add navigate:=true")
         elif settings.robots and name in _OF_ONE_ROBOT and value is not False:
             raise UsageError(f"{written} is for one robot, not for robots:={settings.robots}")

@@ -19,7 +19,7 @@ from onebot_description.errors import printable
 _MAX_LINES = 4000
 _COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
 
-# Control sequences other than colours, which a terminal would obey; names in files may have them.
+# Control sequences other than colours, which a terminal would obey; names in files may hold them.
 _OBEYED = re.compile(
     rb"[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f]|\x1b(?!\[[0-9;]*m)|\xc2[\x80-\x9f]"
     rb"|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]|\xd8\x9c"  # text direction, in UTF-8

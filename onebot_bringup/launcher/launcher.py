@@ -128,7 +128,7 @@ class Launcher:
         if code != 0 or node.on_exit != "ignore":
             self._failed[node.name] = how
         if node.on_exit == "ignore":
-            self._console.warn(f"going on without {node.name}")
+            self._console.warn(f"continuing without {node.name}")
             return
         if self._running:
             self._console.warn("stopping the others")
@@ -139,7 +139,7 @@ class Launcher:
         code = await process.ended
         if code in _STOPPED:
             await _is_set_within(_SAME_SIGNAL, self._stopping)
-        process.signal_all(signal.SIGKILL)  # its children are left without an owner
+        process.signal_all(signal.SIGKILL)  # its children have no owner any more
         await self._close_process(process)
         return code
 
@@ -166,14 +166,14 @@ class Launcher:
             self._stop_now.set()
 
     def _watch_reader(self) -> None:
-        """Stop when the process that reads the output has ended, such as ros2 launch, if killed."""
+        """Stop when the process that reads the output has ended, such as a killed ros2 launch."""
         out = self._console.out.descriptor
 
         def left() -> None:
             self._loop.remove_reader(out)
             self._stop()
 
-        # Linux reports it for the pipe's end to write to as well; there is never input to read.
+        # Linux also reports this for the writing end of a pipe, which never has input to read.
         if sys.platform == "linux" and out >= 0 and stat.S_ISFIFO(os.fstat(out).st_mode):
             self._loop.add_reader(out, left)
 

@@ -30,7 +30,7 @@ class NodeProcess:
 
     name: str  # the prefix of its output lines
     command: tuple[str, ...]  # the program and its arguments
-    # What to do if it ends unexpectedly: "shutdown" stops everything, "ignore" goes on without it.
+    # What to do if it ends unexpectedly: "shutdown" stops everything, "ignore" continues.
     on_exit: OnExit = "shutdown"
     environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
     hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready

@@ -1,1 +1,1 @@
-"""Code that servers on this computer share: ports, connections, origins, and Rerun's proxy."""
+"""Code shared by the servers on this computer: ports, connections, origins, Rerun's proxy."""

@@ -1,9 +1,10 @@
 """Guards the port of a recording: lets native viewers through to Rerun's server, but not browsers.
 
-Rerun's server checks neither Host nor Origin of a request, and lets it write into the recording. So
-it listens on a loopback address that cannot be guessed, and this gate listens on the known port.
-Native viewers speak HTTP/2 from the first byte; browsers do so only with TLS. So a foreign page
-cannot reach the recording, even by DNS rebinding.
+Rerun's server checks neither Host nor Origin of a request, and lets it write into the recording.
+Therefore it listens on a loopback address that cannot be guessed, and this gate on the known port.
+
+Native viewers speak HTTP/2 from the first byte; browsers do so only with TLS. A foreign page
+therefore cannot reach the recording, even by DNS rebinding.
 """
 
 import asyncio
@@ -54,7 +55,7 @@ class GrpcGate(LoopThread):
             else:
                 client.write(_RESPONSE)
         except (OSError, EOFError, asyncio.TimeoutError, asyncio.CancelledError):
-            pass  # an end has closed, or the gate stops, and a cancelled task would be logged
+            pass  # one end has closed, or the gate stops, and a cancelled task would be logged
         finally:
             self._clients.discard(client)
             client.close()

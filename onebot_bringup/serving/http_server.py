@@ -20,7 +20,7 @@ _LOGGER = logging.getLogger(__name__)
 
 
 def _is_of_the_server(record: logging.LogRecord) -> bool:
-    """Whether an error is the server's own, not of a client that leaves or speaks no HTTP."""
+    """Whether an error is the server's own, not that of a client that left or spoke no HTTP."""
     of_clients = (HttpProcessingError, ConnectionError)
     return record.exc_info is None or not isinstance(record.exc_info[1], of_clients)
 

@@ -19,7 +19,7 @@ _LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
 def refusal(address: str, host: str, origin: str | None, allowed: Iterable[str]) -> str:
-    """Return one sentence why a request is rejected; "" if it is accepted.
+    """Return the reason why a request is rejected, a sentence; "" if it is accepted.
 
     Args:
         address: the IP address that the server listens on.
@@ -74,5 +74,5 @@ def guard(address: str) -> Middleware:
 
 
 def _shown(text: str) -> str:
-    """Return a header as it may safely be repeated in a response."""
+    """Return a header in a form that is safe to repeat in a response."""
     return "".join(c for c in text[:100] if c.isascii() and c.isprintable() and c not in '<>"&')

@@ -26,8 +26,8 @@ def length(head: bytes) -> int:
 def subjects(message: bytes) -> Sequence[Hashable]:
     """Return the subjects of a message, which newer messages with all of them replace.
 
-    It is an entity with its components, for each frame of which there are transforms; each message
-    without data has its own subject.
+    A subject is an entity with its components; transforms have one for each frame, and each message
+    without data has its own.
     """
     import pyarrow as pa  # slow to import, and few viewers are slow
 

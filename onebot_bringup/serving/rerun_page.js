@@ -1,6 +1,6 @@
 /**
- * Runs in Rerun's page before its own scripts: it keeps up where it draws slowly, such as without a
- * graphics card.
+ * Runs in Rerun's page before its own scripts: it lets a page that draws slowly, such as without a
+ * graphics card, keep up with its data.
  */
 (() => {
   const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
@@ -15,26 +15,26 @@
   }
 
   /**
-   * A picture that the processor draws takes as long as it has pixels. It gets as many as are drawn
-   * in time, and the browser enlarges it.
+   * Drawing time without a graphics card is proportional to the number of pixels. A picture gets as
+   * many as can be drawn in time, and the browser enlarges it.
    */
   class Resolution {
-    static MOST = 1.5e6; // pixels
-    static LEAST = 0.6; // pixels of the picture for one of the page, in a row: text stays legible
+    static MAX_PIXELS = 1.5e6;
+    static MIN_RATIO = 0.6; // pixels of the picture per pixel of the page: text stays legible
     static SLOW = 400; // ms for a picture
     static WANTED = 250;
     static FAST = 150;
-    static PICTURES = 4; // of which all are slow, or fast
+    static PICTURES = 4; // number of pictures that have to be slow, or fast
 
     constructor() {
-      this.most = Resolution.MOST;
+      this.most = Resolution.MAX_PIXELS;
       this.times = [];
       const ratio = Object.getOwnPropertyDescriptor(window, "devicePixelRatio").get;
       const fitting = () => Math.sqrt(this.most / (window.innerWidth * window.innerHeight));
       Object.defineProperty(window, "devicePixelRatio", {
-        get: () => Math.min(ratio.call(window), Math.max(Resolution.LEAST, fitting())),
+        get: () => Math.min(ratio.call(window), Math.max(Resolution.MIN_RATIO, fitting())),
       });
-      // Rerun then makes its canvas by the ratio, not as the screen's pixels are.
+      // Without this, Rerun sizes its canvas by the screen's pixels instead of the ratio.
       delete ResizeObserverEntry.prototype.devicePixelContentBoxSize;
       const { observe } = ResizeObserver.prototype;
       this.apply = () => {};
@@ -42,13 +42,13 @@
       ResizeObserver.prototype.observe = function (...target) {
         resolution.apply = () => {
           this.unobserve(target[0]);
-          observe.apply(this, target); // which reports the size once more
+          observe.apply(this, target); // this reports the size again
         };
         observe.apply(this, target);
       };
     }
 
-    /** Note that a picture took so long, ms. */
+    /** Note the drawing time of a picture, ms. */
     fit(time) {
       this.times.push(time);
       if (this.times.length < Resolution.PICTURES) return;
@@ -57,15 +57,15 @@
       this.times = [];
       const pixels = window.innerWidth * window.innerHeight * window.devicePixelRatio ** 2;
       if (least > Resolution.SLOW) this.most = (pixels * Resolution.WANTED) / least;
-      else if (most < Resolution.FAST) this.most = Math.min(1.5 * pixels, Resolution.MOST);
+      else if (most < Resolution.FAST) this.most = Math.min(1.5 * pixels, Resolution.MAX_PIXELS);
       else return;
       this.apply();
     }
   }
 
   /**
-   * Chromium takes the commands of some pictures ahead, which were then old before they are seen.
-   * The next picture is begun when the one before is drawn.
+   * Chromium queues the commands of several pictures, which would be old when they are seen. The next
+   * picture is only begun when the previous one is drawn.
    */
   class Picture {
     constructor() {
@@ -84,7 +84,7 @@
     begin() {
       const gl = this.context;
       if (!gl) return;
-      if (this.end) gl.deleteSync(this.end); // of another callback of the same frame
+      if (this.end) gl.deleteSync(this.end); // from another callback of the same frame
       this.end = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
       gl.flush();
       this.begun = performance.now();
@@ -102,28 +102,28 @@
   }
 
   /**
-   * In each frame Rerun reads what has come in for 10 ms, however long it takes to draw
+   * In each frame Rerun spends 10 ms on reading data, however long it takes to draw
    * (rerun-io/rerun#7678). With two frames a second that is less than a moving robot sends, and the
-   * page would be further behind with every frame. The 10 ms are counted by performance.now(): here
-   * that clock runs slower within a slow frame, so that they last for half of the frame before. A
-   * page with 50 frames a second and more is left as it is.
+   * page would fall further behind with every frame. Rerun measures the 10 ms with performance.now():
+   * here that clock runs slower within a slow frame, so that reading may take half as long as the
+   * previous frame. A page with at least 50 frames a second is not changed.
    */
   const READING = 10; // ms of a frame, by Rerun's clock
-  const SHARE = 0.5; // of a frame, for reading
-  const LONGEST = 2000; // ms; more was no frame: the tab was hidden
+  const SHARE = 0.5; // share of a frame for reading
+  const LONGEST = 2000; // ms; in a longer frame the tab was hidden
   const now = performance.now.bind(performance);
   const request = window.requestAnimationFrame.bind(window);
   window.drawnInSoftware = drawnInSoftware(); // also for view_frame.js
   const picture = window.drawnInSoftware ? new Picture() : null;
   let frame = 0; // when the current one began, ms
   let slowness = 1;
-  let start = null; // of the callback that runs now, ms
+  let start = null; // start of the running callback, ms
 
   performance.now = () => (start === null ? now() : start + (now() - start) / slowness);
 
   window.requestAnimationFrame = (draw) =>
     request((time) => {
-      if (time !== frame) { // else another callback of the same frame
+      if (time !== frame) { // otherwise another callback of the same frame
         if (picture && !picture.isDrawn()) {
           window.requestAnimationFrame(draw);
           return;

@@ -21,7 +21,7 @@ from onebot_bringup.serving.rerun_messages import GRPC_WEB, SERVICE
 
 _HEADERS = frozenset({"content-type", "content-length", "content-encoding", "rerun-final-length"})
 _FOREIGN_LINK = re.compile(rb"<link[^>]*https?://[^>]*>")
-_PAGE_TIMEOUT = 10.0  # s without data of a part of the page
+_PAGE_TIMEOUT = 10.0  # s without data for a part of the page
 _PAGE_SCRIPT = Path(__file__).with_name("rerun_page.js")
 _READS = frozenset({f"/{SERVICE}/ReadMessages", f"/{SERVICE}/ReadTables"})
 
@@ -64,9 +64,9 @@ class RerunProxy:
     ) -> web.StreamResponse:
         """Respond to a gRPC-web call that only reads; the response may be endless."""
         if path not in _READS:
-            raise web.HTTPForbidden(text="The view is for looking: nothing is written into it.\n")
+            raise web.HTTPForbidden(text="The view is read-only.\n")
         if request.content_type != GRPC_WEB:
-            raise web.HTTPUnsupportedMediaType(text=f"Requests are to be {GRPC_WEB}.\n")
+            raise web.HTTPUnsupportedMediaType(text=f"Requests have to be {GRPC_WEB}.\n")
         body = await body_of(request)
         headers = {
             name: value
@@ -105,7 +105,7 @@ class RerunProxy:
         except (aiohttp.ClientError, ConnectionError):
             if not answer.prepared:
                 raise web.HTTPBadGateway(text=f"{self._unavailable}\n") from None
-            # One end has closed the connection in the middle, so close the other, too.
+            # One end has closed the connection in mid-response, so close the other, too.
             if request.transport is not None:
                 request.transport.close()
         return answer
@@ -153,7 +153,7 @@ class RerunProxy:
 
 
 async def _relay(source: aiohttp.StreamReader, answer: web.StreamResponse) -> None:
-    """Read messages as they come, and pass them on as the viewer takes them."""
+    """Read messages as they arrive, and pass them on as the viewer takes them."""
     backlog = Backlog()
     reading = asyncio.ensure_future(_read(source, backlog))
     try:

@@ -49,7 +49,7 @@ class Access:
         ).hexdigest()
 
     def refusal(self, host: str, origin: str | None, token: str | None, cookie: str | None) -> str:
-        """Return one sentence why a request is rejected; "" if it is accepted.
+        """Return the reason why a request is rejected, a sentence; "" if it is accepted.
 
         Args:
             host: the Host header.

@@ -16,9 +16,9 @@ from onebot_bringup.steering.protocol import Command, DriveMessage, Parts, Relea
 from onebot_description.timing.wake_detector import boot_time
 
 COMMAND_TIMEOUT = 0.25  # s without a message from the driver after which the robot is stopped
-MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is too late
-# s that a press drives, at least: its release may arrive with it, and of two commands within one
-# cycle a controller takes the later one.
+MAX_AGE = 0.5  # s since a command's stamp (the round trip) after which it is rejected
+# Minimum duration of a press, s: its release may arrive with it, and a controller takes only the
+# last of several commands within one cycle.
 STEP = 0.05
 ZEROS = 3  # zero commands published after the last command, in case one gets lost
 
@@ -63,9 +63,9 @@ class Arbiter:
         Args:
             limits: the limits of commands.
             publish: called with each command, from any thread, one call at a time.
-            lock: called likewise, with True and all parts when a page stops the robot, and with
-                False and the parts that move before the first motion of each that a page commands
-                after taking control.
+            lock: called likewise: with True and all parts when a page stops the robot, and with
+                False and the parts that are about to move, before their first motion after a page
+                has taken control.
             clock: returns the time, s; the stamps of commands are times of this clock.
             woke: returns when this process last woke from a stop, by that clock; commands sent
                 before that do not drive.
@@ -76,9 +76,9 @@ class Arbiter:
         self._limits = limits
         self._pages: dict[str, _Page] = {}
         self._driver: str | None = None
-        self._latest = Command()  # the driver's, even beyond the limits
+        self._latest = Command()  # the driver's command, not clamped
         self._moving = False  # whether commands are published, even if they are zero
-        self._granted = limits.range  # the range at the driver's press, unless limits are lowered
+        self._granted = limits.range  # the range at the driver's press, or lower
         self._stamp = 0.0  # stamp of the driver's command
         self._deadline = 0.0  # until when that command applies
         self._step_end = 0.0  # until when it applies although its page has released
@@ -133,10 +133,10 @@ class Arbiter:
     def check_timeout(self) -> None:
         """Stop the robot if its driver is silent or late; call this every 50 ms.
 
-        The driver drives on when its commands are in time again.
+        The driver continues when its commands are in time again.
         """
         with self._update():
-            # ``woke`` has to be called while nobody drives, too: it notices a stop by its gaps.
+            # Call ``woke`` even while nobody drives: it notices a stop by gaps between its calls.
             is_late = self._stamp < self._woke() or self._clock() > self._deadline
             if self._moving and is_late:
                 self._end_command()

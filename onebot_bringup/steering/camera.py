@@ -1,7 +1,7 @@
 """Receives the camera pictures of the robot that is steered.
 
 A camera may be expensive for the robot, so its topic is only subscribed to while a page shows its
-picture, and once at first, since only its encoding shows whether people can look at it (depth
+picture, and once at first, since only the encoding shows whether people can look at it (depth
 images, for example, are left out).
 """
 
@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image as ImageMessage
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 
 _IMAGE = "sensor_msgs/msg/Image"
-# By encoding that people can look at: Pillow's modes of the picture to make, and of the data.
+# For encodings that people can look at: Pillow's modes of the resulting picture and of the data.
 _MODES = {
     "rgb8": ("RGB", "RGB"),
     "bgr8": ("RGB", "BGR"),
@@ -31,7 +31,7 @@ _UNUSED = 3.0  # s without a request after which a camera is unsubscribed
 
 
 def jpeg(message: ImageMessage) -> bytes | None:
-    """Return a picture as a small JPEG; None if it is not for people to look at, such as depth."""
+    """Return a picture as a small JPEG; None if people cannot look at it, such as depth."""
     if message.encoding not in _MODES:
         return None
     (mode, raw), size = _MODES[message.encoding], (message.width, message.height)
@@ -68,12 +68,12 @@ class CameraFeed:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics with pictures that people can look at, the shortest name first."""
+        """The topics with pictures that people can look at, shortest name first."""
         names = [name for name, camera in self._cameras.items() if camera.shows]
         return tuple(sorted(names, key=lambda name: (name.count("/"), name)))
 
     def update(self, namespace: RobotNamespace, watched: bool) -> None:
-        """Follow publishers that come and go; call this several times per second.
+        """Follow publishers as they appear and disappear; call this several times per second.
 
         Args:
             namespace: namespace of the robot.

@@ -14,7 +14,7 @@ from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.drive.speed_limiter import SpeedLimiter, SpeedLimits
 from onebot_description.geometry.poses import clamp
 
-# Limits if none of the robot is known: brisk indoors, and far from what a typing error commands.
+# Limits if the robot's are unknown: brisk indoors, and far below what a typing error commands.
 UNKNOWN = Velocity(2.0, 4.0, 2.0)
 DEFAULT = Velocity(1.0, 2.0, 1.0)  # initial limits in that case
 _NONE = Velocity()
@@ -24,8 +24,8 @@ _NONE = Velocity()
 class Bound:
     """The limits of the speed along an axis, m/s or rad/s; zero if the drive does not have it."""
 
-    most: float  # forward, or to the left
-    reverse: float  # backward, or to the right
+    forward: float  # or to the left
+    reverse: float  # or to the right
     initial: float  # the limit until an operator chooses another
     # The controller's full name, or the name of the page's parameter; "" if no limit is known.
     source: str = ""
@@ -34,24 +34,24 @@ class Bound:
 class CommandRange(NamedTuple):
     """The range of allowed commands."""
 
-    most: Velocity  # forward, and to the left
-    reverse: Velocity  # backward, and to the right; positive
-    least_radius: float = 0.0  # least radius of curves, m
+    forward: Velocity  # and to the left
+    reverse: Velocity  # and to the right; positive
+    min_radius: float = 0.0  # of curves, m
 
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
         return CommandRange(
-            self.most.at_most(other.most),
+            self.forward.at_most(other.forward),
             self.reverse.at_most(other.reverse),
-            max(self.least_radius, other.least_radius),
+            max(self.min_radius, other.min_radius),
         )
 
     def clamp(self, command: Velocity) -> Velocity:
         """Return the fastest command in the range along the same arc, or the tightest possible."""
-        if self.least_radius:
-            turn = abs(command.linear) / self.least_radius
+        if self.min_radius:
+            turn = abs(command.linear) / self.min_radius
             command = command._replace(angular=clamp(command.angular, -turn, turn))
-        return command.clamped(Velocity(*(-speed for speed in self.reverse)), self.most)
+        return command.clamped(Velocity(*(-speed for speed in self.reverse)), self.forward)
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Limits:
     linear: Bound
     angular: Bound
     lateral: Bound = Bound(0.0, 0.0, 0.0)
-    least_radius: float = 0.0  # least radius of curves, m; 0: the robot turns on the spot
+    min_radius: float = 0.0  # of curves, m; 0: the robot turns on the spot
     chosen: SetLimits = SetLimits()  # an operator's choice
 
     @property
@@ -78,12 +78,12 @@ class Limits:
     @property
     def range(self) -> CommandRange:
         """The commands within the limits."""
-        most, reverse = self.in_force, Velocity(*(b.reverse for b in self.bounds.values()))
-        return CommandRange(most, most.at_most(reverse), self.least_radius)
+        forward, reverse = self.in_force, Velocity(*(b.reverse for b in self.bounds.values()))
+        return CommandRange(forward, forward.at_most(reverse), self.min_radius)
 
 
 def _in_force(bound: Bound, chosen: float | None) -> float:
-    return min(bound.initial if chosen is None else chosen, bound.most)
+    return min(bound.initial if chosen is None else chosen, bound.forward)
 
 
 def limits_of(controllers: Sequence[ControllerLimits], fixed: Velocity = _NONE) -> Limits:
@@ -107,14 +107,14 @@ def _bound(
 ) -> Bound:
     speeds = {node: speed for node, speed in controllers.items() if not isnan(speed.max_velocity)}
     limits = [(speed.max_velocity, node) for node, speed in speeds.items()]
-    if most := getattr(fixed, axis):
-        limits.append((most, parameter))
+    if forward := getattr(fixed, axis):
+        limits.append((forward, parameter))
     if not limits:
         unknown = getattr(UNKNOWN, axis)
         return Bound(unknown, unknown, getattr(DEFAULT, axis))
-    most, source = min(limits)
+    forward, source = min(limits)
     reverse = [-speed.min_velocity for speed in speeds.values() if not isnan(speed.min_velocity)]
-    return Bound(most, min([most, *reverse]), most, source)
+    return Bound(forward, min([forward, *reverse]), forward, source)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def braking_of(limits: Iterable[SpeedLimits | None]) -> Braking | None:
     """Return the braking along an axis of the controller that brakes last.
 
     Args:
-        limits: each controller's of that axis; None: it does not have the axis.
+        limits: each controller's limits of that axis; None: it does not have the axis.
 
     Returns:
         The braking; None if no controller has the axis.

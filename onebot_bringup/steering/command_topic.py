@@ -130,7 +130,7 @@ class CommandTopic:
     """Publishes commands, from any thread, with the type that the robot subscribes to.
 
     A node can publish only one type on a topic, and a second type on a topic confuses other tools.
-    So the publisher is created when there is a subscriber, whose type is then known.
+    The publisher is therefore created when there is a subscriber, whose type is then known.
     """
 
     def __init__(self, node: Node, topic: str, locked: Callable[[bool], None]) -> None:
@@ -166,7 +166,7 @@ class CommandTopic:
             self._robot_lock.set(locked)
 
     def choose(self, topic: str) -> None:
-        """Switch to another topic; the robot of the old one has been stopped."""
+        """Switch to another topic; the robot of the old one must already be stopped."""
         self._destroy_publisher()
         self.topic, self.subscribers = topic, []
         with self._lock:

@@ -89,7 +89,7 @@ class FollowedTopics:
         Args:
             node: the node that subscribes.
             depth: the queue depth.
-            received: for some types, what is called with the topic's name and each valid message.
+            received: by type, functions called with the topic's name and each valid message.
         """
         self._node, self._depth, self._received = node, depth, received or {}
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
@@ -104,10 +104,10 @@ class FollowedTopics:
         newest = self._newest.get(topic)
         return (newest.message, boot_time() - newest.time) if newest else (None, math.inf)
 
-    def recent(self, types: Container[str], most: float) -> list[Any]:
-        """Return the newest message of each topic of some types, unless older than ``most``, s."""
+    def recent(self, types: Container[str], max_age: float) -> list[Any]:
+        """Return each topic's newest message of some types, unless older than ``max_age``, s."""
         newest = [self.newest(topic) for topic, kind in self.topics.items() if kind in types]
-        return [message for message, age in newest if age < most and message is not None]
+        return [message for message, age in newest if age < max_age and message is not None]
 
     def update(self, topics: Mapping[str, str]) -> set[str]:
         """Follow exactly these topics; call this several times per second.
@@ -134,8 +134,8 @@ class FollowedTopics:
                 with contextlib.suppress(TypeConflictError):  # the page publishes on it
                     qos = compatible_qos(offered, self._depth)
                     if self._depth == 1 and not is_transient_local(qos):
-                        # Only the newest counts. A reliable reader of Fast DDS kept more and more
-                        # pictures of a camera: 5 to 9 MB a minute.
+                        # Only the newest counts. Fast DDS's reliable reader leaked pictures of a
+                        # camera: 5 to 9 MB a minute.
                         qos = make_qos(1, reliable=False, latched=False)
                     self._subscriptions[name, kind].update(kind, qos)
         return {kind for _, kind in gone}

@@ -1,7 +1,7 @@
 """The data of the page's map: the robot, its scans, its path and the map.
 
 They are shown in the frame ``map`` if the robot's odometry is below it, or else in the root of its
-tree. Nothing is subscribed to while no page shows the map.
+tree. There are no subscriptions while no page shows the map.
 """
 
 import io
@@ -94,8 +94,8 @@ class Ground:
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).
 
-        Poses and sizes are in m and rad, None if unknown. The result is empty at first: before the
-        transforms have come, the frame could be a wrong one.
+        Poses and sizes are in m and rad, None if unknown. The result is empty at first, since the
+        frame could be wrong before the transforms have arrived.
         """
         now = time.monotonic()
         if now > self._used + _UNUSED:
@@ -136,7 +136,7 @@ class Ground:
         return []
 
     def _scan_points(self, frame: str) -> list[list[float]]:
-        """Return the points that the scans hit, x and y, by their sensors' poses at that time."""
+        """Return the points that the scans hit, x and y, with their sensors' poses at that time."""
         points = []
         for scan in self._topics.recent({_SCAN}, _OLD):
             sensor = scan.header.frame_id.removeprefix("/")

@@ -1,8 +1,8 @@
-"""Moves the joints of the robot that is steered, by trajectories to their controllers.
+"""Moves the joints of the robot that is steered, with trajectories to their controllers.
 
-Each command is a short trajectory that ends at rest, so that joints stop by themselves when no
-further one follows. It begins at the stamp of the controller's own state, so that the controller
-itself rejects a delayed one, and no clocks are compared.
+Each command is a short trajectory that ends at rest, so the joints stop by themselves when no
+further command follows. It begins at the stamp of the controller's own state, so the controller
+itself rejects a delayed command, and no clocks are compared.
 """
 
 import math
@@ -96,9 +96,9 @@ class JointCommands:
             }
             joints = self._joints
         return [
-            {"name": name, "unit": joint.unit, "most": joint.most, "position": position}
+            {"name": name, "unit": joint.unit, "max_speed": joint.max_speed, "position": position}
             for name, position in positions.items()
-            if (joint := joints.get(name)) is not None and joint.most
+            if (joint := joints.get(name)) is not None and joint.max_speed
         ]
 
     def _follow(self, topics: Mapping[str, str]) -> None:
@@ -130,7 +130,7 @@ class _JointController:
     """A joint_trajectory_controller and the state of its joints."""
 
     def __init__(self, node: Node, topics: FollowedTopics, topic: str) -> None:
-        """Prepare its publisher; ``topic`` is that of its state."""
+        """Prepare its publisher; ``topic`` is the topic of its state."""
         self._node, self._topics, self._topic = node, topics, topic
         commands = topic.removesuffix(_STATE_TOPIC) + _COMMAND_TOPIC
         self._publisher = node.create_publisher(JointTrajectory, commands, _DEPTH)
@@ -152,7 +152,7 @@ class _JointController:
         return {name: place if math.isfinite(place) else None for name, place in positions}
 
     def move(self, velocities: Mapping[str, float], joints: Joints) -> None:
-        """Move its joints that are among these, and stop the others if it moved any."""
+        """Move those of its joints that have a velocity, and stop the others if it moved any."""
         moves = any(name in joints and velocities.get(name) for name in self._names)
         if not (moves or self.stopping):
             return
@@ -160,15 +160,15 @@ class _JointController:
         message = None if moves else self._stop
         if message is None and (live_state := self._state(_LIVE)) is not None:
             message = _trajectory(*live_state, velocities, joints)
-        # Repeat a stop unchanged: one from an older state would let the joints go on.
+        # Repeat a stop unchanged: a new one from a state before it would let the joints go on.
         self._stop = None if moves else message
         if message is not None:  # otherwise, the previous trajectory ends at rest
             self._publisher.publish(message)
 
-    def _state(self, most: float) -> tuple[Any, float] | None:
-        """Return its latest state and the state's age, s; None if older than ``most``."""
+    def _state(self, max_age: float) -> tuple[Any, float] | None:
+        """Return its latest state and the state's age, s; None if older than ``max_age``."""
         state, age = self._topics.newest(self._topic)
-        return (state, age) if state is not None and age <= most else None
+        return (state, age) if state is not None and age <= max_age else None
 
 
 def _trajectory(

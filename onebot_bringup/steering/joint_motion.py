@@ -14,13 +14,13 @@ class SteeredJoint(NamedTuple):
     """A joint that pages can move."""
 
     unit: str = "rad"  # unit of positions; "m" for a prismatic joint
-    most: float = 0.0  # maximum speed, unit/s; 0: it is not moved
+    max_speed: float = 0.0  # unit/s; 0: it is not moved
     lower: float = -math.inf
     upper: float = math.inf
 
     @classmethod
     def from_joint(cls, joint: Joint) -> "SteeredJoint":
-        """Return a joint of a description; it is not moved if limits are missing."""
+        """Return a joint of a description, which does not move if its limits are missing."""
         unit = "m" if joint.kind == "prismatic" else "rad"
         if joint.kind == "continuous":
             lower, upper = -math.inf, math.inf
@@ -28,8 +28,8 @@ class SteeredJoint(NamedTuple):
             return cls(unit)
         else:
             lower, upper = joint.lower, joint.upper
-        most = math.inf if joint.velocity is None else joint.velocity
-        return cls(unit, min(most, _FASTEST[unit]), lower, upper)
+        max_speed = math.inf if joint.velocity is None else joint.velocity
+        return cls(unit, min(max_speed, _FASTEST[unit]), lower, upper)
 
 
 class ShortMotion(NamedTuple):
@@ -60,10 +60,10 @@ def short_motion(
         age: time since then, s.
     """
     lower, upper = min(joint.lower, position), max(joint.upper, position)
-    stop = position + velocity * (age + STEP / 2.0)  # position of rest if wanted is 0
+    stop = position + velocity * (age + STEP / 2.0)  # where it rests if ``wanted`` is 0
     time = 2.0 * STEP  # the distance that another velocity adds to that, per unit/s
     slowest, fastest = min(0.0, (lower - stop) / time), max(0.0, (upper - stop) / time)
-    new = clamp(clamp(wanted, -joint.most, joint.most), slowest, fastest)
+    new = clamp(clamp(wanted, -joint.max_speed, joint.max_speed), slowest, fastest)
     reached = stop + new * STEP / 2.0
     kept, last = reached + new * STEP, reached + new * 1.5 * STEP
     return ShortMotion(

@@ -1,4 +1,4 @@
-"""The line on what the robot's navigator does, for the page."""
+"""The state of the robot's navigator, a line of text for the page."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ class NavigatorStatus:
 
     @property
     def line(self) -> str:
-        """What the navigator does; empty if there is none, or it has had no goal yet."""
+        """What the navigator does; empty if there is no navigator, or it has had no goal yet."""
         for topic in self._topics.topics:
             message, _ = self._topics.newest(topic)
             if message is not None and message.data != _IDLE:

@@ -1,8 +1,7 @@
 """Computes how far the steered robot can go until it meets an obstacle that its sensors see.
 
-Every LaserScan and Range whose frame is on /tf is used, in the direction in which the robot is
-driven. The ground is not an obstacle: a cliff sensor sees it all the time, a tilted scanner at a
-distance.
+Every LaserScan and Range whose frame is on /tf is used, in the direction of travel. The ground is
+not an obstacle: a cliff sensor sees it all the time, a tilted scanner at a distance.
 """
 
 import math
@@ -72,7 +71,7 @@ class Readings(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """The box around a robot with its joints as in the description, in the root link's frame."""
+    """The box around a robot with its joints as described, in the root link's frame."""
 
     low: Floats  # (3,): lower corner of the box, m
     high: Floats
@@ -107,7 +106,7 @@ class Footprint(NamedTuple):
 
         Args:
             points: (N, 2), x and y in m.
-            velocity: the robot's; it does not only turn.
+            velocity: the robot's velocity, not a turn on the spot.
         """
         speed = velocity.speed
         ahead = np.array((velocity.linear, velocity.lateral)) / speed
@@ -171,18 +170,18 @@ class Obstacles:
         if velocity.speed < _STANDING:
             return None
         base = odometry.child_frame_id.removeprefix("/")  # usually the root link
-        least = math.inf
+        nearest = math.inf
         for message in self._topics.recent(_SENSORS, _OLD):
             pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), base)
             if pose is not None:
                 is_range = isinstance(message, Range)
                 readings = (Readings.from_range if is_range else Readings.from_scan)(message)
                 points = footprint.obstacles(readings, pose)
-                least = min(least, footprint.clearance(points, velocity))
-        return least if least < math.inf else None
+                nearest = min(nearest, footprint.clearance(points, velocity))
+        return nearest if nearest < math.inf else None
 
     def update(self, namespace: RobotNamespace, watched: bool) -> None:
-        """Follow publishers that come and go; call this several times per second.
+        """Follow publishers as they appear and disappear; call this several times per second.
 
         Args:
             namespace: namespace of the robot.
@@ -197,7 +196,7 @@ class Obstacles:
     def _on_description(self, _: str, message: String) -> None:
         self.robot, self._footprint = described(message.data), None
         if self.robot is not None:
-            # Meshes, and the libraries that read them, take seconds; the node has to go on.
+            # Loading meshes takes seconds, and must not block the node.
             threading.Thread(target=self._measure, args=(self.robot,), daemon=True).start()
 
     def _measure(self, robot: Description) -> None:

@@ -11,7 +11,7 @@ from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.names import node_name
 from onebot_description.ros.wire.message_arrays import OdometrySample
 
-_NAMES = "/odom", "/odometry"  # how the topics of diff_drive_controller and of others end
+_NAMES = "/odom", "/odometry"  # endings of the topics of diff_drive_controller and of others
 
 
 def choose_odometry(

@@ -15,7 +15,7 @@ def _parameter(default: Any, description: str, **rules: Any) -> Any:
 class PageParameters:
     """The parameters of the node; topics are full names, "" for none."""
 
-    host: str = _parameter("127.0.0.1", "address of the page; 0.0.0.0: for other computers, too")
+    host: str = _parameter("127.0.0.1", "address of the page; 0.0.0.0: also for other computers")
     port: int = _parameter(
         8080, "port of the page; another one if it is in use; 0: any", at_least=0, at_most=MAX_PORT
     )

@@ -44,19 +44,19 @@ class Velocity(NamedTuple):
         """Return the lower speed of two limits along each axis."""
         return Velocity(*map(min, self, other))
 
-    def clamped(self, least: "Velocity", most: "Velocity") -> "Velocity":
-        """Return the fastest velocity between ``least`` and ``most`` along the same arc.
+    def clamped(self, low: "Velocity", high: "Velocity") -> "Velocity":
+        """Return the fastest velocity between ``low`` and ``high`` along the same arc.
 
         One factor scales all speeds. Clamping each separately would change the radius: a robot
-        that cannot turn as commanded would leave its arc to the outside, at full speed.
+        that cannot turn as fast as commanded would leave its arc to the outside, at full speed.
         """
-        clamped = [clamp(*speeds) for speeds in zip(self, least, most, strict=True)]
+        clamped = [clamp(*speeds) for speeds in zip(self, low, high, strict=True)]
         shares = [_share(*speeds) for speeds in zip(clamped, self, strict=True)]
-        least_share = min(shares)
+        scale = min(shares)
         # Clip, so that a speed at its limit is exact, without rounding errors of the product.
         return Velocity(
             *(
-                limit if share == least_share else speed * least_share
+                limit if share == scale else speed * scale
                 for limit, share, speed in zip(clamped, shares, self, strict=True)
             )
         )
@@ -85,7 +85,7 @@ class Command:
 
     @property
     def parts(self) -> Parts:
-        """What it moves."""
+        """The parts that it moves."""
         wheels = Parts.NONE if self.velocity == Velocity() else Parts.WHEELS
         return wheels | Parts.JOINTS if self.joints else wheels
 
@@ -94,7 +94,7 @@ class Command:
 class DriveMessage:
     """A control is held; sent repeatedly, since the robot stops after a timeout.
 
-    The stamp is that of the newest state (or welcome). As it comes from the server's own clock, the
+    The stamp is that of the newest state (or welcome). It comes from the server's own clock, so the
     server knows the maximum age of a command without comparing clocks.
     """
 

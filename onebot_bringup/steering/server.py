@@ -105,7 +105,7 @@ class SteeringServer:
                     page.received += 1
                     await self._on_message(page, message.data)
                 elif message.type == WSMsgType.ERROR:
-                    self._warn("frame", "rejected a message: too large, or no WebSocket frame")
+                    self._warn("frame", "rejected a message: too large, or not a WebSocket frame")
         except ConnectionError:
             pass  # the page was closed before it got a response
         finally:
@@ -121,7 +121,7 @@ class SteeringServer:
         except ProtocolError as error:
             drove = self.arbiter.reject(page.name)
             self._warn(str(error), f"rejected a message of a page: {error}{_STOPPED * drove}")
-            await _send_error(page, f"Refused: {error}.", error.about)
+            await _send_error(page, f"Rejected: {error}.", error.about)
             return
         if not isinstance(message, ChooseTopic):
             self.arbiter.handle(page.name, message)
@@ -155,9 +155,9 @@ class SteeringServer:
             **self.robot(),
             "limits": limits.in_force._asdict(),
             "chosen": asdict(limits.chosen),
-            "ceiling": {axis: bound.most for axis, bound in limits.bounds.items()},
+            "ceiling": {axis: bound.forward for axis, bound in limits.bounds.items()},
             "ceiling_from": {axis: bound.source for axis, bound in limits.bounds.items()},
-            "least_radius": limits.least_radius,  # m; 0: the robot turns on the spot
+            "min_radius": limits.min_radius,  # m; 0: the robot turns on the spot
             "command": {**arbiter.command.velocity._asdict(), "joints": arbiter.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }

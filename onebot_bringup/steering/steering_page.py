@@ -160,12 +160,11 @@ class SteeringPage(Node):
         listener = listen(settings.host, settings.port)
         address, port = listener.getsockname()[:2]
         if settings.port not in (0, port):
-            self.get_logger().warning(f"port {settings.port} is not free; using {port} instead")
+            self.get_logger().warning(f"port {settings.port} is in use; using {port} instead")
         if not is_loopback(address):
             self.get_logger().warning(
                 "other computers can reach the page: anyone with its address can drive the robot,"
-                " and the address is not encrypted on the network (use an SSH tunnel to keep it"
-                " private)"
+                " and the address crosses the network unencrypted (an SSH tunnel keeps it private)"
             )
         access = Access(token_for(address, settings.token), address, port)
         publishers = ToolPublishers(self, self._commands)
@@ -272,7 +271,7 @@ class SteeringPage(Node):
             self._joints.lock(locked)
 
     def _on_lock(self, locked: bool) -> None:
-        """Have a page that drove release and drive again to unlock the robot."""
+        """Require the page that drove to release, and drive again, to unlock the robot."""
         if locked:
             self._arbiter.halt()
 
@@ -288,8 +287,8 @@ class SteeringPage(Node):
             names = ", ".join(self._controllers.names)
             self.get_logger().warning(
                 f"{len(controllers)} controllers subscribe to {self._commands.topic} ({names}):"
-                " each gets all commands, within the strictest of their limits:"
-                f" {limits.linear.most:g} m/s, {limits.angular.most:g} rad/s"
+                " each gets every command, within the strictest of their limits:"
+                f" {limits.linear.forward:g} m/s, {limits.angular.forward:g} rad/s"
             )
 
     def _on_view(self) -> None:

@@ -44,7 +44,7 @@ _LONGEST_VALUE = 1000  # characters; longer values, such as a description, canno
 
 
 class OtherThread:
-    """A node as a ``SpinningNode`` for threads that do not spin it."""
+    """Provides a node as a ``SpinningNode`` to threads that do not spin it."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -68,7 +68,7 @@ class OtherThread:
         """Run ``action`` in the node's thread and return its result.
 
         Raises:
-            OneBotError: the node does not spin, or ends; an action that has not begun is dropped.
+            OneBotError: the node does not spin, or is ending; an action not yet begun is dropped.
         """
         done: Future[T] = Future()
         try:
@@ -78,7 +78,7 @@ class OtherThread:
         finally:
             cancelled = done.cancel()
         if cancelled:
-            raise OneBotError("the page's node does not answer at the moment")
+            raise OneBotError("the page's node is not answering")
         self.spin(done.done, math.inf)  # the action has begun
         return done.result()
 
@@ -87,7 +87,7 @@ class OtherThread:
         deadline = time.monotonic() + timeout
         while not (value := until()) and time.monotonic() < deadline:
             if self._closed.wait(_POLL):
-                raise OneBotError("the page's node ends")
+                raise OneBotError("the page's node is ending")
         return value
 
     def close(self) -> None:
@@ -170,12 +170,12 @@ class ToolRequests:
         def change() -> Mapping[str, Any]:
             node, values = parse_values(data)
             results = self._client(node).set(list(values.items()), same_types=True)
-            refused = {
-                name: result.reason or "the node refused it"
+            rejected = {
+                name: result.reason or "the node rejected it"
                 for name, result in zip(values, results, strict=True)
                 if not result.successful
             }
-            return {"refused": refused}
+            return {"rejected": rejected}
 
         return await _json(change)
 

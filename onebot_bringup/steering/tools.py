@@ -18,7 +18,7 @@ _DEPTH = 10
 
 
 class Tool(NamedTuple):
-    """The topic and the type that a tool publishes."""
+    """The topic and the message type that a tool publishes."""
 
     topic: str  # below the robot's namespace
     kind: Any

@@ -1,9 +1,9 @@
 """Serves the robot's view, Rerun's page and its data, through a proxy on the steering page's port.
 
 The view is slow if a browser draws without a graphics card, and must not stall the steering page.
-So it is a sandboxed frame with an opaque origin, which Chromium runs in a separate process. On
-loopback its address also has the other of the names 127.0.0.1 and localhost: that makes it another
-site, which other browsers run in a separate process, too.
+It is therefore a sandboxed frame with an opaque origin, which Chromium runs in a separate process.
+On loopback its address also has the other one of the names 127.0.0.1 and localhost: that makes it
+another site, which other browsers run in a separate process, too.
 
 Such a frame has no cookies. All its requests are below a path with a random key, which only the
 steering page gets. Rerun requests data from
@@ -58,7 +58,7 @@ class View:
         return cls(int(page[1]), tuple(word for word in words if not word.startswith("url=")))
 
     def addresses(self, host: str) -> list[str]:
-        """Return the view's addresses, the best first, for a page opened at ``host``."""
+        """Return the view's addresses, best first, for a page opened at ``host``."""
         return [self._address(name, host) for name in (other_site(host), host) if name]
 
     def _address(self, host: str, page: str) -> str:
@@ -120,7 +120,7 @@ class Viewer:
 
 
 def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
-    """Parse a viewer's ~/displays; return what a page needs of it, nothing if it is invalid.
+    """Parse a viewer's ~/displays; return the parts that a page needs, empty if invalid.
 
     Returns:
         The topics that it shows, and its legend, with colours as in CSS.
@@ -143,7 +143,7 @@ class ViewProxy:
         self.viewer = viewer
 
     def add_to(self, app: web.Application) -> None:
-        unavailable = "The robot's view does not answer at the moment."
+        unavailable = "The robot's view is not answering."
         self._proxy = RerunProxy(app, _POLICY, unavailable, _SCRIPT.read_text())
         app.on_response_prepare.append(self._add_headers)
         app.router.add_post(f"/view/{{key}}/{SERVICE}/{{method}}", self._data)

@@ -1,4 +1,4 @@
-"""Tools for tests of robots: the pytest plugin, and running bringups.
+"""Tools for tests of robots: the pytest plugin, and bringups that run during a test.
 
 The types of the plugin's fixtures are here for annotations::
 
@@ -10,7 +10,7 @@ The types of the plugin's fixtures are here for annotations::
 
 import onebot_description
 
-TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+TYPE_CHECKING = not __name__  # false; jedi would skip the names after a literal False
 
 __all__ = ["BringupFixture", "RosSimulationFixture", "RunningBringup", "SimulationFixture"]
 

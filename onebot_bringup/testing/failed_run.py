@@ -101,7 +101,7 @@ def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:
 
 
 def _camera(simulation: Simulation, robots: Sequence[RobotMessages], end: Moment) -> CameraSettings:
-    """Return a camera that shows all robots where they are at the end, from a side that is free."""
+    """Return a camera that shows all robots where they are at the end, from an open side."""
     boxes = []
     for robot, shown_robot, pose, joints in zip(
         simulation.robots.values(), robots, end.poses, end.joints, strict=True

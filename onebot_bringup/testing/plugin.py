@@ -1,4 +1,4 @@
-"""The pytest plugin: fixtures with robots for the users' tests.
+"""The pytest plugin: fixtures with robots for users' tests.
 
 ``simulation`` makes a ``Simulation``, ``ros_simulation`` one with lockstep nodes, and ``bringup``
 starts a bringup as processes. Each test has its own ROS domain, ``ros_domain``, so that parallel
@@ -28,7 +28,7 @@ _FOLDER = "failed_tests"  # folder in pytest's root folder
 
 
 class SimulationFixture(Protocol):
-    """Type of the fixture ``simulation``: makes a Simulation by the arguments of that class."""
+    """Type of the fixture ``simulation``: makes a Simulation with the arguments of that class."""
 
     def __call__(self, *args: Any, **arguments: Any) -> Simulation: ...
 
@@ -40,7 +40,7 @@ class RosSimulationFixture(Protocol):
 
 
 class BringupFixture(Protocol):
-    """Type of the fixture ``bringup``: starts a command by the words of its command line."""
+    """Type of the fixture ``bringup``: starts a command with the words of its command line."""
 
     def __call__(self, *words: str, command: str = ...) -> RunningBringup: ...
 
@@ -79,9 +79,9 @@ def ros_simulation(
     """Return a function that makes simulations with ROS nodes in lockstep.
 
     Its arguments are those of ``Simulation``, and ``remap``, ``nav2_topics`` and
-    ``callback_timeout`` of ``Simulation.ros``; it returns the ``Lockstep`` that has the simulation.
-    It also initializes rclpy, unless a fixture has: nodes are created after it, and destroyed with
-    it. Call it once per test, since several robots are in one simulation.
+    ``callback_timeout`` of ``Simulation.ros``; it returns the ``Lockstep`` with the simulation.
+    It also initializes rclpy, unless a fixture has: create nodes after it; they are destroyed with
+    it. Call it once per test: several robots go into one simulation.
     """
     import rclpy
 
@@ -124,7 +124,7 @@ def bringup(ros_domain: int) -> Iterator[BringupFixture]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Add to the report of a failed test how to repeat the same run, and how it ended."""
+    """Add to the report of a failed test how to repeat the run, and how it ended."""
     report = yield
     if report.when == "call" and report.failed:  # type: ignore[attr-defined]
         sims = item.stash.get(_MADE, [])

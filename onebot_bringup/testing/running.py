@@ -43,7 +43,7 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         """
         if command not in BRINGUPS:
             raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
-        self._log = TemporaryFile("w+")  # it has no name, so it goes even if this process is killed
+        self._log = TemporaryFile("w+")  # unnamed, so it goes even if this process is killed
         has_viewer = any(word.startswith("viewer:=") for word in words)
         arguments = [*words] if has_viewer else ["viewer:=none", *words]
         self._process = subprocess.Popen(
@@ -64,11 +64,11 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
     def output(self) -> str:
         """Everything it has printed so far."""
         size = os.fstat(self._log.fileno()).st_size
-        # Without seeking: the bringup writes where this file is.
+        # Do not seek: the bringup shares this file's position.
         return os.pread(self._log.fileno(), size, 0).decode(errors="replace")
 
     def stop(self) -> int:
-        """Stop the bringup as by Ctrl-C, and wait for its end; return the exit code."""
+        """Stop the bringup as Ctrl-C does, and wait for its end; return the exit code."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
         try:
@@ -83,9 +83,9 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         self._log.close()
 
     def _await_robots(self) -> None:
-        """Wait until the bringup has said that it is up, and a joint state comes.
+        """Wait until the bringup has reported that it is up, and a joint state has arrived.
 
-        Of robots that are paused none comes; then the services that step them have to answer.
+        Paused robots publish none; then the services that step them have to answer.
         """
         import rclpy
         from rclpy.executors import SingleThreadedExecutor

@@ -10,8 +10,8 @@ from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.errors import OneBotError, listing
 
-# Most topics shown automatically: with more, there are too many curves and the page falls behind.
-MOST_SHOWN, MOST_HIGH_BANDWIDTH = 40, 6
+# Limits of the topics shown automatically: more would be unreadable, and the page would lag behind.
+MAX_SHOWN, MAX_HIGH_BANDWIDTH = 40, 6
 _LISTED = 5  # topics named in a message
 
 
@@ -48,7 +48,7 @@ class TopicSelection:
         kept = {offer.topic for offer in self.offered if offer.visible}
         hidden, named = set(map(resolve, view.hidden)), set(map(resolve, view.shown))
         visible, crowded = set[str](), list[str]()
-        room = {False: MOST_SHOWN, True: MOST_HIGH_BANDWIDTH}
+        room = {False: MAX_SHOWN, True: MAX_HIGH_BANDWIDTH}
         for topic in sorted(topics, key=lambda name: (name not in kept, name)):
             drawing = DRAWING_BY_TYPE[topics[topic]]
             settings = view.settings_of(drawing)
@@ -70,7 +70,7 @@ class TopicSelection:
         )
         if crowded:
             names = listing(crowded, _LISTED)
-            problems.append(f"too many topics to show all: not {names}; shown: in a view adds some")
+            problems.append(f"too many topics, not shown: {names}; add them with shown: in a view")
         return problems
 
     def _readable(self, published: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:

@@ -34,7 +34,7 @@ from onebot_description.arrays import Floats
 ROBOT_VIEW = "Robot"
 _BESIDE = "Plots and pictures"  # name of a tab
 _ROBOT_VIEW_ID = UUID("6f0b5f0e-3c1d-4a52-9a75-0b6c5d9a2e11")
-_IN_A_COLUMN = 4  # most views in a single column; more are laid out in two
+_IN_A_COLUMN = 4  # maximum number of views in a column; more are laid out in two
 
 
 @dataclass(frozen=True)

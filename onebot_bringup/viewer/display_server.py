@@ -72,7 +72,7 @@ class Child:
 
     @property
     def running(self) -> bool:
-        """False once the program has ended."""
+        """Whether the program still runs."""
         return self.process.poll() is None
 
     def last_words(self) -> str:
@@ -101,7 +101,7 @@ class Child:
         self._scratch.cleanup()
 
 
-# What the user looks at: the page in a browser, or the native window.
+# The page in a browser, or the native window.
 
 
 class WebPage(Child):
@@ -136,7 +136,7 @@ class WebPage(Child):
 
     @property
     def ready(self) -> bool:
-        """True once the page can be opened."""
+        """Whether the page can be opened."""
         return self.running and answers(self._backend)
 
     def stop(self) -> None:
@@ -316,8 +316,8 @@ class DisplayServer:
         """Open the recording, then its page or window; call this from the main thread.
 
         Raises:
-            OneBotError: there is no display, or the file cannot be written; a file that was there
-                is as it was.
+            OneBotError: there is no display, or the file cannot be written; an existing file is
+                unchanged.
         """
         viewer, save = parameters.viewer, parameters.recording
         if viewer == "native" and not has_display():
@@ -326,17 +326,17 @@ class DisplayServer:
                 "use viewer:=web and open its address, or viewer:=none save:=FILE.rrd"
             )
         self._parameters, self._log = parameters, log
-        self._viewer: Child | None = None  # None once it ended, too
+        self._viewer: Child | None = None  # None without one, and after its end
         self.page_address = ""
         served = None if viewer == "none" else parameters.grpc_port
         self._recording = open_recording(served, save, parameters.memory_limit, replace=False)
         self.stream: rr.RecordingStream = self._recording.stream
-        self._file = self._recording.file  # None once it failed
-        self._say_port("grpc_port", served, self._recording.port)
+        self._file = self._recording.file  # None without one, and after a failure
+        self._report_port("grpc_port", served, self._recording.port)
         if viewer == "web":
             port = parameters.web_port
             self._viewer = WebPage(port, self._recording.uri, self._recording.server)
-            self._say_port("web_port", port, self._viewer.port)
+            self._report_port("web_port", port, self._viewer.port)
         elif viewer == "native":
             self._viewer = native_window(self._recording.uri)
             log.info("opening the viewer's window")
@@ -347,12 +347,12 @@ class DisplayServer:
             self._file.replace()
             self._log.info(f"recording to {self._parameters.recording}")
 
-    def _say_port(self, name: str, wanted: int | None, got: int | None) -> None:
-        if wanted and got != wanted:
-            self._log.warning(f"{name} {wanted} is not free; using {got} instead")
+    def _report_port(self, name: str, wanted: int | None, port: int | None) -> None:
+        if wanted and port != wanted:
+            self._log.warning(f"{name} {wanted} is in use; using {port} instead")
 
     def watch(self) -> None:
-        """Announce the page once it is up; report a page that died or a window that was closed.
+        """Announce the page once it is up; report that it died, or that the window was closed.
 
         Call this a few times a second, from the main thread.
 

@@ -114,7 +114,7 @@ class LiveView:
         """Use the view in the robot's description package, unless the user has given another."""
         try:
             if self.source.set_robot(robot):
-                self._changed(f"its view is {self.source.file or 'the usual one'}")
+                self._changed(f"its view is {self.source.file or 'the default'}")
         except OneBotError as error:
             self._log.warning(f"keeping the view shown so far: {error}")
 

@@ -37,7 +37,7 @@ class NotebookRobot:
     def __init__(self, description: Description, *, height: int = 480) -> None:
         """Draw the robot with its joints at 0, or mid-range where 0 is out of range.
 
-        Shapes that cannot be drawn are reported in warnings and marked by a box.
+        Shapes that cannot be drawn are reported in warnings and marked with a box.
 
         Args:
             description: the robot.
@@ -55,7 +55,7 @@ class NotebookRobot:
         for slider in self.sliders.values():
             slider.observe(self._draw, "value")
         self.recording = rr.RecordingStream(description.robot_name)
-        # Rerun's viewer is served locally, not loaded from the internet, unless the user says so.
+        # Rerun's viewer is served locally, not loaded from the internet, unless the user sets it.
         os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "serve-local")
         from rerun.notebook import Viewer
 

@@ -34,8 +34,8 @@ NO_RENDERER = (
     "(Debian and Ubuntu: apt install mesa-vulkan-drivers)"
 )
 TOO_OLD = (
-    "pictures need rerun-sdk 0.41 or newer, and that needs Python 3.11 or newer; everything else "
-    "works without"
+    "pictures need rerun-sdk 0.41 or newer, which needs Python 3.11 or newer; everything else "
+    "works without it"
 )
 PATIENCE = 60.0  # seconds
 _REPORT_AFTER = 2.0  # seconds
@@ -48,7 +48,7 @@ _LASTING = 5.0
 _LOST = 1.0  # seconds
 # The window's frame, above the viewer itself, is empty when the top panel is hidden (pixels).
 _TITLE_BAR = 37
-# Most pixels, in x and y, of the margins around a view that fills the window; they are cut off.
+# Maximum margins, in x and y, around a view that fills the window (pixels); they are cut off.
 _AROUND = (12, 76)
 _ALIKE = 3  # equal pictures in a row after which the picture counts as still
 
@@ -91,8 +91,8 @@ def render(
     window = width + around[0], height + around[1]
     # The path is absolute, since a name that begins with a dash would be read as an option.
     with headless_viewer(str(source.absolute()), *window, progress) as client:
-        # The end, also of what plays from the beginning. Without any time, as in a recording where
-        # all is static, the viewer would wait for one for ever, and would answer nothing else.
+        # Show the end, even of a recording that plays from its beginning. If a recording has no
+        # time, only static data, the viewer would wait for one forever and answer nothing else.
         if any(recording.timelines for recording in client.get_state().recordings):
             client.set_time(play_state="following")
         view = _frame(client, framing)
@@ -135,12 +135,12 @@ def still(client: ViewerClient, progress: Progress = print, view: str | None = N
         alike = len(shots) == _ALIKE and len(set(shots)) == 1
         return alike and not client.get_state().loading
 
-    _wait(is_still, progress, lambda: "it still changes")
+    _wait(is_still, progress, lambda: "it is still changing")
     return shots[-1]
 
 
 def _wait(done: Callable[[], T], progress: Progress, what: Callable[[], str]) -> T:
-    """Return ``done()`` once it is true, or after a minute; report ``what()`` is waited for."""
+    """Return ``done()`` once it is true, or after a minute; report ``what()`` it waits for."""
     start = reported = time.monotonic()
     while True:
         value, now = done(), time.monotonic()
@@ -176,14 +176,12 @@ def robot_view_id(views: Mapping[str, tuple[str, str]]) -> str:
     in_space = [identity for identity, (kind, _) in views.items() if kind == "3D"]
     named = [identity for identity in in_space if views[identity][1] == ROBOT_VIEW]
     if not in_space:
-        raise OneBotError(
-            "the recording has no view in 3D; --dashboard gives a picture of those it has"
-        )
+        raise OneBotError("the recording has no view in 3D; --dashboard draws those that it has")
     return (named or in_space)[0]
 
 
 def framed(layout: LayoutValues, view: str, framing: Framing) -> dict[str, Any]:
-    """Return the viewer's ``layout``, changed as ``framing`` says.
+    """Return the viewer's ``layout`` with the changes of ``framing``.
 
     Args:
         layout: the viewer's layout, by entity paths of the blueprint.
@@ -247,7 +245,7 @@ def headless_viewer(
     )
     try:
         connect = partial(ViewerClient.connect, f"rerun+http://{LOOPBACK}:{port}/proxy")
-        client = _ask(connect, child, progress, "starts", (OSError, RuntimeError))
+        client = _ask(connect, child, progress, "is starting", (OSError, RuntimeError))
         patient = cast(ViewerClient, _PatientClient(client, child, progress))
         _load(patient, source, progress)
         yield patient

@@ -37,7 +37,7 @@ from onebot_description.ros.wire.interface_text import full_definition
 
 # Seconds to wait for all links' frames before laying out without them.
 _PATIENCE = 1.0
-_MOST_WARNINGS = 100  # per description
+_MAX_WARNINGS = 100  # per description
 _LONGEST_WARNING = 1000  # characters
 _HINT = (
     "waiting for the robot's description on robot_description; it comes from robot_state_publisher"
@@ -73,8 +73,8 @@ class RobotView:
             report: called with the topic and the error of a bad message; the default raises it.
             from_start: play from the beginning instead of following the latest data.
             definitions: returns the definition of a message type, or raises an OneBotError.
-            live: messages come as they are published, so old ones may be dropped and a description
-                may still come.
+            live: messages arrive as they are published, so old ones may be dropped, and a
+                description may still arrive.
 
         Raises:
             OneBotError: two displays want the same topic with different types.
@@ -210,7 +210,7 @@ class RobotView:
         Returns:
             New messages for the user, one sentence each.
         """
-        # This time goes on while simulated time stands still.
+        # This clock runs even while simulated time is paused.
         steady_ns = int(self.stage.clock() * 1e9) if self._live else now_ns
         warnings = self._set_descriptions()
         self.stage.now_ns = self.inbox.stamps.display_time(0, now_ns)
@@ -247,7 +247,7 @@ class RobotView:
         self._store_message_frames()
 
     def _store_message_frames(self) -> None:
-        """Have the stage know the frames of messages, which without a robot give the fixed one."""
+        """Store the messages' frames, which determine the fixed frame if there is no robot."""
         self.stage.message_frames = [
             drawing.frame
             for display in self.message_displays
@@ -272,15 +272,15 @@ class RobotView:
         self._store_message_frames()
 
     def _late(self) -> list[str]:
-        """Return a new sentence per thing that is overdue or cannot be shown."""
+        """Return one sentence per new problem: something is overdue, or cannot be shown."""
         stage = self.stage
         late = [*self.inbox.stamps.warnings.values()]
         for display in self._active:
             late += display.warnings()
             if display.limit is not None and display.limit.dropped:
                 late.append(
-                    f"{display.key}: more comes than can be shown without delay: old messages are "
-                    "dropped"
+                    f"{display.key}: more messages arrive than can be shown without delay: old "
+                    "ones are dropped"
                 )
         if stage.clock() - self._changed >= WARN_AFTER:
             late += stage.late()
@@ -290,7 +290,7 @@ class RobotView:
         # They may quote long names that other nodes publish.
         short = dict.fromkeys(sentence[:_LONGEST_WARNING] for sentence in late)
         new = [sentence for sentence in short if sentence not in passed]
-        new = new[: _MOST_WARNINGS - len(passed)]
+        new = new[: _MAX_WARNINGS - len(passed)]
         passed.update(new)
         return new
 
@@ -327,7 +327,7 @@ class RobotView:
         return problems + self._wrong_names()
 
     def _set_descriptions(self) -> list[str]:
-        """Show the descriptions that have come, each in place of the robot's previous one."""
+        """Show the received descriptions, each in place of the robot's previous one."""
         warnings = []
         for robot in (*self.stage.robots, self.stage.world):
             topic = robot.full_name(robot.names.description)
@@ -369,7 +369,7 @@ class RobotView:
         return [f'camera.follow: the robot has no link "{follow}"{hint}']
 
     def _lay_out(self) -> None:
-        """Send the blueprint once all frames are known or have been waited for."""
+        """Send the blueprint once all frames are known, or after a timeout."""
         stage = self.stage
         if self.robot is None:
             complete = False

@@ -19,7 +19,7 @@ from onebot_description.parameters import bounded_yaml
 from onebot_description.parameters.reader import ConfigError, defaults, read
 
 RVIZ_SUFFIX = ".rviz"
-_MOST_LISTED = 12
+_MAX_LISTED = 12
 _UNIT = re.compile(r"\s*\([^)]*\)$")
 _COLOR = re.compile(r"\s*(\d+)\s*;\s*(\d+)\s*;\s*(\d+)\s*")
 
@@ -129,9 +129,9 @@ def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
         raise OneBotError(f"{path}: {error.strerror}") from error
     except (yaml.YAMLError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise OneBotError(f"{path} is no file of RViz: {reason}") from error
+        raise OneBotError(f"{path} is not an RViz file: {reason}") from error
     if config.ignored:
-        notice(f"{path}: not shown: {listing(dict.fromkeys(config.ignored), _MOST_LISTED)}")
+        notice(f"{path}: not shown: {listing(dict.fromkeys(config.ignored), _MAX_LISTED)}")
     return view
 
 

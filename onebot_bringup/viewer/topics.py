@@ -33,7 +33,7 @@ class ViewFeed:
     """Subscribes a node to the topics that a view wants, and offers it the published topics.
 
     Attributes:
-        received: topics on which a message has come.
+        received: topics on which a message was received.
     """
 
     def __init__(self, node: Node, view: RobotView) -> None:
@@ -43,7 +43,7 @@ class ViewFeed:
         self.received: set[str] = set()
 
     def tick(self) -> list[str]:
-        """Have the view log what was received; return its new messages for the user."""
+        """Let the view log the received messages; return its new warnings for the user."""
         return self._view.tick(int(self._node.get_clock().now().nanoseconds))
 
     def update(self) -> list[str]:

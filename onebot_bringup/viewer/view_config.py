@@ -55,7 +55,7 @@ class GridSettings:
     """The grid on the ground."""
 
     visible: bool = setting(True, "draw it")
-    spacing: float = setting(0.0, "metres; 0: by the robot's size")
+    spacing: float = setting(0.0, "metres; 0: fits the robot's size")
     height: float = setting(0.0, "metres above the fixed frame's origin", signed)
 
 

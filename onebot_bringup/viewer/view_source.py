@@ -33,7 +33,7 @@ class ViewSource:
         Args:
             source: a view file (.yaml), RViz's own (.rviz), "" for the view that belongs to the
                 robot, or "none" for none.
-            notice: called with a sentence about what is not shown of an RViz file.
+            notice: called with a sentence about the parts of an RViz file that are not shown.
         """
         self._notice = notice
         self.file = view_file(source)
@@ -60,10 +60,10 @@ class ViewSource:
             in_world: whether anything stands around the robot.
 
         Returns:
-            Whether that is another view file than before.
+            Whether the view file is a different one now.
 
         Raises:
-            OneBotError: the file is invalid; the view stays until the file is mended.
+            OneBotError: the file is invalid; the view stays until the file is fixed.
         """
         old_file = self.file
         if self._of_robot:

@@ -47,7 +47,7 @@ class ViewerParameters:
     view: str = parameter(
         "",
         "a .yaml or .rviz file, reloaded when edited; empty: config/view.yaml of "
-        "<robot name>_description; none: none",
+        "<robot name>_description; none: the default view",
         read_only=True,
     )
     robots: tuple[str, ...] = parameter(
@@ -59,7 +59,7 @@ class ViewerParameters:
         read_only=True,
     )
     frame_prefix: str = parameter(
-        "", "robot_state_publisher's; with robots: each one's namespace", read_only=True
+        "", "as for robot_state_publisher; with robots: each namespace", read_only=True
     )
     grpc_port: int = _port(9876, "port on 127.0.0.1 for viewers; 0: any")
     web_port: int = _port(9090, "port on 127.0.0.1 for the page; 0: any")
@@ -71,7 +71,7 @@ class ViewerParameters:
     )
     memory_limit: str = parameter(
         "256MB",
-        "recent data kept for viewers that join later",
+        "limit of the data kept for viewers that join later",
         pattern=re.compile(r"\d+(\.\d+)?\s*(%|[kMGT]i?B|B)"),
         write="a size such as 256MB, 1GiB or 10%",
         read_only=True,
@@ -81,12 +81,12 @@ class ViewerParameters:
     def robots_to_show(self, resolve: Callable[[str], str]) -> "list[RobotToShow]":
         """Return the robots to show; ``resolve`` returns the full name of a topic."""
         from onebot_bringup.viewer.core.shown_robot import (  # slow to import
-            MOST_PLOTTED,
+            MAX_PLOTTED,
             RobotToShow,
         )
 
         robots = [
-            RobotToShow(space, namespace_prefix(space), plotted=number < MOST_PLOTTED)
+            RobotToShow(space, namespace_prefix(space), plotted=number < MAX_PLOTTED)
             for number, space in enumerate(map(resolve, self.robots))
         ]
         return robots or [RobotToShow(frame_prefix=self.frame_prefix)]

@@ -21,7 +21,7 @@ _TWO = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 2)  # poses of two frame
 
 def test_a_viewer_that_joins_gets_the_past_whole(monkeypatch):
     """In order, though more comes at once than may wait: then that waits, for a while."""
-    monkeypatch.setattr(backlog, "MOST", 500)
+    monkeypatch.setattr(backlog, "MAX_SIZE", 500)
     monkeypatch.setattr(backlog, "LONGEST", 1000.0)  # seconds
     monkeypatch.setattr(backlog, "subjects", lambda _: [0])  # all are about the same
     past = [bytes([number]) * 100 for number in range(1, 100)]

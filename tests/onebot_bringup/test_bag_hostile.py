@@ -139,7 +139,7 @@ INSERT = "INSERT INTO messages VALUES({0}, 1, {0}, ?)"
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n{})"
 VIEW = "CREATE VIEW messages AS {} SELECT i AS id, 1 AS topic_id, i AS timestamp, {} AS data FROM n"
 LARGE = "zeroblob(900000000)"
-NO_TABLES = "is no recording of rosbag2: it has no tables topics and messages"
+NO_TABLES = "is not a rosbag2 recording: the tables topics and messages are missing"
 TOO_LARGE = "1,000.0 MB is above 256.0 MB, which max_size sets"
 HOSTILE = {
     "pipe.mcap": (os.mkfifo, "cannot be read: not a regular file"),

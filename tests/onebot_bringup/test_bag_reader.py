@@ -102,7 +102,7 @@ def test_damaged_compression(tmp_path):
     bag = Bag(tmp_path / "bag")
     assert words_of(bag) == WORDS[:1]
     [warning] = bag.warnings
-    assert warning.endswith("what comes before is read")
+    assert warning.endswith("only the data before it was read")
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
@@ -257,14 +257,14 @@ def test_damage_is_noticed(tmp_path):
     ("name", "content", "message"),
     [
         ("a.mcap", b"", "is empty"),
-        ("a.mcap", b"what is this?", "is no MCAP file"),
-        ("a.db3", b"what is this?", "is no recording of rosbag2"),
-        ("a.txt", b"", "its name must end in"),
-        ("a.txt.zstd", b"", "its name must end in"),
+        ("a.mcap", b"what is this?", "is not an MCAP file"),
+        ("a.db3", b"what is this?", "is not a rosbag2 recording"),
+        ("a.txt", b"", "write a file whose name ends in"),
+        ("a.txt.zstd", b"", "write a file whose name ends in"),
         (
             "a.bag",
             b"#ROSBAG V2.0",
-            r"of ROS 1: convert it .* rosbags-convert --src \S+a\.bag --dst a",
+            r"a ROS 1 recording: convert it .* rosbags-convert --src \S+a\.bag --dst a",
         ),
     ],
 )
@@ -279,5 +279,5 @@ def test_refuses_what_is_not_there(tmp_path):
     """No file, an empty folder."""
     with pytest.raises(OneBotError, match="there is no recording"):
         Bag(tmp_path / "none")
-    with pytest.raises(OneBotError, match=r"holds no \.mcap or \.db3 file"):
+    with pytest.raises(OneBotError, match=r"has no \.mcap or \.db3 file"):
         Bag(tmp_path)

@@ -113,7 +113,7 @@ def test_loss(tmp_path, peer):
             states.publish(JointState(name=["joint" * 4000]))
             time.sleep(0.001)
         node.process.send_signal(signal.SIGCONT)
-        lost = "/joint_states: [0-9]+ messages were lost by now"
+        lost = "/joint_states: [0-9]+ messages lost so far"
         wait_for(lambda: send() or re.search(lost, node.output), "a warning of the loss")
         assert node.interrupt() == 0
         assert re.search(f"to {folder}, [0-9]+ were lost", node.output)

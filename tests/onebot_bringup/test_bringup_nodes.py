@@ -652,7 +652,7 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
         ("robots:=3 x:=1", "x:=1 is for one robot, not for robots:=3"),
         ("robots:=3 reload:=true", "reload:=true is for one robot, not for robots:=3"),
-        ("joints:=j.yaml", "joints:=j.yaml is without effect, since the simulation moves"),
+        ("joints:=j.yaml", "joints:=j.yaml has no effect, since the simulation moves"),
         ("nav2_topics:=true sim:=false", "nav2_topics:=true is for the simulation"),
         ("robots:=3 sim:=false", "robots:=3 is for the simulation: write sim:=true"),
     ],

@@ -127,7 +127,7 @@ def test_play(tmp_path: Path, peer: Peer) -> None:
     assert START <= stamps[0] and stamps[-1] <= START + 9 * SECOND // 5
     expected = (
         '/odd is not played: no message type "odd_msgs/msg/Odd"',
-        '/a b is not played: "/a b" is no name: ',
+        '/a b is not played: "/a b" is not a valid name: ',
         "/rosout is not played: ",
     )
     for line, start in zip(problems(command), expected, strict=True):

@@ -72,7 +72,7 @@ def test_one_case_again(folder: Path) -> None:
     done = onebot("evaluate", "study.py", "--case", "2")
     assert done.returncode == 0 and "seed: 0\nreached: True\nx: " in done.stdout
     done = onebot("evaluate", "study.py:empty", "--case", "3", "--show")
-    assert done.returncode == 1 and "the episode has made no Simulation" in done.stderr
+    assert done.returncode == 1 and "the episode created no Simulation" in done.stderr
     done = onebot("evaluate", "study.py", "--case", "4")
     assert done.returncode == 1 and "no case 4; the last one is 3" in done.stderr
 
@@ -94,7 +94,7 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
     with running(folder, *words) as study:
         wait_for((folder / "began-2-0.0").exists, "the third case")
         assert study.interrupt() == 130
-    command = re.findall(r"go on with: onebot (.*)", study.err)
+    command = re.findall(r"continue with: onebot (.*)", study.err)
     assert command == [" ".join((*words, "--resume"))] and "Traceback" not in study.output
     for file in folder.glob("began-*"):
         file.unlink()

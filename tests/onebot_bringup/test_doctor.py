@@ -94,7 +94,7 @@ def test_shared_memory(tmp_path: Path) -> None:
         assert [path.name for path in segments.used] == [names[0], names[2]]
         assert [path.name for path in segments.stale] == [names[1]]
         found = shared_memory(tmp_path)
-        assert found.level == NOTE and "the next bringup that starts removes" in found.remedy
+        assert found.level == NOTE and "the next bringup removes" in found.remedy
         assert found.text.endswith("2 segments in use, 1 (1 MiB) of killed processes")
         os.utime(tmp_path / names[2], (0, 0))
         remove_stale_in_background(tmp_path).join()
@@ -138,7 +138,7 @@ def test_report(ros_domain: int) -> None:
     assert "ok       messages: discovered and received from another process" in lines
     verdicts = ["draws pictures", *(f"onebot snapshot does not work: {p}" for p in PROBLEMS)]
     assert lines[-1].partition(" renderer: ")[2] in verdicts
-    assert f"of {rclpy.__path__[0]}" in done.stdout
+    assert f"from {rclpy.__path__[0]}" in done.stdout
 
 
 def test_broken_environment(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,9 +82,12 @@ def test_all_problems_are_told_at_once() -> None:
 @pytest.mark.parametrize(
     ("name", "answer"),
     [
-        ("use_gui", "joints move as joints:=FILE says, without sliders"),
-        ("gui", "write viewer:=web, viewer:=native or viewer:=none for the view; joints move"),
-        ("rvizconfig", "what the viewer shows is in view:=FILE"),
+        ("use_gui", "joints:=FILE sets how joints move, without sliders"),
+        (
+            "gui",
+            "write viewer:=web, viewer:=native or viewer:=none for the view; joints:=FILE sets how joints move",
+        ),
+        ("rvizconfig", "view:=FILE chooses what the viewer shows"),
     ],
 )
 def test_former_arguments(name: str, answer: str) -> None:

@@ -52,7 +52,7 @@ def test_shutdown_brings_all_down_and_says_why(start: Start, tmp_path: Path) -> 
 def test_ignore_goes_on_without_the_node(start: Start, tmp_path: Path) -> None:
     """The failure of a viewer stops nothing; the exit code and the last line report it."""
     launcher = start("[script('runner', 'runs.py'), script('viewer', 'fails.py', 'ignore')]")
-    wait_for(lambda: "going on without viewer" in launcher.err, "the report")
+    wait_for(lambda: "continuing without viewer" in launcher.err, "the report")
     launcher.says("ready")
     assert launcher.process.poll() is None and alive(number_in(tmp_path / "runs.pid"))
     assert launcher.interrupt() == 1

@@ -264,5 +264,5 @@ def test_what_cannot_be_drawn_is_warned_of(monkeypatch):
     """The rest is shown."""
     monkeypatch.setenv("RERUN_NOTEBOOK_ASSET", "http://127.0.0.1:9/widget.js")
     robot = load_description(CHECKOUT / "tests/robots/missing_mesh.urdf")
-    with pytest.warns(UserWarning, match="not drawn but marked by a box"):
+    with pytest.warns(UserWarning, match="not drawn but marked with a box"):
         NotebookRobot(robot)

@@ -165,11 +165,11 @@ def test_undecodable_messages(tmp_path, capsys, good):
     assert (file.read_bytes() == b"the last recording") != good
     said = capsys.readouterr()
     for name in topics:
-        assert f"20 messages of {name} were left out; the first: " in said.err
+        assert f"20 messages of {name} were skipped; the first: " in said.err
     if good:
         assert 'of "arm": 1 messages' in said.out
     else:
-        assert f"nothing of {folder} can be shown: it has /cmd_vel (geometry_msgs/msg/T" in said.err
+        assert f"nothing in {folder} can be shown: it has /cmd_vel (geometry_msgs/msg/T" in said.err
 
 
 def test_a_folder_of_any_name(tmp_path, capsys):
@@ -187,8 +187,8 @@ def test_a_folder_of_any_name(tmp_path, capsys):
     [
         (["a", "b"], 2, "takes one recording, not 2"),
         (["none"], 1, "there is no recording none"),
-        (["other.rrd"], 1, "other.rrd is no recording of Rerun"),
-        (["other.txt"], 1, "its name must end in"),
+        (["other.rrd"], 1, "other.rrd is not a Rerun recording"),
+        (["other.txt"], 1, "write a file whose name ends in"),
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
         (["bag", "view:=none.yaml"], 1, "view:=none.yaml: no such file"),

@@ -185,5 +185,5 @@ def test_a_topic_wanted_as_two_types_is_refused(tmp_path):
         RobotView(recording.stream, parse_view(text), resolve=resolve)
     view = RobotView(recording.stream, resolve=resolve)
     [warning] = view.set_view(parse_view(text))
-    assert "something else is shown of it, as sensor_msgs/msg/JointState" in warning
+    assert "another display already reads it as sensor_msgs/msg/JointState" in warning
     recording.close()

@@ -129,5 +129,5 @@ def test_a_missing_mesh_is_one_warning(tmp_path, capsys):
     recording.close()
     typo, missing = sorted(capsys.readouterr().err.splitlines())
     assert "gazbo" in typo
-    assert missing.startswith("warning: link a: not drawn but marked by a box: mesh ")
+    assert missing.startswith("warning: link a: not drawn but marked with a box: mesh ")
     assert f"{tmp_path / 'no.stl'}: no such file" in missing

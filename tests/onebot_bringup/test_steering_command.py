@@ -44,7 +44,7 @@ def test_help_says_how_to_use_it(capsys):
         (["/a", "topic:=/b"], UsageError, "write the topic or topic:=, not both"),
         (["view:=nowhere.yaml"], OneBotError, "^view:=nowhere.yaml: no such file"),
         (["host:=192.0.2.77"], OneBotError, "^host:=192.0.2.77 is not an address of this computer"),
-        (["a//b", "viewer:=none"], OneBotError, '"a//b" is no name'),
+        (["a//b", "viewer:=none"], OneBotError, '"a//b" is not a valid name'),
     ],
 )
 def test_mistakes_are_found_before_anything_starts(ros_domain, capsys, words, error, message):

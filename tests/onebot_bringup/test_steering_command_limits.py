@@ -108,7 +108,7 @@ def test_a_drive_that_goes_sideways_is_known_by_its_parameters(values, most, rev
     """The mecanum drive's limits, also unset, or the omni drive's lengths."""
     found = ControllerLimits.from_parameters("/robot", {"angular.z.max_velocity": 1.0, **values})
     allowed = limits_of([found]).range
-    assert allowed.most.lateral == most
+    assert allowed.forward.lateral == most
     assert allowed.clamp(Velocity(0.0, 0.0, -9.0)) == Velocity(0.0, 0.0, -reverse)
     if values.keys() & {"linear.y.max_velocity", "wheel_names"}:
         assert ControllerLimits.from_parameters("/robot", values) is not None, "by these alone"
@@ -160,8 +160,8 @@ def test_no_curve_is_tighter_than_the_least_radius(linear, angular, radius):
     assert abs(clamped.angular) * radius <= abs(clamped.linear) * (1.0 + 1e-12)
     assert clamped.angular * angular >= 0.0 and clamped.linear * linear >= 0.0
     if abs(angular) * radius <= abs(linear):
-        assert clamped == allowed._replace(least_radius=0.0).clamp(Velocity(linear, angular))
-    assert allowed.within(allowed._replace(least_radius=11.0)).least_radius == 11.0
+        assert clamped == allowed._replace(min_radius=0.0).clamp(Velocity(linear, angular))
+    assert allowed.within(allowed._replace(min_radius=11.0)).min_radius == 11.0
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_a_robot_is_driven_sideways(robot: Peer, page: Page, heard: list[Twist])
     wait_to_stop(page, heard)
     page.release_keys("q")
     page.enter("#lateral-limit", "9")
-    held = "Held to 0.3 m/s by /base_controller."
+    held = "Limited to 0.3 m/s by /base_controller."
     wait_for(lambda: page.text("#lateral-hint") == held, "the mark")
     robot.run(robot.node.destroy_timer, timer)
 
@@ -184,7 +184,7 @@ def _drive_by_sticks(page: Page, sticks: list[float], reached: Callable[[], bool
 @pytest.mark.parametrize("heard", [CAR], indirect=True)
 def test_a_car_is_steered(page: Page, heard: list[Twist]) -> None:
     """The horizontal axis is the curvature, up to that of the least radius; standing, it waits."""
-    assert page.text("#angular small") == "least radius 0.40\N{NO-BREAK SPACE}m"
+    assert page.text("#angular small") == "minimum radius 0.40\N{NO-BREAK SPACE}m"
     assert page.find("#angular small").is_displayed()
     assert not any(page.find(part).is_displayed() for part in LATERAL)
     page.drive_by_keys("a", lambda: across(page) == 1.0)

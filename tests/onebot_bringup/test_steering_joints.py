@@ -60,7 +60,7 @@ def test_no_motion_ends_beyond_a_limit(position, velocity, wanted, age):
     motion = short_motion(STEERED, position, velocity, wanted, age)
     for place in motion[:3]:
         assert min(STEERED.lower, position) <= place <= max(STEERED.upper, position)
-    assert abs(motion.velocity) <= STEERED.most and motion.velocity * wanted >= 0.0
+    assert abs(motion.velocity) <= STEERED.max_speed and motion.velocity * wanted >= 0.0
 
 
 # Robots ---------------------------------------------------------------------------------------
@@ -123,8 +123,8 @@ def test_joints_move_while_held_and_stop_when_let_go(node: Any, arm: Arm) -> Non
         arm.stop(page.let_go)
         turn, lift = page.state["joints"]
         assert turn["position"] == pytest.approx(arm.positions()[0], abs=1e-3)
-        assert (turn["name"], turn["unit"], turn["most"]) == ("arm_joint", "rad", 1.0)
-        assert (lift["name"], lift["unit"], lift["most"]) == ("lift_joint", "m", 0.2)
+        assert (turn["name"], turn["unit"], turn["max_speed"]) == ("arm_joint", "rad", 1.0)
+        assert (lift["name"], lift["unit"], lift["max_speed"]) == ("lift_joint", "m", 0.2)
         assert arm.peer.node.count_publishers(TOPIC) == 0, "it has no wheels to drive"
         count = len(arm.commands)
         page.hold(0.3)
@@ -207,7 +207,7 @@ def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domai
             command = wait_for(lambda: lift.commands and lift.commands[-1], "the lift's")
             assert command.joint_names == ["lift_joint"] and mine.commands == []
             page.let_go()
-            joint = {"name": "arm_joint", "unit": "rad", "most": 1.0, "position": 0.1}
+            joint = {"name": "arm_joint", "unit": "rad", "max_speed": 1.0, "position": 0.1}
             assert shown()["arm_joint"] == joint
             page.hold(0.0, arm_joint=0.5, other_joint=0.5)
             command = wait_for(lambda: mine.commands and mine.commands[-1], "a trajectory")

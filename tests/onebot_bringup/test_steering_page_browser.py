@@ -350,10 +350,10 @@ def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
     assert page.limit("linear") == "0.5" and page.limit("angular") == "1"
     page.enter("#angular-limit", "-3")
     wait_for(lambda: page.limit("angular") == "1", "the old one")
-    assert page.text("#angular-hint") == "-3 refused: a limit is above zero."
+    assert page.text("#angular-hint") == "-3 rejected: a limit must be above zero."
     assert "limits" not in page.said()
     page.enter("#linear-limit", "1e9")
-    mark = "Held to 0.5 m/s by max_linear."
+    mark = "Limited to 0.5 m/s by max_linear."
     wait_for(lambda: page.text("#linear-hint") == mark, "the mark")
     page.enter("#linear-limit", "0,2")
     wait_for(lambda: page.limit("linear") == "0.2", "the number with a comma")

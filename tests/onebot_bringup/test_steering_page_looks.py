@@ -102,7 +102,7 @@ def test_axe_finds_nothing(node: Steering, page: Page, screen: str, scheme: str)
     page.enter("#linear-limit", "fast")
     page.act().key_down("w").perform()
     wait_for(lambda: page.body("driver") == "you", "this page to drive")
-    assert "refused" in page.text("#linear-hint")
+    assert "rejected" in page.text("#linear-hint")
     found["driving"] = findings(page)
     page.act().key_up("w").perform()
     with PageClient(node.address) as other:

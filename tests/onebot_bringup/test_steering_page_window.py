@@ -132,7 +132,7 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
         press, release = (functools.partial(do, *words) for words in mouse("#linear [name=plus]"))
         page.drive_until(press, release, lambda: heard[-1] != Twist(), "the button to drive")
         _stops(page, heard, "a hand that is still")
-        assert "no sign of a hand" in page.text("#message")
+        assert "no sign that the control is still held" in page.text("#message")
         release()
 
 

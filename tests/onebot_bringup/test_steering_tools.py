@@ -208,7 +208,7 @@ def test_what_a_page_was_told_has_failed_does_not_happen_later(
     executor.create_task(lambda: (busy.set(), free.wait(PATIENCE)))
     busy.wait(PATIENCE)
     late: list[str] = []
-    with pytest.raises(OneBotError, match="does not answer at the moment"):
+    with pytest.raises(OneBotError, match="is not answering"):
         thread.call(lambda: late.append("published"))
     free.set()
 
@@ -354,10 +354,10 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(domain: int, ask: Request
             assert ask.raw("parameters", {"node": "/robot", "values": values})[0] == 400
         values = {"speed": "1", "lights": "true"}
         found = ask("parameters", {"node": "/robot", "values": values})
-        assert found == {"refused": {"lights": "no lights"}}
+        assert found == {"rejected": {"lights": "no lights"}}
         assert peer.node.get_parameter("speed").value == 1.0
         found = ask("parameters", {"node": "/robot", "values": {"speed": "3.0"}})
-        assert "speed" in found["refused"]["speed"]
+        assert "speed" in found["rejected"]["speed"]
         assert "no node" in ask("parameters?node=/nobody")["error"]
 
 
@@ -415,7 +415,7 @@ def test_a_page_sets_what_the_viewer_shows(peer: Peer) -> None:
         wait_for(lambda: visible() == [True], "the path among the displays")
         viewer, values = request("nodes")["viewer"], {"hidden": '["/plan"]', "shown": "[]"}
         values |= {"camera.eye": "[0.0, -0.03, 3.0]", "camera.target": "[]", "camera.follow": ""}
-        assert request("parameters", {"node": viewer, "values": values}) == {"refused": {}}
+        assert request("parameters", {"node": viewer, "values": values}) == {"rejected": {}}
         wait_for(lambda: visible() == [False], "the check box")
         names = {row["name"] for row in request(f"parameters?node={viewer}")["parameters"]}
         assert {"fixed_frame", "frame_prefix", "robots"} <= names, "the page reads them"

@@ -357,9 +357,9 @@ def test_a_car_turns_in_curves_of_a_least_radius(peer: Peer) -> None:
     peer.node.declare_parameter("minimum_turning_radius", 0.468)
     peer.hear(Twist, TOPIC)
     with teleop() as terminal:
-        terminal.says("turn 1 \tleast radius 0.468 m")
+        terminal.says("turn 1 \tminimum radius 0.468 m")
         peer.node.set_parameters([Parameter("minimum_turning_radius", value=2.0)])
-        terminal.says("least radius 2 m")
+        terminal.says("minimum radius 2 m")
 
 
 def test_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -207,7 +207,7 @@ def publish_states(peer: Peer, joints: Mapping[str, Sequence[str]]) -> None:
 def test_no_controller(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "_LOOKUP", 0.5)  # none is there that could be discovered late
     done = onebot("trajectory", "elbow=1")
-    text = "error: no joint_trajectory_controller found; start one by mrm_bringup sim:=true"
+    text = "error: no joint_trajectory_controller found; start one with mrm_bringup sim:=true"
     assert done.returncode == 1 and text in done.stderr
 
 

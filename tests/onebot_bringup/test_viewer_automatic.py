@@ -5,7 +5,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from visualization_msgs.msg import Marker
 
-from onebot_bringup.viewer.automatic import MOST_SHOWN, TopicSelection
+from onebot_bringup.viewer.automatic import MAX_SHOWN, TopicSelection
 from onebot_bringup.viewer.core.inbox import LoadLimit
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
@@ -86,8 +86,8 @@ def test_a_scan_is_not_shown_again_as_a_cloud(tmp_path):
 def test_of_very_many_those_that_are_shown_stay():
     """Another one that is published does not take the place of one that is seen."""
     selection = _selection()
-    many = {f"/n{number:03}": PATH for number in range(MOST_SHOWN)}
-    assert len(_visible("", many, selection)) == MOST_SHOWN
+    many = {f"/n{number:03}": PATH for number in range(MAX_SHOWN)}
+    assert len(_visible("", many, selection)) == MAX_SHOWN
     assert "/a" not in _visible("", many | {"/a": PATH}, selection)
     assert "/a" in _visible("shown: [a]", many | {"/a": PATH}, selection)
 
@@ -143,7 +143,7 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
     lines = column(file, "/path/plan", "LineStrips3D:strips")
     assert len(lines) < 400 and lines[-1][0][1][0] == 399.0
     assert [sentence for sentence in said if "dropped" in sentence] == [
-        "path: more comes than can be shown without delay: old messages are dropped"
+        "path: more messages arrive than can be shown without delay: old ones are dropped"
     ]
 
 
@@ -160,8 +160,8 @@ def test_of_a_flood_of_single_markers_none_is_dropped(tmp_path, monkeypatch):
 
 def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
     """The oldest are dropped, and a warning says so; a single large message is kept."""
-    monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MOST_BYTES", 1000)
+    monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MAX_BYTES", 1000)
     shown = Shown(tmp_path, live=True, clock=lambda: 0.0)
     for number in range(10):
         shown.send("/marks", Marker(text="x" * 2000, id=number))
-    assert any("marker: more comes" in sentence for sentence in shown.tick())
+    assert any("marker: more messages arrive" in sentence for sentence in shown.tick())

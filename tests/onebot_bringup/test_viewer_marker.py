@@ -487,7 +487,7 @@ def test_namespaces_may_be_hidden(tmp_path):
         (Marker.CUBE, {"frame": ""}, 0, "it names no frame"),
         (Marker.LINE_STRIP, {"points": SQUARE, "colors": [RED]}, 1, "fewer colours than points"),
         (99, {}, 0, "its type is unknown"),
-        (Marker.POINTS, {"points": []}, 0, "less than 1 points: not drawn"),
+        (Marker.POINTS, {"points": []}, 0, "fewer than 1 points: not drawn"),
         (Marker.POINTS, {"points": [(np.inf, 0.0, 0.0)]}, 0, "its points are not finite"),
         (Marker.MESH_RESOURCE, {"mesh_resource": ""}, 0, "mesh"),
     ],

@@ -51,7 +51,7 @@ def test_what_cannot_be_drawn_is_named_once_and_marked(tmp_path):
     recording = open_recording(save=tmp_path / "x.rrd")
     shapes = RobotShapes(recording.stream)
     [problem] = shapes.set_robot(parse_description(urdf))
-    assert problem.startswith("link base, tip: not drawn but marked by a box: mesh no ROS package")
+    assert problem.startswith("link base, tip: not drawn but marked with a box: mesh no ROS")
     assert shapes.visual_of("base") == "robot/visual/base/0/missing"
     assert shapes.visual_of("tip") == "robot/visual/tip/0/missing"
     # Found again, it takes the place of its mark.

@@ -213,7 +213,7 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch)
             session, "none", recording.stream, [*robots, RobotToShow("/later")], print
         )
         monkeypatch.setattr("onebot_bringup.cli.live_picture._FRAMES", 1.0)
-        with pytest.raises(OneBotError, match="no description within 1 s of the robots in /later"):
+        with pytest.raises(OneBotError, match="no description of the robots in /later within 1 s"):
             late.await_descriptions()
 
 

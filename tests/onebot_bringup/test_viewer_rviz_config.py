@@ -171,7 +171,7 @@ def test_a_view_from_above(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a: [", "is no file of RViz"),
+        ("a: [", "is not an RViz file"),
         ("a: 1", 'it has no "Visualization Manager"'),
         ("", 'it has no "Visualization Manager"'),
     ],

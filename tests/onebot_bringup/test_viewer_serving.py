@@ -145,7 +145,7 @@ def test_a_port_in_use_is_said_and_replaced_and_a_page_that_died_is_reported():
         parameters = ViewerParameters(grpc_port=0, web_port=port, open_browser=False)
         server = DisplayServer(parameters, log)
     [warning] = said
-    assert warning.startswith(f"web_port {port} is not free; using ")
+    assert warning.startswith(f"web_port {port} is in use; using ")
     wait_for(lambda: server.watch() or server.page_address, "the page")
     os.kill(server._viewer.process.pid, signal.SIGKILL)
     wait_for(lambda: server.watch() or not server.page_address, "its end")

@@ -1,15 +1,15 @@
 /**
- * The distance that the robot needs to stop, from full speed with the limits in force: the longer one
- * of forward and sideways.
+ * The distance that the robot needs to stop from the current speed limits: the longer of forward and
+ * sideways.
  */
 
 import { write } from "./elements.js";
 
 /**
- * The way from a speed to rest, in m; 0 if nothing limits the braking.
- * @param {number} speed m/s, at a steady speed until then.
+ * The distance from a speed to rest, m; 0 if nothing limits the braking.
+ * @param {number} speed m/s, steady until then.
  * @param {{deceleration: number | null, jerk: number | null}} limits in m/s² and m/s³. The jerk
- *   limits how fast the deceleration grows; it ends at once, as the controller ends it.
+ *   limits how fast the deceleration grows; as in the controller, it ends at once.
  */
 export function brakingDistance(speed, limits) {
   const deceleration = limits.deceleration ?? Infinity;
@@ -24,7 +24,7 @@ export function brakingDistance(speed, limits) {
 }
 
 export class Braking {
-  /** @param {HTMLElement} place with an output, and a note of what is in the way. */
+  /** @param {HTMLElement} place has an output, and a note for an obstacle. */
   constructor(place) {
     this.place = place;
     this.output = place.querySelector("output");
@@ -42,7 +42,7 @@ export class Braking {
     this.place.classList.toggle("near", near);
   }
 
-  /** What was shown is no longer known. */
+  /** Show that nothing is known. */
   forget() {
     this.show({ limits: {}, braking: {}, obstacle: null });
   }

@@ -1,10 +1,10 @@
-/** The picture of a camera of the robot: the newest one only, and none while nobody looks. */
+/** The picture of a camera of the robot: only the newest, and none while the pane is closed. */
 
 import { fill } from "./elements.js";
 import { toolAddress } from "./requests.js";
 
 export class Camera {
-  /** @param {HTMLDetailsElement} pane shown where there are cameras; it asks while it is open. */
+  /** @param {HTMLDetailsElement} pane shown if there are cameras; requests pictures while open. */
   constructor(pane) {
     this.pane = pane;
     this.select = pane.querySelector("select");
@@ -13,7 +13,7 @@ export class Camera {
     this.number = 0;
   }
 
-  /** Show a state of the server: no more than a picture for each. */
+  /** Show a state of the server; at most one picture is requested for each state. */
   async show({ cameras }) {
     this.offer(cameras);
     const topic = this.select.value;
@@ -34,7 +34,7 @@ export class Camera {
     this.pane.querySelector("img").replaceWith(new Image());
   }
 
-  /** Have a choice of these topics; the one that is shown stays. */
+  /** Offer these topics; the current one stays. */
   offer(cameras) {
     this.pane.hidden = cameras.length === 0;
     this.select.hidden = cameras.length < 2;

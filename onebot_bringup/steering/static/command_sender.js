@@ -2,22 +2,22 @@
  * Sends the velocity commands of all inputs (pad, sliders, keys, gamepad, joints) to the server.
  *
  * An input takes control with `take`, called again at every change, and gives it up with `release`.
- * In between the command is sent every 50 ms, also when it stays the same: the server stops the
- * robot when none comes. One input has control at a time; when another takes it, `cancel()` of the
- * previous one is called. A cancelled input takes control again only after new user input.
+ * In between, the command is sent every 50 ms, even if it stays the same: the server stops the robot
+ * without commands. One input has control at a time; when another takes it, the previous one's
+ * `cancel()` is called. A cancelled input takes control again only after new user input.
  */
 
 import { PERIOD_MS } from "./hand.js";
 
-const MOST_WAITING = 6; // commands on their way: a slow connection queues no more, and a stop is next
-const STALL_MS = 1000; // a page that stood still for that long may have missed a release
+const MAX_WAITING = 6; // unconfirmed commands: a slow connection queues no more before a stop
+const STALL_MS = 1000; // a page that stalled for that long may have missed a release
 const STILL = { linear: 0, angular: 0, lateral: 0, joints: {} };
 
 export class CommandSender {
   /**
-   * @param {import("./connection.js").Connection} connection to the server.
+   * @param {import("./connection.js").Connection} connection the connection to the server.
    * @param {(holder: object | null) => void} changed called when another input takes control.
-   * @param {() => void} missed called when an input lost control since its hand was not seen.
+   * @param {() => void} missed called when an input lost control because its hand was not seen.
    */
   constructor(connection, changed, missed) {
     this.connection = connection;
@@ -25,22 +25,22 @@ export class CommandSender {
     this.missed = missed;
     this.holder = null;
     this.enabled = false;
-    this.stopped = false; // the stop is pressed
+    this.stopped = false; // whether the stop is pressed
     this.limits = { linear: 0, angular: 0, lateral: 0 };
-    this.granted = this.limits; // those of the press: a limit raised since then waits for the next
-    this.radius = 0; // the least of a robot that steers, m
-    this.sideways = false; // the horizontal axis of the pad and of the sliders is the lateral one
+    this.granted = this.limits; // the limits at the press; a raised limit waits for the next press
+    this.radius = 0; // minimum radius of a robot that steers, m
+    this.sideways = false; // whether the horizontal axis of the pad and sliders drives sideways
     this.shares = STILL;
     this.ticks = 0;
   }
 
   /**
    * Drive.
-   * @param {object} source the input; has cancel(), and the hands that hold its controls now, all
-   *   of which have to be there: hands.
+   * @param {object} source the input; has cancel() and `hands`, the hands that hold its controls
+   *   now, all of which have to be there.
    * @param {{linear?: number, angular?: number, lateral?: number, joints?: Object<string, number>}}
-   *   shares -1 to 1 of each limit, forward and to the left positive; of the curvature with the
-   *   least radius, where the robot steers; and velocities by the joints' names, rad/s or m/s.
+   *   shares -1 to 1 of each limit, forward and to the left positive (if the robot steers, of the
+   *   curvature with the minimum radius); and velocities by the joints' names, rad/s or m/s.
    * @returns {boolean} false if it cannot take control now.
    */
   take(source, shares) {
@@ -75,24 +75,24 @@ export class CommandSender {
     return this.enabled && !this.stopped && !document.hidden;
   }
 
-  /** Stop the robot, also when another page drives it. */
+  /** Stop the robot, even if another page drives it. */
   stop() {
     this.connection.send({ type: "stop" });
     this.drop();
   }
 
-  /** Stop again, unless the connection is behind with what it has to send. */
+  /** Stop again, unless the connection has a backlog. */
   keepStopped() {
-    if (this.connection.waiting < MOST_WAITING / 2) this.stop();
+    if (this.connection.waiting < MAX_WAITING / 2) this.stop();
   }
 
   /** Apply the server's state; cancel the active input if another page took control. */
   update(state) {
     this.limits = state.limits;
-    this.radius = state.least_radius;
-    const lower = ([axis, most]) => [axis, Math.min(this.granted[axis], most)];
+    this.radius = state.min_radius;
+    const lower = ([axis, max]) => [axis, Math.min(this.granted[axis], max)];
     this.granted = Object.fromEntries(Object.entries(this.limits).map(lower));
-    // A state sent before our first command arrived does not name us yet; nor if it came too late.
+    // A state sent before our first command arrived, or if it arrived late, does not name us yet.
     if (!state.you && !state.late && state.received >= this.first) this.drop();
   }
 
@@ -106,7 +106,7 @@ export class CommandSender {
     return this.sideways ? { lateral: share } : { angular: share };
   }
 
-  /** The command now, m/s and rad/s; of joints in their units. */
+  /** The current command, m/s and rad/s; joints in their units. */
   get command() {
     const { shares, granted, radius } = this;
     const linear = shares.linear * granted.linear;
@@ -143,9 +143,9 @@ export class CommandSender {
       this.missed();
       return;
     }
-    // Where answers take long, every other one: half a second's commands may be on their way.
-    const most = this.ticks % 2 ? MOST_WAITING : MOST_WAITING / 2;
-    if (this.connection.waiting < most) this.sendCommand();
+    // If answers take long, send every other command: up to half a second's may be unconfirmed.
+    const limit = this.ticks % 2 ? MAX_WAITING : MAX_WAITING / 2;
+    if (this.connection.waiting < limit) this.sendCommand();
   }
 
   sendCommand() {

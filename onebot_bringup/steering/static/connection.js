@@ -1,8 +1,8 @@
 /**
- * The WebSocket to the robot's server: JSON both ways, and a new one whenever the old is lost.
+ * The WebSocket to the robot's server: JSON both ways; it reconnects when the connection is lost.
  *
- * The server tells its state ten times a second, so a silence of two seconds is a lost connection,
- * even where the network says nothing.
+ * The server sends its state ten times a second, so two seconds of silence are a lost connection,
+ * even if the network reports nothing.
  */
 
 import { serverAddress } from "./requests.js";
@@ -10,19 +10,18 @@ import { serverAddress } from "./requests.js";
 const SILENCE_MS = 2000;
 const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4000;
-const OVERDUE_MS = 600; // half a second, and until the next state
+const OVERDUE_MS = 600; // half a second, plus the time until the next state
 
 export class Connection {
   /**
-   * @param {object} on what to call:
-   *   on.up() when the server has said welcome, on.down(reason) when it is lost (reason: a
-   *   sentence, or ""), on.message(object) for every other message.
+   * @param {object} on callbacks: on.up() when the server has sent welcome, on.down(reason) when the
+   *   connection is lost (reason: a sentence, or ""), on.message(object) for every other message.
    */
   constructor(on) {
     this.on = on;
     this.isUp = false;
-    this.sent = this.received = 0; // messages of this connection; by the server's word
-    this.stamp = null; // the server's newest
+    this.sent = this.received = 0; // messages of this connection; received according to the server
+    this.stamp = null; // the server's newest stamp
     this.wait = FIRST_WAIT_MS;
     this.open();
     const now = () => this.openNow();
@@ -33,7 +32,7 @@ export class Connection {
     document.addEventListener("visibilitychange", () => document.hidden || now());
   }
 
-  /** Send a message; one that cannot leave now is dropped, since it would be late. */
+  /** Send a message; drop it if it cannot be sent now, since it would be late. */
   send(message) {
     if (!this.isUp) return;
     if (this.waiting === 0) this.answered = performance.now();
@@ -41,12 +40,12 @@ export class Connection {
     this.socket.send(JSON.stringify(message));
   }
 
-  /** How many messages are on their way, as far as the server's answers tell. */
+  /** The number of messages that the server has not confirmed yet. */
   get waiting() {
     return this.sent - this.received;
   }
 
-  /** Messages are on their way, and none of them has arrived for more than half a second. */
+  /** Whether messages are unconfirmed, and none was confirmed for more than half a second. */
   get overdue() {
     return this.waiting > 0 && performance.now() - this.answered > OVERDUE_MS;
   }
@@ -90,7 +89,7 @@ export class Connection {
 
   lose() {
     clearTimeout(this.silence);
-    // A dead peer answers no closing handshake: wait for none.
+    // A dead peer does not answer a closing handshake, so do not wait for it.
     this.socket.onmessage = this.socket.onclose = null;
     this.socket.close();
     this.isUp = false;
@@ -100,15 +99,15 @@ export class Connection {
     this.askWhy();
   }
 
-  /** A refused WebSocket does not tell why; a plain request does. */
+  /** A rejected WebSocket has no reason; a plain request has one. */
   async askWhy() {
     try {
       const answer = await fetch(location.href, { method: "HEAD", cache: "no-store" });
       if (answer.status === 403 && !this.isUp) {
-        this.on.down("The server asks for another token: open the address that it printed.");
+        this.on.down("The server requires another token: open the address that it printed.");
       }
     } catch {
-      // It does not answer at all, which is what was said already.
+      // It does not answer at all, which was already reported.
     }
   }
 }

@@ -1,20 +1,20 @@
-/** What the robot's drive can do: turn, also drive sideways, or steer. The page has its controls. */
+/** Adapts the controls to the robot's drive: it turns, also drives sideways, or steers. */
 
 import { write } from "./elements.js";
 import { share } from "./readout.js";
 
 const STICKS = {
-  turns: "The left stick drives and turns, and the right one turns, too.",
-  strafes: "The left stick drives forward and sideways, and the right one turns.",
-  steers: "The left stick drives and steers, and the right one steers, too.",
+  turns: "The left stick drives and turns; the right one also turns.",
+  strafes: "The left stick drives forward and sideways; the right one turns.",
+  steers: "The left stick drives and steers; the right one also steers.",
 };
 
 export class Drive {
   /**
    * @param {{axis: HTMLElement, sticks: HTMLElement}} places the horizontal slider, with a button
-   *   named sideways and a note, and what says that a gamepad drives.
+   *   named sideways and a note, and the text about gamepads.
    * @param {import("./command_sender.js").CommandSender} sender
-   * @param {() => void} letGo called when a held control would mean something else from now on.
+   * @param {() => void} letGo called before a control changes its meaning.
    */
   constructor({ axis, sticks }, sender, letGo) {
     this.axis = axis;
@@ -26,8 +26,8 @@ export class Drive {
   }
 
   /** Show a state of the server. */
-  show({ limits, least_radius: radius }) {
-    write(this.axis.querySelector("small"), `least radius ${radius.toFixed(2)}\u00a0m`);
+  show({ limits, min_radius: radius }) {
+    write(this.axis.querySelector("small"), `minimum radius ${radius.toFixed(2)}\u00a0m`);
     const kind = limits.lateral > 0 ? "strafes" : radius > 0 ? "steers" : "turns";
     if (kind === this.kind) return;
     this.kind = document.body.dataset.drive = kind;
@@ -35,7 +35,7 @@ export class Drive {
     this.choose(false);
   }
 
-  /** Have the horizontal axis of the pad and of the sliders drive sideways, or turn. */
+  /** Set whether the horizontal axis of the pad and the sliders drives sideways or turns. */
   choose(sideways) {
     this.letGo();
     this.sender.sideways = sideways;
@@ -48,10 +48,10 @@ export class Drive {
   }
 
   /** The share of a command along the horizontal axis. */
-  across({ command, limits, least_radius: radius }) {
+  across({ command, limits, min_radius: radius }) {
     if (this.sender.sideways) return share(command.lateral, limits.lateral);
     if (!radius) return share(command.angular, limits.angular);
-    // A robot that stands steers, too: no command says so, but the control that is held.
+    // A standing robot can steer, too: only the held control shows it, not the command.
     if (this.sender.holder) return this.sender.shares.angular;
     return share(command.angular * radius, command.linear);
   }

@@ -1,6 +1,6 @@
-/** What the parts of the page do with its elements. */
+/** Helpers for the page's elements. */
 
-/** Set an element's text, if it is another one: screen readers speak every change. */
+/** Set an element's text if it differs: screen readers speak every change. */
 export function write(element, words) {
   if (element.textContent !== words) element.textContent = words;
 }
@@ -9,9 +9,9 @@ export function make(tag, properties = {}) {
   return Object.assign(document.createElement(tag), properties);
 }
 
-const contents = new WeakMap(); // JSON of what an element has been filled with
+const contents = new WeakMap(); // JSON of the items in an element
 
-/** Fill an element with one that `make` gives for each item; false if it has them already. */
+/** Fill an element with the result of `make` for each item; return false if it has them already. */
 export function fill(element, items, make) {
   const text = JSON.stringify(items);
   if (contents.get(element) === text) return false;
@@ -20,7 +20,7 @@ export function fill(element, items, make) {
   return true;
 }
 
-/** Enter applies the value, as leaving the field does, and gives the keys back to driving. */
+/** Let Enter apply the value, as leaving the field does, and give the keys back to driving. */
 export function onEnterLeave(input) {
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") input.blur();

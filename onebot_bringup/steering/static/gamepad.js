@@ -1,12 +1,12 @@
 /**
- * A gamepad (the Gamepad API): the left stick drives, the right one turns too, and the second
- * button (B, circle) stops the robot. Where the drive goes sideways, the left stick does so, and only
- * the right one turns, as with teleop_twist_joy.
+ * A gamepad (the Gamepad API): the left stick drives, the right one turns, too, and the second
+ * button (B, circle) stops the robot. If the drive can go sideways, the left stick does that, and
+ * only the right one turns, as with teleop_twist_joy.
  */
 
 import { Hand, PERIOD_MS } from "./hand.js";
 
-const DEAD = 0.15; // sticks do not come back to zero exactly
+const DEAD = 0.15; // dead zone: sticks do not return to exactly zero
 const STOP_BUTTON = 1;
 
 export class Gamepads {
@@ -19,15 +19,15 @@ export class Gamepads {
     this.stop = stop;
     this.label = "gamepad";
     this.hands = [new Hand()];
-    this.driving = null; // index of the pad that does
-    this.values = ""; // of the pad that drives, when they changed last
-    this.centred = new Set(); // indices of pads whose sticks were at rest since they last lost hold
+    this.driving = null; // index of the pad that drives
+    this.values = ""; // its last values
+    this.centred = new Set(); // indices of pads whose sticks were at rest since they last drove
     window.addEventListener("gamepadconnected", (event) => this.plug(event.gamepad));
     window.addEventListener("gamepaddisconnected", (event) => this.unplug(event.gamepad));
     if (pads().length > 0) this.watch();
   }
 
-  /** Let go; the stick has to come back to its middle before it drives again. */
+  /** Let go; the stick has to return to its centre before it drives again. */
   cancel() {
     this.centred.clear();
     this.driving = null;
@@ -39,7 +39,7 @@ export class Gamepads {
   }
 
   plug(pad) {
-    this.centred.delete(pad.index); // of another pad, perhaps; this one has to be seen at rest
+    this.centred.delete(pad.index); // maybe of another pad; this one has to be seen at rest first
     this.watch();
   }
 
@@ -68,12 +68,12 @@ export class Gamepads {
       this.centred.add(pad.index);
       if (this.driving === pad.index) this.rest();
     } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
-      // A pad that drives has noise; one that has lost its connection may report the same for ever.
+      // A live pad has noise; a disconnected one may report the same values forever.
       const values = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
       if (this.driving === null || values !== this.values) this.hands[0].seen();
       this.values = values;
       this.driving = pad.index;
-      // A pad works without the focus: it must not drive from a window in the background.
+      // A pad works without the focus, but must not drive from a window in the background.
       if (!document.hasFocus() || !this.sender.take(this, shares)) this.cancel();
     }
   }
@@ -85,26 +85,26 @@ export class Gamepads {
 }
 
 function pads() {
-  // Firefox has none where the page is neither of this computer nor of HTTPS.
+  // Firefox has none unless the page is from this computer or HTTPS.
   return [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad && pad.connected);
 }
 
-/** Its name for the stop. */
+/** The pad's name for the stop. */
 function presser(pad) {
   return `gamepad ${pad.index}`;
 }
 
-/** Shares of the axes, -1 to 1; those of the sticks point right and down. */
+/** The shares of the axes, -1 to 1; the axes of the sticks point right and down. */
 function sticks(pad, strafes) {
   const [x, y] = outside(pad.axes[0] ?? 0, pad.axes[1] ?? 0);
-  // Where the layout is not the standard one, the third axis may be a trigger, at rest at -1.
+  // In a non-standard layout, the third axis may be a trigger, at rest at -1.
   const standard = pad.mapping === "standard";
   const [turn] = standard ? outside(pad.axes[2] ?? 0, 0) : [0];
   if (strafes && standard) return { linear: -y, angular: -turn, lateral: -x };
   return { linear: -y, angular: -(Math.abs(turn) > Math.abs(x) ? turn : x) };
 }
 
-/** The stick without its dead zone, and still reaching to 1 in every direction. */
+/** Remove a stick's dead zone, and scale the rest to reach 1 in every direction. */
 function outside(x, y) {
   const length = Math.hypot(x, y);
   if (!(length > DEAD)) return [0, 0];

@@ -1,47 +1,47 @@
 /**
- * The hand on a control. A browser does not report every release: not while its own menu is open or
- * another program has the keys. So only the control that drives proves that a hand is there, by the
- * pointer or the keys that hold it, and each sign is good for a number of commands and no more.
+ * The hand on a control. A browser does not report every release, for example while its own menu is
+ * open or another program has the keys. Therefore the pointer or the keys that hold a control have to
+ * prove that the hand is there, and each sign is valid for a limited number of commands.
  */
 
-export const PERIOD_MS = 50; // of commands
-const HAND_MS = 5000;
-// Only the key that was pressed last repeats; when it is let go, none does.
-const PRESSED_MS = 2000; // until it repeats, which the system may not want it to
-const REPEATED_MS = 600; // until it repeats again
-const SHIFT_REPEATS = navigator.platform.startsWith("Win"); // in place of the key that is held
+export const PERIOD_MS = 50; // period of commands
+const HAND_MS = 5000; // for which a sign of a pointer is valid
+// Only the key that was pressed last repeats; when it is released, none does.
+const PRESSED_MS = 2000; // until the first repeat, which the system may suppress
+const REPEATED_MS = 600; // until the next repeat
+const SHIFT_REPEATS = navigator.platform.startsWith("Win"); // instead of the held key
 
 export class Hand {
-  /** There was a sign of it, which is good for so long. */
+  /** Note a sign of the hand, which is valid for a duration, ms. */
   seen(duration = HAND_MS) {
-    this.commands = 0; // since then
-    this.most = duration / PERIOD_MS;
+    this.commands = 0; // number since then
+    this.limit = duration / PERIOD_MS;
   }
 
-  /** Count a command; false where the next sign is overdue. */
+  /** Count a command; return false if the next sign is overdue. */
   count() {
-    // By the number of commands, not by the clock: a busy page also sees the hand late.
+    // Count commands instead of time: a busy page also sees the hand late.
     this.commands += 1;
-    return this.commands < this.most;
+    return this.commands < this.limit;
   }
 }
 
-/** The keys that hold a control. It watches all keys: their events tell where one was swallowed. */
+/** The keys that hold a control. All keys are watched, to notice a swallowed event. */
 export class KeyHold extends Hand {
-  /** @param {() => void} changed called when keys do not hold any more. */
+  /** @param {() => void} changed called when keys no longer hold the control. */
   constructor(changed) {
     super();
     this.changed = changed;
-    this.codes = new Set(); // of the keys that hold
-    this.pressed = new Set(); // the codes of all keys that are down, as far as events tell
-    // Before the control sees them.
+    this.codes = new Set(); // codes of the keys that hold
+    this.pressed = new Set(); // codes of all keys that are down, according to the events
+    // Capture the events before the control sees them.
     window.addEventListener("keydown", (event) => this.press(event), true);
     window.addEventListener("keyup", (event) => this.lift(event), true);
     for (const type of ["focusin", "focusout"]) window.addEventListener(type, () => this.lose());
-    window.addEventListener("blur", () => this.pressed.clear()); // what is released then is not seen
+    window.addEventListener("blur", () => this.pressed.clear()); // later releases are not seen
   }
 
-  /** Hold by the key of this keydown, too. */
+  /** Also hold with the key of this keydown. */
   begin({ code }) {
     this.codes.add(code);
     this.seen(PRESSED_MS);
@@ -61,17 +61,17 @@ export class KeyHold extends Hand {
   press({ code, repeat, metaKey, target }) {
     if (repeat !== this.pressed.has(code) || code === "Escape" || isText(target)) this.lose();
     this.pressed.add(code);
-    if (metaKey) this.pressed.clear(); // macOS reports no keyup of others while Cmd is down
+    if (metaKey) this.pressed.clear(); // macOS reports no keyup of other keys while Cmd is down
     if (repeat && this.codes.has(code)) this.seen(REPEATED_MS);
     else if (code.startsWith("Shift") && (repeat || SHIFT_REPEATS)) {
-      this.most = Math.max(this.most, PRESSED_MS / PERIOD_MS); // since the last sign
+      this.limit = Math.max(this.limit, PRESSED_MS / PERIOD_MS); // since the last sign
     }
   }
 
   lift({ code }) {
     if (!this.pressed.delete(code)) this.lose();
     else if (this.codes.delete(code)) {
-      this.seen(); // of the others, which do not repeat any more
+      this.seen(); // the other keys no longer repeat
       this.changed();
     }
   }

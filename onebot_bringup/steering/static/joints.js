@@ -1,6 +1,6 @@
 /**
- * The joints that controllers move by trajectories, a slider for each: it is a velocity while it is
- * held, by a pointer or by the arrow keys, and springs back to zero.
+ * The joints that controllers move with trajectories, a slider for each: it commands a velocity while
+ * a pointer or the arrow keys hold it, and springs back to zero.
  */
 
 import { make, write } from "./elements.js";
@@ -11,8 +11,8 @@ const SIGNS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 };
 
 export class Joints {
   /**
-   * @param {HTMLElement} sheet with a place for rows.
-   * @param {HTMLButtonElement} button that opens it; hidden while there are no joints.
+   * @param {HTMLElement} sheet the sheet, with a place for rows.
+   * @param {HTMLButtonElement} button opens the sheet; hidden while there are no joints.
    * @param {import("./command_sender.js").CommandSender} sender
    */
   constructor(sheet, button, sender) {
@@ -44,9 +44,9 @@ export class Joints {
     return handsOn(this.sliders);
   }
 
-  /** Show the server's joints, where they are, and what anybody commands. */
+  /** Show the server's joints, their positions, and the commanded velocities. */
   show({ joints, command }) {
-    const kinds = JSON.stringify(joints.map(({ name, unit, most }) => [name, unit, most]));
+    const kinds = JSON.stringify(joints.map((joint) => [joint.name, joint.unit, joint.max_speed]));
     if (kinds !== this.shown) this.list(joints);
     this.shown = kinds;
     this.button.hidden = joints.length === 0;
@@ -55,7 +55,7 @@ export class Joints {
     }
   }
 
-  /** The connection is lost: where the joints are is no longer known. */
+  /** The connection is lost: the joints' positions are unknown. */
   forget() {
     for (const slider of this.sliders) slider.tell(null, 0);
   }
@@ -75,12 +75,12 @@ export class Joints {
 }
 
 class JointSlider extends HeldRange {
-  constructor({ name, unit, most }, id, joints) {
+  constructor({ name, unit, max_speed: maxSpeed }, id, joints) {
     const range = make("input", { type: "range", min: -1, max: 1, step: 0.01, value: 0, id });
     super(range, joints);
     this.name = name;
     this.unit = unit;
-    this.most = most;
+    this.maxSpeed = maxSpeed;
     this.position = make("b", { id: `${id}-position` });
     this.row = make("div", { className: "row" });
     const track = make("span", { className: "axis" });
@@ -92,15 +92,15 @@ class JointSlider extends HeldRange {
     range.addEventListener("pointerup", () => range.blur());
   }
 
-  /** The velocity that is commanded, in its unit per second. */
+  /** The commanded velocity, in the joint's unit per second. */
   get velocity() {
-    return this.value * this.most;
+    return this.value * this.maxSpeed;
   }
 
-  /** Show where the joint is; null where that is not known; and a velocity that is commanded. */
+  /** Show the joint's position, null if unknown, and a commanded velocity. */
   tell(position, velocity) {
     write(this.position, `${position === null ? "–" : fixed(position, 3)} ${this.unit}`);
-    this.show(velocity / this.most);
+    this.show(velocity / this.maxSpeed);
     const words = `${fixed(this.velocity, 2)} ${this.unit}/s`;
     if (this.range.ariaValueText !== words) this.range.ariaValueText = words;
   }
@@ -112,7 +112,7 @@ class JointSlider extends HeldRange {
     if (!event.repeat) this.hold(this.keys, event, event.shiftKey ? sign / 2 : sign);
   }
 
-  /** @param {number} share of its velocity, by a key. */
+  /** @param {number} share the share of the maximum velocity that a key commands. */
   begin(share) {
     this.range.value = String(share);
     this.input.drive();

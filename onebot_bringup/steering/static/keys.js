@@ -1,11 +1,11 @@
 /**
- * The keyboard: arrows or W A S D drive while they are down, Q and E sideways, where the drive goes
- * so; and Shift halves the speed.
+ * The keyboard: arrows or W A S D drive while they are down, Q and E drive sideways if the drive
+ * can, and Shift halves the speed.
  */
 
 import { isText, KeyHold } from "./hand.js";
 
-// The axis of each key and its direction, by where it lies: W A S D is one block on any layout.
+// The axis and direction of each key, by its place: W A S D is one block on any layout.
 const KEYS = {
   ArrowUp: ["linear", 1], KeyW: ["linear", 1],
   ArrowDown: ["linear", -1], KeyS: ["linear", -1],
@@ -21,12 +21,12 @@ export class Keys {
     this.label = "keyboard";
     this.hold = new KeyHold(() => this.drive());
     this.hands = [this.hold];
-    // Before any control of the page makes something else of them.
+    // Capture the keys before any control of the page uses them.
     window.addEventListener("keydown", (event) => this.press(event), { capture: true });
     window.addEventListener("keyup", (event) => this.lift(event), { capture: true });
   }
 
-  /** Forget what is down; a key that still is repeats, and a repeat does not count. */
+  /** Forget the keys that are down; a key that is still held repeats, which does not count. */
   cancel() {
     this.hold.end();
     this.sender.release(this);
@@ -72,7 +72,7 @@ export class Keys {
   }
 }
 
-/** Whether the slider of a joint or a parameter has the focus, whose keys the arrows are then. */
+/** Whether the slider of a joint or a parameter has the focus, and so takes the arrow keys. */
 function movesSlider({ target, code }) {
   return code.startsWith("Arrow") && target.closest?.(".sheet input");
 }

@@ -1,25 +1,25 @@
 /**
  * The ground from above, as RViz's top-down view: x to the right, y up; the robot, its scans and the
  * map.
- * A drag moves it, the wheel or two fingers zoom; while a tool is chosen, a press is a place on the
- * ground, a drag from there its heading, and the release publishes both; so does a place by numbers.
+ * A drag moves it, the wheel or two fingers zoom. While a tool is chosen, a press sets a place on the
+ * ground, a drag from there its heading, and the release publishes both; numbers do the same.
  */
 
 import { get, toolAddress } from "./requests.js";
 import { write } from "./elements.js";
 
 const PERIOD_MS = 200;
-const ZOOM = 1.5; // of a button's press
-const SCALES = [2, 2000]; // pixels a metre
-const LINES = 40; // pixels between two lines of the grid, at least
+const ZOOM = 1.5; // factor of a button's press
+const SCALES = [2, 2000]; // pixels per metre
+const LINES = 40; // minimum distance of two lines of the grid, pixels
 const TURNED = 8; // pixels; a shorter drag has no heading
 
 export class GroundMap {
   /**
    * @param {HTMLElement} pane with an svg, the buttons of the zoom, and a status.
    * @param {(tool: string, place: {frame: string, command_topic: string, x: number, y: number,
-   *   yaw: number}) => void} placed called with a place on the ground in m and rad, and the robot
-   *   that it is for, when it was released.
+   *   yaw: number}) => void} placed called on release with a place on the ground in m and rad, and
+   *   the robot that it is for.
    */
   constructor(pane, placed) {
     this.pane = pane;
@@ -34,8 +34,8 @@ export class GroundMap {
     this.scale = 80;
     this.follows = true; // the robot stays in the middle
     this.tool = "";
-    this.place = null; // pressed, in m and rad of the ground then
-    this.pointers = new Map(); // the last positions of those that are down, pixels
+    this.place = null; // the pressed place on the ground, m and rad
+    this.pointers = new Map(); // the last positions of the pointers that are down, pixels
     const on = (type, act) => this.drawing.addEventListener(type, act);
     on("pointerdown", (event) => this.press(event));
     on("pointermove", (event) => this.move(event));
@@ -97,7 +97,7 @@ export class GroundMap {
     const { frame, command_topic } = this.ground;
     if (this.place && (frame !== ground.frame || command_topic !== ground.command_topic)) {
       this.place = null;
-      this.say("Another robot, or another frame, is shown now: press again.");
+      this.say("The robot or the frame has changed: press again.");
     }
     this.ground = ground;
     if (this.follows && ground.robot && !this.place) this.center = { ...ground.robot };
@@ -180,7 +180,7 @@ export class GroundMap {
   publish(place) {
     const { frame, command_topic } = this.ground;
     if (frame) this.placed(this.tool, { frame, command_topic, ...place });
-    else this.say("Nothing is published: nothing that is received says which frame this is.");
+    else this.say("Not published: the frame of the ground is not known yet.");
   }
 
   input(name) {
@@ -246,7 +246,7 @@ export class GroundMap {
     part.setAttribute("transform", `translate(${x} ${y}) ${turn}`);
   }
 
-  /** A dot each, as a line without length. */
+  /** A dot for each place, as a line without length. */
   points(places) {
     const dots = places.map(([x, y]) => this.pixel({ x, y }));
     return dots.map(({ x, y }) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`).join("");
@@ -258,7 +258,7 @@ export class GroundMap {
     return pixels.map(({ x, y }, n) => `${n ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   }
 
-  /** Lines at round numbers of metres. */
+  /** The lines of the grid, at round numbers of metres. */
   grid() {
     const step = 10 ** Math.ceil(Math.log10(LINES / this.scale));
     const { x: right, y: bottom } = { x: 2 * this.middle.x, y: 2 * this.middle.y };

@@ -4,14 +4,12 @@ import { PointerHold } from "./pointer_hold.js";
 import { SETTLE_MS } from "./sliders.js";
 import nipplejs from "./vendor/nipplejs/index.mjs";
 
-// Of the pad's radius, on each axis: an almost straight input does not turn.
-const DEAD = 0.06;
-// Of the zone: where the thumb's middle can go, so that the thumb stays within the rim.
-const TRAVEL = 0.68;
+const DEAD = 0.06; // dead zone of each axis, share of the radius: nearly straight does not turn
+const TRAVEL = 0.68; // share of the zone that the thumb's middle can reach, within the rim
 
 export class Pad {
   /**
-   * @param {HTMLElement} zone where it is drawn, filling it.
+   * @param {HTMLElement} zone the element that the pad fills.
    * @param {import("./command_sender.js").CommandSender} sender
    */
   constructor(zone, sender) {
@@ -19,7 +17,7 @@ export class Pad {
     this.sender = sender;
     this.label = "joystick";
     this.settled = 0;
-    // Before nipplejs sees it: only a free pad, the first finger and the main button count.
+    // Filter before nipplejs: only a free pad, the first finger and the main button count.
     zone.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
     this.hand = new PointerHold(() => this.cancel());
     this.hands = [this.hand];
@@ -32,7 +30,7 @@ export class Pad {
     if (this.held) this.manager.all.values().next().value.end(); // and so letGo()
   }
 
-  /** Show with the thumb the command of another input, or of another page. */
+  /** Show the command of another input, or of another page, with the thumb. */
   show(linear, across) {
     if (this.held || performance.now() < this.settled) return;
     const far = Math.max(1, Math.hypot(linear, across)) / (this.size / 2);
@@ -62,7 +60,7 @@ export class Pad {
       mode: "static",
       position: { left: "50%", top: "50%" },
       size,
-      color: { front: "transparent", back: "transparent" }, // the style sheet's matter
+      color: { front: "transparent", back: "transparent" }, // style.css draws them
       restOpacity: 1,
       fadeTime: 120,
     });
@@ -78,7 +76,7 @@ export class Pad {
     this.held = true;
     this.zone.classList.add("held");
     this.zone.classList.remove("led");
-    // Keeps the pointer ours over the robot's view and beyond the window's edge.
+    // Keep the pointer over the robot's view and beyond the window's edge.
     this.hand.begin(event);
     this.manager.reposition(); // the panel may have scrolled
   }
@@ -89,7 +87,7 @@ export class Pad {
   }
 }
 
-/** Without the dead zone, and still reaching from -1 to 1; a pixel is more than the thousandth. */
+/** Remove the dead zone and scale the rest to -1 ... 1, rounded to less than a pixel. */
 function beyond(value) {
   const size = Math.round((1000 * Math.max(0, Math.abs(value) - DEAD)) / (1 - DEAD)) / 1000;
   return size === 0 ? 0 : Math.sign(value) * size;

@@ -20,9 +20,9 @@ import { showLegend, View } from "./view.js";
 import { CommandSender } from "./command_sender.js";
 
 const MESSAGE_MS = 6000;
-const SLOW_MS = 500; // a hitch of the network or the browser is no news
-const TOO_SLOW = "The connection is too slow to drive: the robot stands until it is faster.";
-const UNSEEN = "Stopped: no sign of a hand any more. Let go and press again.";
+const SLOW_MS = 500; // shorter hitches of the network or the browser are not reported
+const TOO_SLOW = "The connection is too slow to drive: the robot stays stopped until it is faster.";
+const UNSEEN = "Stopped: no sign that the control is still held. Let go and press again.";
 const element = (id) => document.getElementById(id);
 
 const connection = new Connection({ up, down, message: receive });
@@ -56,37 +56,37 @@ const panels = {
 const tools = new Tools(element("tools"), map, panels, notify);
 
 enable(false);
-// Without the focus no release of a key or a button would be received.
+// Without the focus, the release of a key or a button would not be received.
 window.addEventListener("blur", letGo);
 window.addEventListener("pagehide", letGo);
 document.addEventListener("visibilitychange", () => document.hidden && letGo());
 document.addEventListener("freeze", letGo);
-// Alt, Meta (of which macOS reports no keyup of others) and F10 open menus of browser and system.
+// Alt, Meta (macOS reports no keyup of other keys meanwhile) and F10 open menus.
 window.addEventListener(
   "keydown",
   (event) => (event.altKey || event.metaKey || event.code === "F10") && letGo(),
   { capture: true },
 );
-// A finger that rests on a control asks for a menu, which would end the press.
+// A finger that rests on a control opens a menu, which would end the press.
 window.addEventListener(
   "contextmenu",
   (event) => event.target.closest?.("#pad, #stop, .axis") && event.preventDefault(),
   { capture: true },
 );
-// Nor while a menu, a list or a drag has the keys; where its default is prevented, none opens.
+// A menu, a list or a drag takes the keys, too, unless its default is prevented.
 for (const type of ["contextmenu", "dragstart"]) {
   window.addEventListener(type, (event) => event.defaultPrevented || letGo());
 }
 for (const type of ["pointerdown", "focusin"]) {
   window.addEventListener(type, ({ target }) => target.closest?.("select") && letGo());
 }
-// The view's frame has the keys after a click in it, until the mouse is back; say so.
+// After a click in the view, its frame has the keys until the mouse returns.
 document.querySelector("aside").addEventListener("pointerenter", () => {
   if (framed()) view.giveBackFocus();
 });
 for (const type of ["focus", "blur", "focusin"]) window.addEventListener(type, showFocus);
 
-/** Steer another topic; the server stops the robot of the one before. */
+/** Steer another topic; the server stops the previous robot. */
 function choose(name) {
   letGo();
   sender.drop();
@@ -117,7 +117,7 @@ function down(reason) {
   limits.forget();
   write(element("connection"), "Connection lost");
   write(element("driver"), "");
-  notify(reason || "Connection lost: the robot stops by itself. Connecting again …", Infinity);
+  notify(reason || "Connection lost: the robot stops by itself. Reconnecting …", Infinity);
 }
 
 function enable(yes) {
@@ -126,13 +126,13 @@ function enable(yes) {
     "#steer :is(input, button):not(#stop), #joints input, #settings, #robot select",
   );
   for (const part of parts) part.disabled = !yes;
-  // Not "disabled", which takes the focus away: Enter stops again when the connection is back.
+  // Not "disabled", which would take the focus: Enter must stop again once the connection is back.
   element("stop").setAttribute("aria-disabled", !yes);
 }
 
 function receive(message) {
   if (message.type === "error") {
-    // The server ignores commands after a refused message until a release.
+    // After a rejected message, the server ignores commands until a release.
     sender.drop();
     connection.send({ type: "release" });
     if (message.about === "topic") {
@@ -148,9 +148,9 @@ function receive(message) {
     limits.show(message);
     readout.show(message);
     braking.show(message);
-    const { command, limits: most } = message;
+    const { command, limits: max } = message;
     for (const input of [pad, sliders]) {
-      input.show(share(command.linear, most.linear), drive.across(message));
+      input.show(share(command.linear, max.linear), drive.across(message));
     }
     joints.show(message);
     if (message.joints.length === 0 && joints.isOpen) tools.toggle("");
@@ -163,7 +163,7 @@ function receive(message) {
   }
 }
 
-/** Of a robot that has joints and does not drive, nothing is shown that is about driving. */
+/** For a robot that has joints and does not drive, hide the controls for driving. */
 function showWhetherItStands({ joints: moved, listeners }) {
   const stands = moved.length > 0 && listeners === 0;
   if (stands && !standing() && !joints.isOpen) tools.toggle("joints");
@@ -189,7 +189,7 @@ function showDriver({ driver, you, pages, locked, wheels_locked, others, navigat
   element("driver").classList.toggle("locked", locked);
 }
 
-let inTime = performance.now(); // when the connection last was
+let inTime = performance.now(); // when the connection was last fast enough
 let slowShown = false;
 function showSlow(slow) {
   if (!slow) inTime = performance.now();
@@ -198,7 +198,7 @@ function showSlow(slow) {
   slowShown = show;
 }
 
-/** Several robots' pages are told apart by it. */
+/** The title distinguishes the pages of several robots. */
 function showTitle(state) {
   const name = nameOf(state);
   write(document.querySelector("h1 span"), name);
@@ -219,7 +219,7 @@ function showFocus() {
 }
 
 let fading;
-/** Show a sentence for a while; an empty one hides it. */
+/** Show a sentence for a while; "" hides it. */
 function notify(sentence, duration = MESSAGE_MS) {
   clearTimeout(fading);
   write(element("message"), sentence);

@@ -1,23 +1,23 @@
-/** What can be shown in the view, as check boxes, and the parameters of any node. */
+/** The panels: check boxes for what the view shows, and the parameters of any node. */
 
 import { fill, make, onEnterLeave, write } from "./elements.js";
 import { get, post } from "./requests.js";
 
 const PERIOD_MS = 3000;
-// The viewer's booleans that show something; others say how it looks.
+// The viewer's booleans that show something; the others set how it looks.
 const SHOWS = /\.visible$|^(automatic|collision)$|^(axes|joint_plot)\./;
-const WIDEST = 1e4; // of a range that a slider makes sense for
-const STEPS = 200; // of a slider
+const WIDEST = 1e4; // maximum range of a slider
+const STEPS = 200; // steps of a slider
 
-/** A sheet over the view, which follows what it shows while it is open. */
+/** A sheet over the view, which is kept up to date while it is open. */
 class Panel {
   /** @param {HTMLElement} sheet with a place for rows, and a status. */
   constructor(sheet) {
     this.sheet = sheet;
     this.rows = sheet.querySelector(".rows");
     this.status = sheet.querySelector("[role=status]");
-    this.node = ""; // whose parameters the fields set
-    this.fields = new Map(); // by what they show
+    this.node = ""; // the node whose parameters the fields set
+    this.fields = new Map(); // keys: JSON of the name, type and range shown
   }
 
   get isOpen() {
@@ -37,7 +37,7 @@ class Panel {
     if (this.isOpen) this.timer = setTimeout(() => this.refresh(), PERIOD_MS);
   }
 
-  /** Do something, and show why it failed. */
+  /** Run an action, and show the reason if it fails. */
   async attempt(action) {
     try {
       write(this.status, await action());
@@ -47,9 +47,9 @@ class Panel {
   }
 
   /**
-   * Show these rows of a node; those that were there before stay, with what the user does to them.
+   * Show these rows of a node; existing fields stay, with what the user is entering.
    * @param {object[]} rows with name, label, type, value, description, rule, range, and
-   *   `values`: what to set, by name, for a value of the row.
+   *   `values`: returns the parameters to set, by name, for a value of the row.
    */
   show(node, rows) {
     const before = node === this.node ? this.fields : new Map();
@@ -71,8 +71,8 @@ class Panel {
   async set(field, value) {
     await this.attempt(async () => {
       const values = field.row.values(value);
-      const { refused } = await post("parameters", { node: this.node, values });
-      field.refuse(Object.values(refused).join(" "));
+      const { rejected } = await post("parameters", { node: this.node, values });
+      field.refuse(Object.values(rejected).join(" "));
       return "";
     });
     this.refresh();
@@ -91,7 +91,7 @@ export class Displays extends Panel {
       type: "boolean",
       value: String(visible),
       description: type,
-      values: (on) => shownAnew(lists, topic, on === "true"),
+      values: (on) => moved(lists, topic, on === "true"),
     }));
     const parts = parameters
       .filter(({ name, type }) => type === "boolean" && SHOWS.test(name))
@@ -105,7 +105,7 @@ const settable = (row) => ({ ...row, values: (value) => ({ [row.name]: value }) 
 const titled = (name) => name.replace(/\.visible$/, "").replaceAll(/[._]/g, " ");
 
 /** The viewer's parameters `hidden` and `shown`, with the topic in one of them. */
-function shownAnew(lists, topic, on) {
+function moved(lists, topic, on) {
   const others = (name) => listed(lists[name]).filter((one) => !names(one, topic));
   const [to, from] = on ? ["shown", "hidden"] : ["hidden", "shown"];
   return { [to]: JSON.stringify([...others(to), topic]), [from]: JSON.stringify(others(from)) };
@@ -114,10 +114,10 @@ function shownAnew(lists, topic, on) {
 /** The topics of a list in YAML, which are names without quotes or commas. */
 const listed = (yaml = "[]") => yaml.match(/[\w/]+/g) ?? [];
 
-/** Whether a name, relative ones too, is of a topic. */
+/** Whether a name, which may be relative, is that of a topic. */
 const names = (name, topic) => name === topic || topic.endsWith(`/${name}`);
 
-/** The parameters of the node that is chosen; at first of the robot's controller. */
+/** The parameters of the chosen node, initially the robot's controller. */
 export class Parameters extends Panel {
   constructor(sheet) {
     super(sheet);
@@ -145,7 +145,7 @@ export class Parameters extends Panel {
     return rows.length ? "" : "None of its parameters can be set.";
   }
 
-  /** Show the parameters whose names have the words of the filter. */
+  /** Show the parameters whose names contain all words of the filter. */
   sift() {
     const words = this.filter.value.toLowerCase().split(/\s+/);
     for (const { element, name } of this.fields.values()) {
@@ -156,7 +156,7 @@ export class Parameters extends Panel {
 
 let count = 0;
 
-/** What a parameter is called, what it does, and why a value was refused; the input between. */
+/** The row of a parameter: its name, the input, its description, and why a value was rejected. */
 class Field {
   constructor({ name, label, description, rule }, inputs) {
     this.name = name;
@@ -182,7 +182,7 @@ class CheckBox extends Field {
     const box = make("input", { type: "checkbox" });
     super(row, [box]);
     box.addEventListener("change", () => set(this, String(box.checked)));
-    // The space bar stops the robot; and after a click the keys drive it again.
+    // The space bar stops the robot, and after a click the keys drive it again.
     box.addEventListener("keydown", ({ key }) => key === "Enter" && box.click());
     box.addEventListener("click", ({ detail }) => detail > 0 && box.blur());
   }

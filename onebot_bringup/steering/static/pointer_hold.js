@@ -1,12 +1,12 @@
 /**
  * The pointer that holds a control: a mouse's main button, a finger or a pen. Not every release is
- * reported as one: a browser's menu takes the pointer away, and what comes later has no button down.
+ * reported: a browser's menu takes the pointer away, and later events have no button down.
  */
 
 import { Hand } from "./hand.js";
 
 export class PointerHold extends Hand {
-  /** @param {() => void} lost called when it does not hold any more. */
+  /** @param {() => void} lost called when the pointer no longer holds the control. */
   constructor(lost) {
     super();
     this.lost = lost;
@@ -15,12 +15,12 @@ export class PointerHold extends Hand {
       window.addEventListener(type, (event) => this.look(event, event.buttons & 1), true);
     }
     for (const type of ["lostpointercapture", "pointerdown"]) {
-      // Pressed anew, its release was missed.
+      // If it is pressed again, its release was missed.
       window.addEventListener(type, (event) => this.look(event, false), true);
     }
   }
 
-  /** Hold by the pointer of this pointerdown: all that it does is the control's until it ends. */
+  /** Hold with the pointer of this pointerdown, and capture its events until the release. */
   begin(event) {
     this.pointer = event.pointerId;
     event.currentTarget.setPointerCapture(event.pointerId);

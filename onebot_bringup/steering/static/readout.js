@@ -1,8 +1,8 @@
-/** The commanded and the measured speeds, in numbers and bars, and the odometry. */
+/** The commanded and measured speeds, in numbers and bars, and the odometry. */
 
 import { write } from "./elements.js";
 
-const OLD_S = 1.0; // odometry that was received longer ago is no longer live
+const OLD_S = 1.0; // age after which odometry is no longer live
 const UNITS = { linear: "m/s", angular: "rad/s", lateral: "m/s" };
 
 export class Readout {
@@ -15,7 +15,7 @@ export class Readout {
     }
   }
 
-  /** Show a state of the server's. */
+  /** Show a state of the server. */
   show({ command, odometry, limits }) {
     for (const axis of Object.keys(UNITS)) {
       const measured = odometry ? odometry[axis] : null;
@@ -56,12 +56,12 @@ function source(odometry, old) {
   return old ? `${odometry.topic}, silent for ${odometry.age.toFixed(0)} s` : odometry.topic;
 }
 
-/** Of its limit, -1 to 1; 0 where the limit is. */
+/** A value as a share of its limit, -1 to 1; 0 if the limit is 0. */
 export function share(value, limit) {
   return Math.max(-1, Math.min(1, (value ?? 0) / limit)) || 0;
 }
 
-/** With a real minus sign, as wide as a plus, and no minus before zero. */
+/** A number as text with a real minus sign, as wide as a plus, and no minus before zero. */
 export function fixed(value, digits) {
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words.replace("-", "\u2212");

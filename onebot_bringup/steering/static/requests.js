@@ -1,8 +1,8 @@
 /** Requests of the tools and panels to the robot's server: JSON both ways. */
 
 /**
- * The address of what the server has, with the token of the page's own address. The cookie says it
- * too, but one of another server on this host may have replaced it.
+ * An address on the server, with the token of the page's own address. The cookie has it, too, but
+ * another server on this host may have replaced the cookie.
  */
 export function serverAddress(path, query = {}) {
   const address = new URL(path, document.baseURI);
@@ -15,7 +15,7 @@ export function serverAddress(path, query = {}) {
 
 export const toolAddress = (path, query) => serverAddress(`tools/${path}`, query);
 
-/** @throws {Error} with the server's sentence, or one that says that there is none. */
+/** @throws {Error} with the server's sentence, or a sentence that the server does not answer. */
 async function ask(address, options) {
   const answer = await fetch(address, { cache: "no-store", ...options }).catch(() => null);
   const found = await answer?.json().catch(() => null);

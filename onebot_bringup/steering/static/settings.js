@@ -1,16 +1,16 @@
-/** The fields that say what is steered and how fast: the robot, its topic and the limits. */
+/** The fields that choose what is steered and how fast: the robot, its topic and the limits. */
 
 import { fill, onEnterLeave, write } from "./elements.js";
 
 const UNITS = { linear: "m/s", angular: "rad/s", lateral: "m/s" };
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
-const CONFIRM_MS = 1000; // after an entry; later the server's states have it
+const CONFIRM_MS = 1000; // after an entry, until the server's states certainly have it
 const STORED = "limits"; // in the tab's storage, which outlives a reload
 
 export class Robot {
   /**
    * @param {HTMLElement} group with a select; hidden while there is no choice.
-   * @param {(topic: string) => void} choose called with the topic of the robot that is chosen.
+   * @param {(topic: string) => void} choose called with the topic of the chosen robot.
    */
   constructor(group, choose) {
     this.group = group;
@@ -19,7 +19,7 @@ export class Robot {
     this.select.addEventListener("keydown", () => (this.pointed = false));
     this.select.addEventListener("change", () => {
       choose(this.select.value);
-      // The keys drive again, unless they choose: their next press must not drive the new robot.
+      // The keys drive again, unless they made the choice: the next press must not drive the robot.
       if (this.pointed) this.select.blur();
     });
     onEnterLeave(this.select);
@@ -35,13 +35,13 @@ export class Robot {
     this.topic = this.select.value = topic;
   }
 
-  /** The server refused the choice. */
+  /** The server rejected the choice. */
   refuse() {
     this.select.value = this.topic;
   }
 }
 
-/** The robot that is steered, by its namespace and its description, or else by its topic. */
+/** The name of the steered robot: its namespace and its description's name, or else its topic. */
 export function nameOf({ topic, robots, robot_name: described }) {
   const name = robots.find((robot) => robot.topic === topic)?.name ?? topic;
   if (!described) return name;
@@ -65,11 +65,11 @@ export class Topic {
       else this.input.value = this.known;
     });
     onEnterLeave(this.input);
-    // The list offers what fits the text in the field: an empty field offers all.
+    // The list offers what matches the text in the field: an empty field offers all.
     this.input.addEventListener("focus", () => this.input.select());
   }
 
-  /** Show why the server refused a topic; the field shows the one that is steered. */
+  /** Show why the server rejected a topic; the field shows the current one. */
   refuse(sentence) {
     this.hint.refuse(sentence);
     this.input.value = this.known;
@@ -91,7 +91,7 @@ export class Limits {
   /**
    * @param {Object<string, HTMLElement>} groups by axis, each with an input and a hint.
    * @param {(limits: Object<string, number | null>) => void} choose called with what is chosen by
-   *   hand, by axis; null is as the controller has it.
+   *   hand, by axis; null is the controller's limit.
    */
   constructor(groups, choose) {
     this.choose = choose;
@@ -104,16 +104,16 @@ export class Limits {
     this.forget();
   }
 
-  /** Send what was entered into one field, with the other limits as they are. */
+  /** Send the entry of one field, with the other limits unchanged. */
   enter(axis, value) {
-    // A state that was sent before the last entry arrived does not have it.
+    // A state sent before the last entry arrived does not contain it.
     const confirmed = performance.now() - this.entered > CONFIRM_MS;
     this.entry = { ...(confirmed ? this.chosen : this.entry), [axis]: value };
     this.entered = performance.now();
     this.choose(this.entry);
   }
 
-  /** Show the server's state; a server that was restarted is sent what it has lost. */
+  /** Show the server's state; send the limits again to a server that was restarted. */
   show({ chosen, limits, ceiling, ceiling_from: from }) {
     this.chosen = chosen;
     for (const [axis, field] of Object.entries(this.fields)) {
@@ -125,7 +125,7 @@ export class Limits {
     else save(chosen);
   }
 
-  /** The connection is lost: the next state may be of a server that was restarted. */
+  /** The connection is lost: the next state may come from a restarted server. */
   forget() {
     this.fresh = true;
   }
@@ -147,7 +147,7 @@ class LimitField {
       this.choose(limitOf(typed));
     } catch (error) {
       if (!(error instanceof RangeError)) throw error;
-      this.hint.refuse(`${typed} refused: ${error.message}`);
+      this.hint.refuse(`${typed} rejected: ${error.message}`);
       this.input.value = this.known;
     }
   }
@@ -160,13 +160,13 @@ class LimitField {
   }
 
   warning(chosen, ceiling, from) {
-    const most = `${text(ceiling)} ${this.unit}`;
-    if (!from) return `No limit known: at most ${most}.`;
-    return chosen > ceiling ? `Held to ${most} by ${from}.` : "";
+    const max = `${text(ceiling)} ${this.unit}`;
+    if (!from) return `No limit known: at most ${max}.`;
+    return chosen > ceiling ? `Limited to ${max} by ${from}.` : "";
   }
 }
 
-/** The sentence beside a field: why an entry was refused, until the next one, or a warning. */
+/** The sentence beside a field: why an entry was rejected, until the next entry, or a warning. */
 class Hint {
   constructor(group, input) {
     this.element = group.querySelector(".hint");
@@ -193,14 +193,14 @@ class Hint {
 }
 
 /**
- * The limit that a field says, m/s or rad/s, with a point or a comma; null for an empty field.
- * @throws {RangeError} with what would be right.
+ * Parse the limit in a field, m/s or rad/s, with a point or a comma; null for an empty field.
+ * @throws {RangeError} with a sentence about a valid entry.
  */
 export function limitOf(typed) {
   if (typed === "") return null;
   if (!NUMBER.test(typed)) throw new RangeError("write a number, such as 0.5.");
   const value = Number(typed.replace(",", "."));
-  if (value === 0 || typed.startsWith("-")) throw new RangeError("a limit is above zero.");
+  if (value === 0 || typed.startsWith("-")) throw new RangeError("a limit must be above zero.");
   if (!Number.isFinite(value)) throw new RangeError("the number is too large.");
   return value;
 }
@@ -209,7 +209,7 @@ function isEmpty(chosen) {
   return Object.values(chosen).every((value) => value === null);
 }
 
-/** What was chosen by hand, of this tab; null where the browser keeps nothing. */
+/** The limits chosen by hand in this tab; null if the browser has stored none. */
 function load() {
   try {
     const kept = JSON.parse(sessionStorage.getItem(STORED));
@@ -223,7 +223,7 @@ function save(chosen) {
   try {
     sessionStorage.setItem(STORED, JSON.stringify(chosen));
   } catch {
-    // Storage is turned off: a restart of the server and a reload of the page lose the limits.
+    // Storage is disabled: a restart of the server or a reload of the page loses the limits.
   }
 }
 

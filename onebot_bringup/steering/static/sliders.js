@@ -1,14 +1,15 @@
 /**
- * The two sliders of rqt_robot_steering, linear and angular, with - 0 + and limits that can be
- * edited; the second one also drives sideways, or steers. They drive while they are held, both at once with two fingers, and spring back to zero.
+ * The two sliders of rqt_robot_steering, linear and angular, with - 0 + and editable limits; the
+ * second one also drives sideways, or steers. They drive while they are held, both at once with two
+ * fingers, and spring back to zero.
  */
 
 import { KeyHold } from "./hand.js";
 import { PointerHold } from "./pointer_hold.js";
 
-const STEP = 0.1; // of the limit
+const STEP = 0.1; // share of the limit
 const STEP_MS = 150;
-export const SETTLE_MS = 250; // after letting go, states that the server sent before are ignored
+export const SETTLE_MS = 250; // after letting go, for which older states of the server are ignored
 
 export class Sliders {
   /**
@@ -47,7 +48,7 @@ export class Sliders {
   }
 }
 
-/** The hands that hold some of these ranges. */
+/** The hands that hold any of these ranges. */
 export function handsOn(ranges) {
   return ranges.filter((range) => range.held).map((range) => range.hand);
 }
@@ -56,14 +57,14 @@ export function handsOn(ranges) {
 export class HeldRange {
   /**
    * @param {HTMLInputElement} range
-   * @param {object} input that it is a part of: has a `sender`, and `drive`, called at each change.
+   * @param {object} input the input that it belongs to: has `sender`, and `drive`, called at changes.
    */
   constructor(range, input) {
     this.range = range;
     this.input = input;
     this.pointer = new PointerHold(() => this.letGo());
     this.keys = new KeyHold(() => this.letGo());
-    this.hand = null; // that of the two which holds it
+    this.hand = null; // the pointer or the keys, whichever holds it
     this.settled = 0;
     range.addEventListener("pointerdown", (event) => this.point(event));
     range.addEventListener("input", () => this.slide());
@@ -77,7 +78,7 @@ export class HeldRange {
     return Number(this.range.value);
   }
 
-  /** Back to zero, held no more. */
+  /** Return to zero, no longer held. */
   spring() {
     this.range.value = "0";
     this.pointer.end();
@@ -97,7 +98,7 @@ export class HeldRange {
     if (held) this.input.drive();
   }
 
-  /** @param {number} [share] what `begin` is called with; undefined for the slider itself. */
+  /** @param {number} [share] argument of `begin`; undefined for the slider itself. */
   point(event, share) {
     if (event.button === 0) this.hold(this.pointer, event, share);
   }
@@ -106,7 +107,7 @@ export class HeldRange {
     if (this.held || !this.input.sender.ready) return;
     this.hand = hand;
     hand.begin(event);
-    if (share !== undefined) this.begin(share); // else "input" follows
+    if (share !== undefined) this.begin(share); // otherwise an "input" event follows
   }
 
   slide() {
@@ -136,7 +137,7 @@ class Axis extends HeldRange {
     this.hold(this.keys, event, sign);
   }
 
-  /** @param {number} sign of a button's steps. */
+  /** @param {number} sign the sign of a button's steps. */
   begin(sign) {
     this.range.value = "0";
     this.step(sign);

@@ -1,30 +1,30 @@
 /**
- * The stop: its button, the space bar, and a gamepad's button. It acts on press. While anything
- * presses it, no input of this page drives and a drive of another page ends at once; after that,
- * what is still held has to be released and pressed again.
+ * The stop: its button, the space bar, and a gamepad's button. It acts on press. While it is pressed,
+ * no input of this page drives, and a drive of another page ends at once; afterwards, a control that
+ * is still held has to be released and pressed again.
  */
 
-const PERIOD_MS = 100; // of stop messages while it is pressed
+const PERIOD_MS = 100; // period of stop messages while it is pressed
 const KEYS = ["Space", "Enter", "NumpadEnter"];
 
 export class Stop {
   /**
    * @param {HTMLButtonElement} button
    * @param {import("./command_sender.js").CommandSender} sender
-   * @param {() => void} cancelInputs called on press: an input may be held and not drive yet.
+   * @param {() => void} cancelInputs called on press: an input may be held but not drive yet.
    */
   constructor(button, sender, cancelInputs) {
     this.button = button;
     this.sender = sender;
     this.cancelInputs = cancelInputs;
-    this.pressers = new Set(); // the ids of pointers, the codes of keys, names of others
-    // Any pointer: a second finger and a mouse that is not yet released make no click.
+    this.pressers = new Set(); // ids of pointers, codes of keys, names of others
+    // React to any pointer: a second finger, or a mouse not yet released, makes no click.
     button.addEventListener("pointerdown", (event) => this.point(event));
     button.addEventListener("lostpointercapture", (event) => this.release(event.pointerId));
-    // Assistive technology makes a click and nothing else.
+    // Assistive technology only makes a click.
     button.addEventListener("click", () => sender.stop());
     window.addEventListener("pointerdown", (event) => this.release(event.pointerId), {
-      capture: true, // its release was missed, if it presses anew
+      capture: true, // if it presses again, its release was missed
     });
     window.addEventListener("keydown", (event) => this.pressKey(event), { capture: true });
     window.addEventListener("keyup", (event) => this.liftKey(event), { capture: true });
@@ -40,7 +40,7 @@ export class Stop {
     this.cancelInputs();
   }
 
-  /** One presser less; does nothing if it did not press. */
+  /** Remove a presser; does nothing if it did not press. */
   release(presser) {
     if (this.pressers.delete(presser)) this.changed();
   }
@@ -54,7 +54,7 @@ export class Stop {
   }
 
   point(event) {
-    // Else a mouse that is released over the view, a page of its own, would press for ever.
+    // Otherwise a mouse released over the view, a page of its own, would press forever.
     this.button.setPointerCapture(event.pointerId);
     this.press(event.pointerId);
   }

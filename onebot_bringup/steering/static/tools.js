@@ -1,17 +1,17 @@
-/** The buttons above the view: RViz's tools on the map, and where the view is looked at from. */
+/** The buttons above the view: RViz's tools on the map, and the view's camera. */
 
 import { fixed } from "./readout.js";
 import { get, post } from "./requests.js";
 
-const HEIGHT = 3; // m, of the eye that looks down
+const HEIGHT = 3; // of the eye that looks down, m
 const COVERS = matchMedia("(max-width: 899px)"); // a panel covers the map; see style.css
-const LEAN = 0.03; // of that height: straight down, and with 0.01, Rerun turns the picture around
+const LEAN = 0.03; // share of that height; with 0.01 or straight down, Rerun turns the picture
 
 export class Tools {
   /**
    * @param {HTMLElement} bar with buttons.
    * @param {import("./map.js").GroundMap} map
-   * @param {object} panels by the names of their buttons; one is open at a time.
+   * @param {object} panels the panels by their buttons' names; one is open at a time.
    * @param {(sentence: string) => void} notify shows a problem.
    */
   constructor(bar, map, panels, notify) {
@@ -48,7 +48,7 @@ export class Tools {
   choose(tool) {
     if (tool) this.open(true);
     this.map.choose(tool);
-    if (tool) this.map.say(tool === "point" ? "Press, or write:" : "Press and drag, or write:");
+    if (tool) this.map.say(tool === "point" ? "Press, or enter:" : "Press and drag, or enter:");
     this.show();
   }
 
@@ -61,7 +61,7 @@ export class Tools {
     }
   }
 
-  /** Publish a place on the ground; a tool is for one place, as in RViz. */
+  /** Publish a place on the ground; as in RViz, a tool is then deselected. */
   async publish(tool, place) {
     this.choose("");
     try {
@@ -72,20 +72,20 @@ export class Tools {
     }
   }
 
-  /** Look at the robot in the 3D view from somewhere else. */
+  /** Set the camera of the 3D view. */
   async look(name) {
     this.open(false);
     try {
       const { viewer } = await get("nodes");
-      if (!viewer) throw new Error("There is no viewer whose camera could be set.");
+      if (!viewer) throw new Error("There is no viewer with a camera to set.");
       const { parameters } = await get("parameters", { node: viewer });
       const known = Object.fromEntries(parameters.map(({ name, value }) => [name, value]));
       const { base, robot } = await get("ground", { frame: known.fixed_frame });
-      // Several robots are not in the frame of the view's file, but in the one above them.
+      // Several robots are not in the frame of the view's file, but in the frame above them.
       const place = robot ?? (await get("ground")).robot ?? { x: 0, y: 0 };
       const values = cameras[name](place, linkOf(base, known));
-      const { refused } = await post("parameters", { node: viewer, values });
-      for (const reason of Object.values(refused)) throw new Error(reason);
+      const { rejected } = await post("parameters", { node: viewer, values });
+      for (const reason of Object.values(rejected)) throw new Error(reason);
     } catch (error) {
       this.notify(error.message);
     }
@@ -105,13 +105,13 @@ const cameras = {
 
 const vector = (...numbers) => `[${numbers.map((each) => each.toFixed(3)).join(", ")}]`;
 
-/** A link as camera.follow names it: of several robots, by its frame. */
+/** A link's name for camera.follow; with several robots, its frame. */
 function linkOf(frame, { robots, frame_prefix: prefix = "" }) {
   return robots === "[]" && frame.startsWith(prefix) ? frame.slice(prefix.length) : frame;
 }
 
 function published(topic, subscribers, tool, { frame, x, y, yaw }) {
   const turn = tool === "point" ? "" : `, ${fixed((yaw * 180) / Math.PI, 0)}°`;
-  const nobody = subscribers ? "" : " Nobody subscribes to it.";
-  return `Published ${topic}: x ${fixed(x, 2)} m, y ${fixed(y, 2)} m${turn} in ${frame}.${nobody}`;
+  const unheard = subscribers ? "" : " It has no subscriber.";
+  return `Published ${topic}: x ${fixed(x, 2)} m, y ${fixed(y, 2)} m${turn} in ${frame}.${unheard}`;
 }

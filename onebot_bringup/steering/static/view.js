@@ -1,15 +1,15 @@
 /**
- * The robot's Rerun view, in a frame with a process of its own: however long Rerun takes to draw,
- * this page and its controls go on. What the frame reports comes from view_frame.js.
+ * The robot's Rerun view, in a frame with its own process: however long Rerun takes to draw, this
+ * page and its controls keep working. view_frame.js sends the frame's messages.
  */
 
 import { fill, make } from "./elements.js";
 
-const NOTE_FOR = 30000; // ms; about as long as it takes to catch up
+const NOTE_FOR = 30000; // ms; about the time to catch up
 const RELOAD_AFTER = 2000; // ms
 const ISOLATES_SANDBOXES = /Chrome\/(?!.*Mobile)/; // other browsers isolate sites at most
 
-/** The first address with a view: a tunnel may lead one of the names of loopback elsewhere. */
+/** The first address with a view: a tunnel may lead one of loopback's names elsewhere. */
 async function findView(addresses) {
   for (const address of addresses) {
     const answer = await fetch(address, { method: "HEAD", cache: "no-store" }).catch(() => null);
@@ -20,11 +20,11 @@ async function findView(addresses) {
 
 const KINDS = {
   trail: (name) => `${name}: trail`,
-  covariance: (name) => `${name}: covariance, an ellipse of place, a sector of heading`,
+  covariance: (name) => `${name}: covariance (ellipse: position, sector: heading)`,
 };
 
 /**
- * Say what the lines in the view are; Rerun has legends in its plots only.
+ * Show a legend of the lines in the view; Rerun has legends only in plots.
  * @param {HTMLUListElement} list
  * @param {{kind: string, name: string, color: string}[]} entries
  */
@@ -42,7 +42,7 @@ function legendItem({ kind, name, color }) {
 
 export class View {
   /**
-   * @param {HTMLElement} place holds the frame, and a sentence to be seen while there is none.
+   * @param {HTMLElement} place holds the frame, and a sentence to show while there is none.
    * @param {import("./stop.js").Stop} stop
    */
   constructor(place, stop) {
@@ -52,10 +52,10 @@ export class View {
     this.frame = null;
     this.ended = false;
     this.loadedAt = -Infinity;
-    this.isolated = true; // the frame has a process of its own
+    this.isolated = true; // whether the frame has its own process
     this.note = place.querySelector("#slow");
     this.noteEnds = undefined;
-    this.wanted = false; // somebody went to the frame with the keyboard
+    this.wanted = false; // whether the user went to the frame with the Tab key
     this.on = {
       shown: ({ behind }) => this.uncover(behind),
       ended: () => (this.ended = true),
@@ -70,8 +70,8 @@ export class View {
   }
 
   /**
-   * Show the view at one of these addresses, the best first, or none. It is loaded again only if
-   * they change, or if its data has ended.
+   * Show the view at one of these addresses, best first, or no view. It is only reloaded if they
+   * change, or if its data has ended.
    */
   show(addresses) {
     const same = addresses?.join() === this.addresses?.join();
@@ -113,10 +113,10 @@ export class View {
     if (!this.place.classList.contains("loading")) return;
     this.place.classList.remove("loading");
     this.explain(behind === true);
-    this.on.focus(); // a window that is not active reports none
+    this.on.focus(); // an inactive window reports no focus
   }
 
-  /** Say for a while why the view is behind, or no longer; and all the time if it can stall us. */
+  /** Show for a while that the view lags behind, or permanently if it can stall this page. */
   explain(behind) {
     clearTimeout(this.noteEnds);
     this.note.hidden = !behind;
@@ -124,7 +124,7 @@ export class View {
     if (behind && this.isolated) this.noteEnds = setTimeout(() => this.explain(false), NOTE_FOR);
   }
 
-  /** Hand the keys from the frame back to the page. */
+  /** Move the focus from the frame back to the page. */
   giveBackFocus() {
     this.frame?.blur();
     window.focus();

@@ -1,7 +1,7 @@
 """The base class of displays: their settings, their topics, and their part of the layout.
 
 Most displays draw the topics of a message type: see ``drawing``. The others subclass ``Display``.
-``topics`` says what the viewer's node, the replay of a bag and a snapshot subscribe to; ``apply``
+The viewer's node, the replay of a bag and a snapshot subscribe to its ``topics``; ``apply``
 receives changes of the settings; the layout combines every ``layout``.
 """
 
@@ -64,7 +64,7 @@ class Plot:
 class LayoutPart:
     """The views and entities that a display adds to the layout."""
 
-    views: tuple[SideView, ...] = ()  # beside the robot's
+    views: tuple[SideView, ...] = ()  # beside the robot's view
     visible: tuple[tuple[str, bool], ...] = ()  # entity, and whether it is visible initially
     hidden: tuple[str, ...] = ()  # entities left out of the robot's view, with all below
     shown: tuple[str, ...] = ()  # exceptions from ``hidden``
@@ -107,8 +107,8 @@ class Display(ABC, Generic[S]):
     order: ClassVar[int] = 100  # the displays of a robot are drawn and laid out in this order
     of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
-    only_plots: bool = False  # draws nothing in the robots' own view
-    limit: LoadLimit | None = None  # drops messages if too many come
+    only_plots: bool = False  # draws nothing in the robots' view
+    limit: LoadLimit | None = None  # drops messages if too many arrive
 
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
@@ -147,7 +147,7 @@ class Display(ABC, Generic[S]):
         self.settings = settings
 
     def topics(self) -> Sequence[WantedTopic]:
-        """Return the topics to subscribe to, by the current settings."""
+        """Return the topics to subscribe to with the current settings."""
         return ()
 
     def add(  # noqa: B027  a display without topics gets none
@@ -178,7 +178,7 @@ class Display(ABC, Generic[S]):
         return False
 
     def layout(self) -> Sequence[LayoutPart]:
-        """Return its parts of the layout, by the current settings."""
+        """Return its parts of the layout with the current settings."""
         return ()
 
     def legend(self) -> Sequence[LegendEntry]:

@@ -74,7 +74,7 @@ class Drawing(Generic[S]):
     at_stamp_time: ClassVar[bool] = False  # drawn where the frame was at the time of the stamp
     repeat_when_silent: ClassVar[bool] = False  # logged again if messages are rare: REPEAT_AFTER
     newest_only: ClassVar[bool] = False  # only the newest message of a flush is drawn
-    max_waiting: ClassVar[int] = DEPTH  # most messages that wait for a transform
+    max_waiting: ClassVar[int] = DEPTH  # maximum number of messages that wait for a transform
 
     def __init__(self, stage: Stage, name: str, entity: str, settings: S, color: Color) -> None:
         """Draw nothing yet.
@@ -108,7 +108,7 @@ class Drawing(Generic[S]):
         return ()
 
     def style(self) -> Sequence[rr.AsComponents]:
-        """Return what is the same for all messages, to be logged once."""
+        """Return the components that all messages share, to be logged once."""
         return ()
 
     def layout(self) -> LayoutPart:
@@ -224,11 +224,11 @@ class History(deque[Floats]):
 
     frame = ""
 
-    def __init__(self, most: int) -> None:
-        super().__init__(maxlen=most)
+    def __init__(self, length: int) -> None:
+        super().__init__(maxlen=length)
 
     def begin(self, frame: str) -> None:
-        """Continue in a frame; forget everything if it is another one than before."""
+        """Continue in a frame; forget everything if it differs from the previous frame."""
         if frame != self.frame:
             self.frame = frame
             self.clear()
@@ -308,14 +308,14 @@ class DrawingsDisplay(Display[S]):
             drawing.flush()
 
     def layout(self) -> Sequence[LayoutPart]:
-        """Return what its drawings add; those in the robots' view add nothing."""
+        """Return the parts of its drawings; those in the robots' view add nothing."""
         return [drawing.layout() for drawing in self.items.values()]
 
     def warnings(self) -> list[str]:
         """Return a sentence per drawing that waits long for a transform, or cannot be drawn."""
         waiting = [
             f'{self.noun} "{name}" is in the frame "{drawing.frame}", which no transform connects '
-            f'with "{self.stage.fixed_frame}": not shown until /tf or /tf_static brings one'
+            f'with "{self.stage.fixed_frame}": not shown until /tf or /tf_static has one'
             for name, drawing in self.items.items()
             if self._waits_long(name, drawing.frame)
         ]

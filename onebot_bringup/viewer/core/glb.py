@@ -42,7 +42,7 @@ _CYLINDER_SECTIONS = 72
 _SPHERE_SUBDIVISIONS = 4
 _SMALLEST = 1e-6  # smallest radius of a sphere, m; for radius 0 trimesh makes NaN
 # Meshes with more faces are shaded flat, since finding their sharp edges would take seconds.
-_MOST_FACES_TO_SMOOTH = 200_000
+_MAX_FACES_TO_SMOOTH = 200_000
 
 
 class ShapeAsset(NamedTuple):
@@ -51,7 +51,7 @@ class ShapeAsset(NamedTuple):
     glb: bytes  # binary glTF
     bounds: NDArray[np.float64]  # (2, 3), minimum and maximum corner, m
     colored: bool  # has its own colours, which override the URDF's, as in RViz
-    warnings: tuple[str, ...] = ()  # a sentence for each file that it lacks for its look
+    warnings: tuple[str, ...] = ()  # a sentence for each missing file that affects its look
 
 
 FileState = tuple[Path, int, int]  # path, time of the last change in ns, and size
@@ -154,7 +154,7 @@ def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:
     """Give meshes without vertex normals round faces and sharp edges."""
     shaded = trimesh.Scene()
     for part in scene.dump():
-        few = len(part.faces) <= _MOST_FACES_TO_SMOOTH
+        few = len(part.faces) <= _MAX_FACES_TO_SMOOTH
         shaded.add_geometry(_shade(part) if few and not _is_textured(part) else _flat(part))
     return shaded
 

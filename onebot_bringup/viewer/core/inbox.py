@@ -1,7 +1,7 @@
 """The inbox: queues messages until they are decoded in batches and passed to the displays.
 
-A message is shown at the time of its stamp (``Stamps``). If more messages come than can be drawn,
-old ones are dropped (``LoadLimit``), or if messages build on each other, they are drawn less often.
+A message is shown at the time of its stamp (``Stamps``). If more messages arrive than can be drawn,
+old ones are dropped (``LoadLimit``), or if they build on each other, they are drawn less often.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
 
-_MOST_BYTES = 64_000_000  # bound of a queue whose messages build on each other
+_MAX_BYTES = 64_000_000  # in a queue whose messages build on each other
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"
@@ -111,7 +111,7 @@ class WantedTopic:
         if not common_types:
             raise ValueError(
                 f'the view\'s topic "{self.name}" cannot be subscribed as {" or ".join(names)}: '
-                f"something else is shown of it, as {other.types[0].name}"
+                f"another display already reads it as {other.types[0].name}"
             )
         return WantedTopic(
             self.name,
@@ -128,9 +128,9 @@ class WantedTopic:
 
 
 class Receiver(Protocol):
-    """What messages are passed to: a display."""
+    """An object that messages are passed to: a display."""
 
-    limit: "LoadLimit | None"  # drops messages if too many come
+    limit: "LoadLimit | None"  # drops messages if too many arrive
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
         """Add messages of a topic, as it is called in its subscription, each with its time."""
@@ -176,7 +176,7 @@ class Inbox:
             if all(limits):
                 queue.limits = [limit for limit in limits if limit]
             if all(kind.replaces_previous for *_, kind in queue.receivers):
-                queue.most = topics[name].depth
+                queue.max_count = topics[name].depth
             previous_queue = self._queues.get((name, kind_name))
             if previous_queue is not None:
                 for data, time_ns in zip(*previous_queue.empty(), strict=True):
@@ -246,10 +246,10 @@ class _Queue:
     times: list[int] = field(default_factory=list)
     # A receiver, its name for the topic, and the type that decodes its messages.
     receivers: list[tuple[Receiver, str, MessageType[Any]]] = field(default_factory=list)
-    # Set if each receiver has a limit; more than ``most`` messages, or if none may be dropped too
-    # many bytes, then drop the oldest.
+    # Set if each receiver has a limit. Then the oldest messages are dropped when there are more
+    # than ``max_count``, or if that is None, when they have too many bytes.
     limits: "list[LoadLimit]" = field(default_factory=list)
-    most: int | None = None
+    max_count: int | None = None
     size: int = 0  # bytes
 
     def append(self, data: bytes, time_ns: int) -> None:
@@ -257,7 +257,7 @@ class _Queue:
         self.times.append(time_ns)
         self.size += len(data)
         count = len(self.messages)
-        is_full = self.size > _MOST_BYTES if self.most is None else count > self.most
+        is_full = self.size > _MAX_BYTES if self.max_count is None else count > self.max_count
         if self.limits and is_full and count > 1:
             self.size -= len(self.messages[0])
             del self.messages[0], self.times[0]
@@ -325,14 +325,14 @@ class Stamps:
 
 # --- load -----------------------------------------------------------------------------------------
 
-# Share of its time that the viewer may spend on one display, and the most seconds it can save up.
+# Share of its time that the viewer may spend on one display, and how many seconds it can save up.
 _SHARE, _SAVED = 0.25, 0.5
 _FADING, _FEW = 0.7, 0.1  # decay of earlier messages' weight per call, and the minimum weight
 _BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
 
 
 class LoadLimit:
-    """Drops old messages of a display if more come than can be shown.
+    """Drops old messages of a display if more arrive than can be shown.
 
     The display gets a share of each second; the time per message is measured.
     """
@@ -358,16 +358,16 @@ class LoadLimit:
         """Return the newest messages, as many as there is time to draw but at least one.
 
         Args:
-            messages: the messages that have come, oldest first.
+            messages: the received messages, oldest first.
             sizes: their sizes, bytes.
             thin: drop messages; False: return all, so that the display is ready later.
         """
         cost = self._seconds / self._messages if thin and self._messages else 0.0
-        most = max(1, int(self._left / cost)) if cost else len(messages)
-        self.dropped += max(0, len(messages) - most)
-        admitted = messages[-most:]
+        room = max(1, int(self._left / cost)) if cost else len(messages)
+        self.dropped += max(0, len(messages) - room)
+        admitted = messages[-room:]
         self._count += len(admitted)
-        self._bytes += sum(list(sizes)[-most:])
+        self._bytes += sum(list(sizes)[-room:])
         return admitted
 
     def spent(self, seconds: float) -> None:

@@ -1,9 +1,9 @@
 """Draws a robot in a Rerun recording: its shapes, each in the TF frame of its link.
 
 Entities are ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (separate subtrees, so
-that one click shows or hides each). A shape that cannot be drawn is marked by a wireframe box at
+that one click shows or hides each). A shape that cannot be drawn is marked with a wireframe box at
 its origin, ``.../<n>/missing``. All are static, so viewers that join late have them, too. Poses of
-frames come from /tf only.
+frames come only from /tf.
 """
 
 import math
@@ -30,7 +30,7 @@ COLLISION_COLOR: Rgba32 = (255, 170, 0, 110)
 # Colour of the box that replaces a shape that cannot be drawn; few robots have this colour.
 MISSING_COLOR: Rgba32 = (255, 0, 255, 255)
 _MISSING = "missing"
-_MOST_REASONS = 10  # reasons named for missing shapes
+_MAX_REASONS = 10  # reasons named for missing shapes
 _MISSING_SIZE = 0.1  # m, if the size of the robot is unknown
 
 
@@ -146,12 +146,12 @@ def marker_size(robot: Description) -> float:
 def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
     """Return a sentence for each reason why shapes are missing, with their links; the first few."""
     sentences = [
-        f"link {listing(links, most=5)}: not drawn but marked by a box: {reason}"
-        for reason, links in islice(failures.items(), _MOST_REASONS)
+        f"link {listing(links, most=5)}: not drawn but marked with a box: {reason}"
+        for reason, links in islice(failures.items(), _MAX_REASONS)
     ]
-    if len(failures) > _MOST_REASONS:
-        more = len(failures) - _MOST_REASONS
-        sentences.append(f"{more} more meshes are marked: see onebot check")
+    if len(failures) > _MAX_REASONS:
+        rest = len(failures) - _MAX_REASONS
+        sentences.append(f"{rest} more meshes are marked: see onebot check")
     return sentences
 
 

@@ -14,15 +14,15 @@ from onebot_description.ros.frame_tree import FrameTree
 FRAMES_ENTITY = "frames"
 ROBOT_DESCRIPTION = "robot_description"
 WORLD_DESCRIPTION = "/world_description"
-MOST_PLOTTED = 5  # robots with curves: there is no room for more tabs
+MAX_PLOTTED = 5  # robots with curves; there is no space for more tabs
 
 
 @dataclass(frozen=True)
 class RobotToShow:
     """Names the topics and frames of a robot to show."""
 
-    namespace: str = ""  # put before the view's relative topics; "" to leave them as they are
-    frame_prefix: str = ""  # put before link names to get their frames
+    namespace: str = ""  # prefix of the view's relative topics; "" for none
+    frame_prefix: str = ""  # prefix of the links' frames
     description: str = ROBOT_DESCRIPTION  # the topic of its URDF
     plotted: bool = True  # whether its curves are shown
 
@@ -156,7 +156,7 @@ class ShownRobot:
         return not self.missing(self.fixed_frame(wanted))
 
     def late(self, wanted: str) -> list[str]:
-        """Return a sentence each on links without a transform and on a missing fixed frame."""
+        """Return a sentence about links without a transform, one about an unknown fixed frame."""
         if self.description is None:
             return []
         warnings, fixed_frame = [], self.fixed_frame(wanted)
@@ -164,7 +164,7 @@ class ShownRobot:
         if missing:
             warnings.append(
                 f'no transform yet from "{fixed_frame}" to {listing(missing, 5)}: '
-                "not shown until /tf or /tf_static brings it"
+                "not shown until /tf or /tf_static has it"
             )
         if wanted and not self.known_as(wanted):
             warnings.append(unknown_frame(wanted, fixed_frame, self.frames))

@@ -27,7 +27,7 @@ _LISTED = 5  # robots named in a message
 
 
 class Stage:
-    """What all displays draw on: a recording, the robots in it and their frames.
+    """The recording that all displays draw on, the robots in it and their frames.
 
     Attributes:
         view_frame: the fixed frame that the view names; "" for none.
@@ -57,7 +57,7 @@ class Stage:
         self.alone = len(robots) == 1
         make_robot = partial(ShownRobot, recording, frames=self.frames, resolve=resolve)
         self.robots = [make_robot(names, "" if self.alone else names.entity) for names in robots]
-        # The things that stand around the robots.
+        # The surroundings of the robots.
         self.world = make_robot(RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.now_ns = 0
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
@@ -89,7 +89,7 @@ class Stage:
             send(self.recording, entity, stamps_ns, joined(columns))
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
-        """Remove what is drawn at an entity; the view would report one without a frame."""
+        """Clear an entity; it keeps a frame, since the view reports entities without one."""
         self.log_rows(entity, [(stamp_ns, [rr.Clear(recursive=False)])])
         if frame:
             self.log_rows(entity, [(stamp_ns, [rr.CoordinateFrame(frame)])])

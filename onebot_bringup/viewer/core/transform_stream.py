@@ -147,7 +147,7 @@ class TransformStream:
         return True
 
     def _remember(self, batch: Sequence[TfArrays], latest_ns: int) -> None:
-        """Update ``frames``, and log frames again that have not come for a while."""
+        """Update ``frames``, and log frames again that were not received for a while."""
         now = time.monotonic()
         for item in batch:
             self._frames.update(item)
@@ -158,7 +158,7 @@ class TransformStream:
             self._repeat_slow(now, latest_ns)
 
     def _repeat_slow(self, now: float, stamp_ns: int) -> None:
-        """Log frames again that have not come for a while, at the time of the newest."""
+        """Log frames again that were not received for a while, at the time of the newest."""
         slow = tuple(child for child, when in self._logged.items() if is_old(when))
         if not slow:
             return

@@ -1,8 +1,8 @@
-"""The displays of the robot view: each file of this folder holds one, or some that are alike.
+"""The displays of the robot view: each file of this folder holds one, or several similar ones.
 
-A display is a ``Drawing`` of message types, or a ``Display``, with a ``key`` of its own: under it,
-its settings are in view files and ROS parameters. Its class names their type as the argument of its
-base, as ``Drawing[PathSettings]`` does. Nothing else has to be registered.
+A display is a ``Drawing`` of message types, or a ``Display``, with its own ``key``, under which its
+settings are in view files and ROS parameters. The argument of its base class is their type, as in
+``Drawing[PathSettings]``. Nothing else has to be registered.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ AnyDisplay: TypeAlias = type[Display[Any]] | type[Drawing[Any]]
 def _found(base: type[T]) -> Iterator[type[T]]:
     """Yield the subclasses of ``base`` in this folder that have a key or types of their own.
 
-    Those without either are bases of others.
+    Classes without either are bases of others.
     """
     for file in iter_modules(__path__, f"{__name__}."):
         for item in vars(import_module(file.name)).values():
@@ -35,11 +35,11 @@ def settings_type(display: AnyDisplay) -> Any:
     return settings
 
 
-# Of each robot, or of all robots.
+# The displays of each robot, or of all robots.
 ROBOT_DISPLAYS: tuple[type[Display[Any]], ...] = tuple(
     sorted(_found(Display), key=lambda display: (display.order, display.key))  # type: ignore[type-abstract]
 )
-# Of the topics of message types, whichever robot's they are.
+# The drawings of message types, for the topics of any robot.
 MESSAGE_DRAWINGS: tuple[type[Drawing[Any]], ...] = tuple(
     sorted(_found(Drawing), key=lambda drawing: drawing.key)
 )

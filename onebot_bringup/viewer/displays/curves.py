@@ -33,7 +33,7 @@ _SCALARS = ColumnMaker(rr.Scalars.columns(scalars=[0.0]))
 
 
 class Curves:
-    """Lines of a plot on one entity, with a number for each of them at each time."""
+    """Lines of a plot on one entity, with a number for each line at each time."""
 
     def __init__(
         self, recording: rr.RecordingStream, entity: str, legend: Callable[[], rr.SeriesLines]
@@ -57,7 +57,7 @@ class Curves:
         stamps_ns, rows = zip(*self._rows, strict=True)
         self._rows = []
         numbers = np.array(rows, np.float64)
-        # Rerun draws nothing of a plot that contains infinity.
+        # Rerun does not draw a plot that contains infinity.
         numbers[~(np.abs(numbers) <= LARGEST)] = math.nan
         columns = [_SCALARS.column(numbers, each=numbers.shape[1])]
         send(self._recording, self.entity, stamps_ns, columns)
@@ -242,7 +242,7 @@ class FieldDrawing(CurveDrawing[CurveSettings]):
             return [float(value)]
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             field, where = self.settings.field, shortened(repr(value))
-            raise ValueError(f"{field} is no number of {where}: {error.args[0]}") from error
+            raise ValueError(f"{field} is not a number in {where}: {error.args[0]}") from error
 
 
 class CurvesDisplay(_CurvesDisplay[CurvesSettings]):

@@ -19,7 +19,7 @@ from onebot_description.ros.wire.message_arrays import JointStateArrays, one_joi
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
 # Each list of joint names has its own curves; more lists than this are a publisher's mistake.
-_MOST_SETS = 32
+_MAX_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
 Limits = Mapping[str, tuple[float, float]]
@@ -80,7 +80,7 @@ class JointPlotDisplay(Display[JointPlotSettings]):
             if not state.names:
                 continue
             if state.names not in self._sets:
-                if len(self._sets) >= _MOST_SETS:
+                if len(self._sets) >= _MAX_SETS:
                     continue
                 colors = joint_colors(state.names, len(self._sets))
                 self._sets[state.names] = _JointSet(self, self._count, colors, self._limits)
@@ -132,7 +132,7 @@ class _JointSet:
         self.velocities = curves(VELOCITY_ENTITY, ())
 
     def add(self, stamp_ns: int, state: JointStateArrays) -> None:
-        """Add the numbers that the message has for each joint."""
+        """Add the numbers of each joint in a message."""
         if len(state.positions) == self._count:
             self.positions.add(stamp_ns, np.concatenate([state.positions, self._edges]))
         if len(state.velocities) == self._count:

@@ -22,10 +22,10 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.robot_model import RobotModel
 from onebot_description.ros.wire.message_arrays import JointStateArrays
 
-# Most points drawn of a trajectory; of a longer one, they are evenly chosen from first to last.
-_MOST_POINTS = 1000
-# Most positions added between the points, so that the line bends as the robot does.
-_MOST_BETWEEN = 1000
+# Maximum number of points drawn; in a longer trajectory they are chosen evenly, first to last.
+_MAX_POINTS = 1000
+# Maximum number of positions added between the points, so that the line bends with the robot.
+_MAX_BETWEEN = 1000
 _STEP = np.radians(5.0)  # distance of two positions, summed over all joints
 
 
@@ -117,7 +117,7 @@ def _positions(message: Any) -> Floats:
     if len(wrong):
         at = int(wrong[0])
         raise ValueError(f"point {at} has {lists.counts[at]} positions for {len(names)} joints")
-    rows = np.linspace(0, len(lists) - 1, min(len(lists), _MOST_POINTS)).astype(int)
+    rows = np.linspace(0, len(lists) - 1, min(len(lists), _MAX_POINTS)).astype(int)
     positions = np.array([lists[row] for row in rows.tolist()])
     bad = np.argwhere(~(np.abs(positions) <= LARGEST))
     if len(bad):
@@ -137,7 +137,7 @@ def samples(positions: Floats, turning: NDArray[np.bool_]) -> tuple[Floats, NDAr
         Positions (S, K), at most some degrees apart, and the N rows that are the given points.
     """
     turned = np.abs(np.diff(positions, axis=0))[:, turning].sum(axis=1)
-    step = max(_STEP, turned.sum() / _MOST_BETWEEN)
+    step = max(_STEP, turned.sum() / _MAX_BETWEEN)
     counts = np.maximum(np.ceil(turned / step), 1).astype(int)
     rows = np.concatenate([[0], np.cumsum(counts)])
     along = np.arange(rows[-1] + 1)

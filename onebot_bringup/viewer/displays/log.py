@@ -25,7 +25,7 @@ _LEVELS = {  # the lowest number of each level
     "error": (40, rr.TextLogLevel.ERROR),
     "fatal": (50, rr.TextLogLevel.CRITICAL),
 }
-_LONGEST = 5000  # most characters of a line
+_LONGEST = 5000  # characters of a line
 
 
 @dataclass(frozen=True)
@@ -75,5 +75,5 @@ class LogDrawing(Drawing[LogSettings]):
 
 def _level(number: int) -> rr.TextLogLevel:
     """Return Rerun's name of a level; numbers between two levels count as the lower one."""
-    names = [name for least, name in _LEVELS.values() if least <= number]
+    names = [name for lowest, name in _LEVELS.values() if lowest <= number]
     return rr.TextLogLevel(names[-1] if names else rr.TextLogLevel.TRACE)

@@ -72,7 +72,7 @@ class MapDrawing(Drawing[MapSettings]):
         return [rr.GridMap.from_fields(colormap=colors, opacity=alpha, draw_order=layer)]
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a map, or an update of it, which is ignored before there is a map.
+        """Add a map, or an update, which is ignored before there is a map.
 
         Their stamps are not compared, as in RViz, since the clock may have been set back.
         """

@@ -57,7 +57,7 @@ _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # position and quaternion
 _TOGETHER_NS = 50_000_000  # single markers that arrive within this time are logged together
 _STEP_NS = 1_000_000_000  # if the time goes back by this, the clock was set back
 _SAME_NS = 1_000_000  # markers may have different stamps; within this time one transform serves
-_MOST_WAITING = 2000  # most markers that wait for a transform to their frames
+_MAX_WAITING = 2000  # markers that wait for a transform to their frames
 
 Integers = NDArray[np.integer[Any]]
 MarkerId = tuple[str, int]  # namespace and number
@@ -71,7 +71,7 @@ class MarkerSettings(TopicSettings):
 
 
 class Incoming(NamedTuple):
-    """Markers that have come, one per row."""
+    """Received markers, one per row."""
 
     spaces: list[str]
     frames: list[str]
@@ -264,12 +264,12 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         """Log the messages received so far, and remove markers whose time is over."""
         self._fixed, now_ns = self.stage.fixed_frame, self.stage.now_ns
         if now_ns < self._now_ns - _STEP_NS:
-            self._expire(_NEVER - 1)  # otherwise markers from before would stay for ever
+            self._expire(_NEVER - 1)  # otherwise older markers would stay forever
         for stamp_ns, incoming in self._incoming():
-            # It came at its stamp, unless that is from before the last flush, or of another clock.
-            came_ns = stamp_ns if self._now_ns < stamp_ns <= now_ns else now_ns
-            self._expire(came_ns)
-            self._take(stamp_ns, came_ns, incoming)
+            # It arrived at its stamp, unless that is before the last flush, or from another clock.
+            arrived_ns = stamp_ns if self._now_ns < stamp_ns <= now_ns else now_ns
+            self._expire(arrived_ns)
+            self._take(stamp_ns, arrived_ns, incoming)
         tree = self.stage.frames.version, self._fixed
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
@@ -295,7 +295,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         self._log(self._stamp_ns)
 
     def _incoming(self) -> Iterator[tuple[int, Incoming]]:
-        """Yield the messages; single markers that come at about the same time are joined."""
+        """Yield the messages; single markers that arrive at about the same time are joined."""
         pending, self._pending = self._pending, []
         for _, group in groupby(pending, lambda item: item[0] // _TOGETHER_NS):
             stamps_ns, messages = zip(*group, strict=True)
@@ -305,15 +305,15 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             else:
                 yield stamps_ns[-1], Incoming.from_single(messages)
 
-    # --- what a message does ----------------------------------------------------------------------
+    # --- messages ---------------------------------------------------------------------------------
 
-    def _take(self, stamp_ns: int, came_ns: int, incoming: Incoming) -> None:
-        """Add, change or remove markers, whose lifetimes begin at ``came_ns``."""
+    def _take(self, stamp_ns: int, arrived_ns: int, incoming: Incoming) -> None:
+        """Add, change or remove markers, whose lifetimes begin at ``arrived_ns``."""
         if not incoming.spaces:
             return
         kinds = self._kinds(incoming)
         plan = self._plan_of(stamp_ns, incoming, kinds)
-        batch = self._batch(stamp_ns, came_ns, incoming, kinds, plan.moved)
+        batch = self._batch(stamp_ns, arrived_ns, incoming, kinds, plan.moved)
         for layer, ids, rows in plan.members:
             layer.update(ids, batch.at(rows))
             self._changed[layer.entity] = layer
@@ -328,7 +328,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if arrows.any():
             kinds = np.where(arrows & (incoming.points > 0), ARROW_STRIP, kinds)
         numbers = incoming.poses, incoming.scales, incoming.colors
-        # One pass shows that nearly all messages are sound, without a copy.
+        # One pass accepts nearly all messages, without a copy.
         if not all(float(np.vdot(column, column)) <= LARGEST for column in numbers):
             sound = (np.abs(np.hstack(numbers)) <= LARGEST).all(axis=1)
             kinds = np.where(sound, kinds, _NOT_DRAWN)
@@ -396,7 +396,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             return None
         marker = space, int(incoming.ids[row])
         if not self.stage.connected(frame):
-            if marker in self._waiting or len(self._waiting) < _MOST_WAITING:
+            if marker in self._waiting or len(self._waiting) < _MAX_WAITING:
                 self._waiting[marker] = stamp_ns, incoming.messages[row]
             return None
         self._waiting.pop(marker, None)
@@ -421,7 +421,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def _batch(
         self,
         stamp_ns: int,
-        came_ns: int,
+        arrived_ns: int,
         incoming: Incoming,
         kinds: Integers,
         moved: Mapping[str, list[int]],
@@ -450,7 +450,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         ends = np.full(len(poses), _NEVER)
         if incoming.lifetimes.any():
             limited = incoming.lifetimes > 0
-            ends[limited] = came_ns + incoming.lifetimes[limited]
+            ends[limited] = arrived_ns + incoming.lifetimes[limited]
         parts = np.full(len(poses), None)
         for row in np.flatnonzero(kinds >= LINE_STRIP).tolist():
             added = incoming.actions[row] == ADD
@@ -466,19 +466,19 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if kind == TRIANGLE_LIST and 3 * len(colors) == len(points):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
-            text = "it has more or fewer colours than points: its own is used"
+            text = "it has more or fewer colours than points: the marker's colour is used"
             incoming.report(self.problems, row, text)
             colors = colors[:0]
         if not is_drawable(points):
             incoming.report(self.problems, row, "its points are not finite: not drawn")
             points = points[:0]
-        most = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)
+        end = len(points) - len(points) % 3 if kind == TRIANGLE_LIST else len(points)
         if incoming.types[row] == ARROW:
-            most = 2
-        if len(points) < KINDS[kind].least:
-            most = 0
-        colors = colors[:most] if len(colors) == len(points) else colors[:0]
-        return MarkerContent(points[:most], colors, incoming.types[row] == LINE_LIST, message.text)
+            end = 2
+        if len(points) < KINDS[kind].min_points:
+            end = 0
+        colors = colors[:end] if len(colors) == len(points) else colors[:0]
+        return MarkerContent(points[:end], colors, incoming.types[row] == LINE_LIST, message.text)
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -508,7 +508,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             self._plan = None
 
     def _repeat(self) -> None:
-        """Log all columns again of layers for which that is long ago."""
+        """Log all columns of layers again for which that is long ago."""
         for layer in self._layers.values():
             if is_old(layer.whole_at):
                 self._changed[layer.entity] = layer
@@ -516,7 +516,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
 
 def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
-    """Report the problems that RViz warns of."""
+    """Report the problems that RViz warns about."""
     add = incoming.actions == ADD
     incoming.report(problems, add & (np.array(incoming.frames) == ""), "it names no frame")
     has_known_kind = np.isin(kinds, [*KINDS, _NOT_DRAWN])
@@ -525,11 +525,12 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
         how, rows = KINDS[kind], add & (kinds == kind)
         flat = (incoming.scales[:, how.of_scale] == 0).any(axis=1)
         incoming.report(problems, rows & flat, "its scale is zero")
-        if how.least == 0 and kind != MESH:
+        if how.min_points == 0 and kind != MESH:
             clear = incoming.colors[:, 3] == 0
             incoming.report(problems, rows & clear, "it is transparent: color.a is 0")
-        few = incoming.points < how.least
-        incoming.report(problems, rows & few, f"it has less than {how.least} points: not drawn")
+        few = incoming.points < how.min_points
+        text = f"it has fewer than {how.min_points} points: not drawn"
+        incoming.report(problems, rows & few, text)
 
 
 def _frame(marker: Any) -> str:

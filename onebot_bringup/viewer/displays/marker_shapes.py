@@ -19,7 +19,7 @@ from onebot_description.elements.meshes import locate_mesh
 from onebot_description.elements.packages import Resources
 from onebot_description.geometry.quaternions import rotate
 
-# A column, or a function that makes one and its numbers; it is called only if these have changed.
+# A column, or a function that makes it from numbers, called only if the numbers have changed.
 Piece: TypeAlias = "ReadyColumn | tuple[Callable[[NDArray[Any]], ReadyColumn], NDArray[Any]]"
 
 ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST, CUBE_LIST, SPHERE_LIST = range(8)
@@ -270,12 +270,12 @@ class MarkerKind(NamedTuple):
 
     name: str  # name of the entity
     draw: Draw
-    least: int = 0  # least number of points; 0 if it has none
+    min_points: int = 0  # 0 if it has none
     of_scale: Sequence[int] = (0, 1, 2)  # components of the scale that must not be zero
 
     def pieces(self, batch: Batch) -> Sequence[Piece]:
         """Return the columns of markers; none if there is nothing to draw."""
-        return self.draw(batch) if not self.least or batch.counts.any() else []
+        return self.draw(batch) if not self.min_points or batch.counts.any() else []
 
 
 KINDS: Mapping[int, MarkerKind] = {

@@ -1,4 +1,4 @@
-"""Draws odometry: arrows where a robot has been, its trail as a line, and its pose covariance.
+"""Draws odometry: arrows at past poses, the trail as a line, and the pose covariance.
 
 As in RViz, every topic of the type gets arrows. The topics that the view names get trails and
 covariances instead.
@@ -36,7 +36,7 @@ M = TypeVar("M", bound=Mapping[str, Any])
 
 # --- arrows ---------------------------------------------------------------------------------------
 
-_MOST_KEPT = 1000  # most arrows, since each is logged with all previous ones
+_MAX_KEPT = 1000  # arrows, since each is logged with all previous ones
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._history = History(min(self.settings.keep or _MOST_KEPT, _MOST_KEPT))
-        self._size = 0.0  # the robot's when the arrows were last drawn, m
+        self._history = History(min(self.settings.keep or _MAX_KEPT, _MAX_KEPT))
+        self._size = 0.0  # the robot's size when the arrows were last drawn, m
 
     def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the previous one."""
@@ -129,11 +129,11 @@ class TrailSettings:
 
 
 class TrailDrawing(Drawing[TrailSettings]):
-    """A line where the robot has been.
+    """A line along the robot's past positions.
 
     Every piece of the line is a row at its own time, and the layout shows the last seconds of them.
-    So the recording grows only while the robot drives, viewers that join late and files have the
-    trail too, and moving the time cursor back shortens it.
+    The recording therefore grows only while the robot drives, viewers that join late and files also
+    have the trail, and moving the time cursor back shortens it.
     """
 
     max_waiting = 5000
@@ -165,14 +165,14 @@ class TrailDrawing(Drawing[TrailSettings]):
         return LayoutPart(windows=((self.entity, self.settings.length),))
 
     def erase(self) -> None:
-        """Leave the pieces: the layout hides them, or a drawing of another colour goes on."""
+        """Leave the pieces: the layout hides them, or a drawing of another colour continues."""
 
     def replace(self, before: Drawing[TrailSettings]) -> None:
         self._pending.extend(before._pending)
 
 
 class TrailDisplay(OdometryDisplay[Mapping[str, TrailSettings]]):
-    """Draws where the robot has been."""
+    """Draws the past positions of the robot."""
 
     key, noun = "trails", "trail"
     order = 3

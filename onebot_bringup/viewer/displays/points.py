@@ -344,7 +344,7 @@ def _bounds(values: NDArray[Any]) -> tuple[float, float]:
 def _table(
     rainbow: bool, inverted: bool, lowest: Color = (0, 0, 0), highest: Color = (255, 255, 255)
 ) -> Colors:
-    """Return (256,) colours, from that of the lowest value to that of the highest."""
+    """Return (256,) colours, from the lowest value's to the highest value's."""
     at = np.linspace(0.0, 1.0, 256)
     if rainbow:
         rgb = _rainbow(at if inverted else 1.0 - at)

@@ -27,7 +27,7 @@ AXIS_COLORS = np.array([(204, 51, 51), (51, 204, 51), (51, 102, 255)], np.uint8)
 # Line of a flat arrow of length 1: its shaft, and both sides of its head.
 _FLAT = np.array([(0, 0, 0), (1, 0, 0), (0.75, 0.2, 0), (1, 0, 0), (0.75, -0.2, 0)], float)
 _WIDTH: Any = [rr.Radius.ui_points(0.75)]  # lines of flat arrows and outlines
-_FITTING = "0: by the robot's size"
+_FITTING = "0: fits the robot's size"
 
 
 @dataclass(frozen=True)

@@ -176,17 +176,17 @@ def displayed_range(message: Any) -> float:
     A detector of one fixed distance (``min_range`` equals ``max_range``) reports -inf for an object
     in its range, and +inf for none.
     """
-    measured, least, most = message.range, message.min_range, message.max_range
-    if least <= measured <= most:
+    measured, low, high = message.range, message.min_range, message.max_range
+    if low <= measured <= high:
         return float(measured)
-    return float(least) if least == most and measured == -math.inf else 0.0
+    return float(low) if low == high and measured == -math.inf else 0.0
 
 
 # --- inertial sensors -----------------------------------------------------------------------------
 
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
 _SLIMNESS = 40  # ratio of an axis's length to its thickness
-_PERIOD_NS = 45_000_000  # between two messages drawn, since hundreds may come per second
+_PERIOD_NS = 45_000_000  # between two drawn messages, since hundreds may arrive per second
 _UNKNOWN = -1.0  # a covariance that begins with this belongs to a value that is not measured
 
 
@@ -240,7 +240,7 @@ class ImuDrawing(Drawing[ImuSettings]):
             return None
         length = math.hypot(*values)
         if not 0.0 < length <= LARGEST:
-            raise ValueError(f"its orientation {values.tolist()} is no quaternion")
+            raise ValueError(f"its orientation {values.tolist()} is not a quaternion")
         pose = self.pose()
         measured = to_matrix(values / length)
         turn: Floats = measured if pose is None else pose[:3, :3].T @ measured

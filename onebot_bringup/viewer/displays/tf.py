@@ -21,9 +21,9 @@ class AxesSettings:
     """The frames' axes."""
 
     visible: bool = setting(True, "draw it")
-    length: float = setting(0.0, "metres; 0: by the robot's size")
+    length: float = setting(0.0, "metres; 0: fits the robot's size")
     names: bool = setting(True, "draw it")
-    names_up_to: int = setting(16, "write no names if there are more frames")
+    names_up_to: int = setting(16, "draw no names if there are more frames")
     frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)
 
 
@@ -54,7 +54,7 @@ class TfDisplay(Display[AxesSettings]):
         self._shown_of = None
 
     def set_robot(self) -> None:
-        """Have the next flush draw the axes of the links, and hide those of links that are gone."""
+        """Draw the axes of new links, and hide those of removed links, at the next flush."""
         old_links, self._links = self._links, set()
         for robot in self.stage.robots:
             if robot.description is not None:
@@ -79,7 +79,7 @@ class TfDisplay(Display[AxesSettings]):
 
     def warnings(self) -> list[str]:
         frame = self.stage.transforms.ignored
-        reason = "it is not finite, or its rotation no unit quaternion"
+        reason = "it is not finite, or its rotation is not a unit quaternion"
         return [f'a transform of "{frame}" is ignored: {reason}'] if frame else []
 
     def layout(self) -> Sequence[LayoutPart]:
