@@ -1,8 +1,7 @@
-"""Makes the READMEs' pictures again, with the commands that anyone has.
+"""Makes the pictures of the documentation again, with the public commands.
 
-``python -m tests.pictures [maze] [onebot] [mrm] [arm] [steering] [gallery] [--into FOLDER]``: all
-if none is named. They go where the READMEs show them, or beside one another into FOLDER, to be
-looked at.
+``python -m tests.pictures [maze] [onebot] [mrm] [arm] [--into FOLDER]``: all
+if none is named. They replace those in the documentation, or go into FOLDER, to be looked at.
 """
 
 import argparse
@@ -24,29 +23,22 @@ from onebot_control import Simulation
 from onebot_description.ros.domains import used_domain
 from tests.readme import CHECKOUT
 from tests.ros_support import NodeProcess
-from tests.steering_browser_support import Page
 from tests.support import wait_for
-from tests.support_browser import browser
-from tests.support_rendering import colored, pixels
 
 PLACES = {
     "maze": CHECKOUT / "onebot_bringup/images/maze.gif",
     "onebot": CHECKOUT / "onebot_bringup/images/onebot.png",
     "mrm": CHECKOUT / "mrm_description/images/mrm.png",
     "arm": CHECKOUT / "mrm_description/images/arm.png",
-    "steering": CHECKOUT / "onebot_bringup/images/steering.png",
-    "gallery": CHECKOUT / "onebot_bringup/images/gallery.png",
 }
-# What OneBot is told for its picture: m/s, rad/s and s, an S that shows all there is to see.
+# OneBot's commands for its picture: m/s, rad/s and s; an S-curve.
 DRIVE = ((0.2, 0.5, 6.0), (0.35, -0.5, 6.0), (0.25, 0.45, 6.0))
-# What MRM is told: to 0.9 rad in 4 s, and to -0.3 rad in 5 s more.
+# MRM's trajectory: to 0.9 rad in 4 s, and to -0.3 rad in another 5 s.
 TRAJECTORY = """{joint_names: [base_link__link_01], points: [
   {positions: [0.9], velocities: [0.0], time_from_start: {sec: 4}},
   {positions: [-0.3], velocities: [0.0], time_from_start: {sec: 9}}]}"""
-ORANGE, TRAIL = (255, 107, 10), (77, 208, 225)  # as in dimensions.yaml and view.yaml
-SCREEN = (1440, 860)
 Point = tuple[float, float, float]
-EYE, TARGET = (1.2, -0.9, 3.6), (1.2, 1.05, 0.0)  # m, of the moving picture of the maze
+EYE, TARGET = (1.2, -0.9, 3.6), (1.2, 1.05, 0.0)  # of the moving picture, m
 MOVING = (480, 360)
 GOALS = ((2.4, 0.8), (0.0, 0.8), (0.0, 2.4), (0.8, 2.4))
 RED, GREEN, BLUE = (230, 40, 40), (20, 170, 70), (60, 120, 220)
@@ -56,7 +48,7 @@ MRM = "mrm_description.launch.mrm_bringup"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make the pictures that are asked for."""
+    """Make the requested pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PLACES))
     parser.add_argument("--into", type=Path, metavar="FOLDER")
@@ -73,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make_maze(picture: Path, _: Path) -> None:
-    """OneBot finds its way to some places, with its scan, the way ahead and the way behind."""
+    """OneBot finds its way to several goals, with its scan, the path ahead and its trail."""
     project = _projection(EYE, TARGET, MOVING)
     frames, trail = list[Image.Image](), list[tuple[float, float, float]]()
     with Simulation(world="maze", sensors=True, seed=3) as simulation:
@@ -103,7 +95,7 @@ def make_maze(picture: Path, _: Path) -> None:
 
 
 def _projection(eye: Point, target: Point, size: tuple[int, int]) -> Callable[[Any], Any]:
-    """Where points are in a picture of ``Simulation.picture``, which sees 1 rad across."""
+    """Return a function that projects points into ``Simulation.picture``, 1 rad wide."""
     ahead = np.subtract(target, eye) / math.dist(target, eye)
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
@@ -120,7 +112,7 @@ def _projection(eye: Point, target: Point, size: tuple[int, int]) -> Callable[[A
 def make_onebot(picture: Path, folder: Path) -> None:
     """OneBot mid-drive, with its trails and its speeds."""
     rrd = folder / "onebot.rrd"
-    with ExitStack() as drivers:  # the last one drives on until the robot is gone
+    with ExitStack() as drivers:  # the last command lasts until the robot has ended
         with running(BRINGUP, "viewer:=none", f"save:={rrd}", ready="driving robot"):
             drive(drivers, DRIVE)
     snapshot(picture, rrd)
@@ -135,7 +127,7 @@ def make_mrm(picture: Path, folder: Path) -> None:
 
 
 def make_arm(picture: Path, folder: Path) -> None:
-    """MRM on a trajectory, with the plot of its reference and of what is measured."""
+    """MRM on a trajectory, with the plot of its reference and its measured position."""
     rrd = folder / "arm.rrd"
     with running(MRM, "sim:=true", "viewer:=none", f"save:={rrd}", ready="moving robot"):
         topic, kind = "/joint_trajectory_controller/joint_trajectory", "trajectory_msgs/msg/"
@@ -146,17 +138,8 @@ def make_arm(picture: Path, folder: Path) -> None:
     snapshot(picture, rrd)
 
 
-def make_gallery(picture: Path, folder: Path) -> None:
-    """OneBot driven through the maze, with what it senses there, as the viewer shows it."""
-    rrd = folder / "gallery.rrd"
-    maze = ("world:=maze", "sensors_enabled:=true", "viewer:=none", f"save:={rrd}")
-    with running(BRINGUP, *maze, ready="showing"), ExitStack() as drivers:
-        drive(drivers, ((0.25, 0.0, 4.0), (0.2, 0.4, 3.0)))
-    snapshot(picture, rrd, "--camera", "-0.3,-1.3,1.6:1.2,0.35,0.0")
-
-
 def drive(drivers: ExitStack, commands: Iterable[tuple[float, float, float]]) -> None:
-    """Publish one Twist after the other: m/s, rad/s and for how long, s."""
+    """Publish one Twist after the other: m/s, rad/s and its duration, s."""
     publish = ("topic", "pub", "-r", "50", TOPIC, "geometry_msgs/msg/Twist")
     for linear, angular, seconds in commands:
         before = drivers.pop_all()
@@ -166,54 +149,18 @@ def drive(drivers: ExitStack, commands: Iterable[tuple[float, float, float]]) ->
         time.sleep(seconds)
 
 
-def make_steering(picture: Path, folder: Path) -> None:
-    """The steering page in a browser, while its joystick drives OneBot through the maze."""
-    maze = ("world:=maze", "sensors_enabled:=true")
-    words = (*maze, "steer:=true", "port:=0", "viewer:=web")
-    address = r"\[steering_page\].* open (http\S+)"
-    with (
-        running(BRINGUP, *words, ready=address) as process,
-        browser(folder / "profile", webgl=True) as driver,
-    ):
-        page = Page(driver)
-        page.emulate(*SCREEN, prefers_color_scheme="dark")
-        page.open(re.findall(address, process.output)[0])
-        wait_for(lambda: view_is_drawn(driver.get_screenshot_as_png()), "the robot's view")
-        wait_for(lambda: not page.find("#slow").is_displayed(), "the note to go")
-        # Software draws the live view late: the trail says that it has come so far.
-        page.drive_until(
-            lambda: page.hold_pad(-0.03, 0.2),
-            page.let_go,
-            lambda: trail_is_drawn(driver.get_screenshot_as_png()),
-            "the trail",
-        )
-        picture.write_bytes(driver.get_screenshot_as_png())
-        page.let_go()
-
-
-def view_is_drawn(png: bytes) -> bool:
-    """Return whether OneBot's orange and its white shell are seen."""
-    image = pixels(png)
-    return bool(colored(image, ORANGE).sum() > 30 and (image.min(axis=2) > 200).sum() > 500)
-
-
-def trail_is_drawn(png: bytes) -> bool:
-    """Return whether a good part of the trail of the truth is seen."""
-    return bool(colored(pixels(png), TRAIL).sum() > 500)
-
-
 @contextmanager
 def running(module: str, *words: str, ready: str) -> Iterator[NodeProcess]:
-    """Run a command meanwhile, from when its output matches ``ready`` on; Ctrl-C ends it."""
+    """Run a command, from the time its output matches ``ready``; Ctrl-C ends it."""
     with NodeProcess(module, *words) as process:
         wait_for(lambda: re.search(ready, process.output), f"{ready} from {module}")
         yield process
 
 
-def snapshot(picture: Path, rrd: Path, *words: str) -> None:
+def snapshot(picture: Path, rrd: Path) -> None:
     """Draw a recording."""
     command = [sys.executable, "-m", ONEBOT, "snapshot", str(picture), str(rrd), "--dashboard"]
-    subprocess.run([*command, *words], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 _MAKERS: dict[str, Callable[[Path, Path], None]] = {
@@ -221,8 +168,6 @@ _MAKERS: dict[str, Callable[[Path, Path], None]] = {
     "onebot": make_onebot,
     "mrm": make_mrm,
     "arm": make_arm,
-    "steering": make_steering,
-    "gallery": make_gallery,
 }
 
 

@@ -83,10 +83,7 @@ def test_all_problems_are_told_at_once() -> None:
     ("name", "answer"),
     [
         ("use_gui", "joints:=FILE sets how joints move, without sliders"),
-        (
-            "gui",
-            "write viewer:=web, viewer:=native or viewer:=none for the view; joints:=FILE sets how joints move",
-        ),
+        ("gui", "write viewer:=web, viewer:=native or viewer:=none for the view; joints:=FILE"),
         ("rvizconfig", "view:=FILE chooses what the viewer shows"),
     ],
 )
