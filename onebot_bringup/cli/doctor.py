@@ -44,8 +44,7 @@ class Verdict(NamedTuple):
 
 def run(argv: Sequence[str]) -> int:
     """Print the report; return 1 if something is broken."""
-    text = "limit for a message between two processes (20 s)"
-    timeout = option("--timeout", "S", text, positive, 20.0)
+    timeout = option("--timeout", "S", "time limit of a message (20 s)", positive, 20.0)
     summary = "check that this computer has what ROS and this project need"
     args = Parser("onebot doctor", summary, [timeout]).parse(argv)
     use_local_discovery()

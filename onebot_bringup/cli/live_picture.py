@@ -70,7 +70,7 @@ class RunningRobots:
             self._broken = error  # other bad messages are no reason to give up
 
     def _tick(self) -> None:
-        """Show the messages that have come."""
+        """Show the received messages."""
         self._warnings += self._feed.update()
         warnings = self._feed.tick()
         self._warnings += warnings if self._view.robot is not None else []

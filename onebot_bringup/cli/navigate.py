@@ -59,9 +59,7 @@ class _Drive:
         )
         notice = "waiting for the navigator to know where the robot is ..."
         if not session.await_or_report(lambda: poses, lambda: notice, _POSE):
-            raise OneBotError(
-                "the navigator does not know the robot's pose: its log has the reason"
-            )
+            raise OneBotError("the navigator does not know where the robot is; see its log")
         self._start = poses[-1].pose.pose.position
 
     def to(self, x: float, y: float, yaw: float | None = None) -> None:

@@ -24,8 +24,8 @@ _NONE = Velocity()
 class Bound:
     """The limits of the speed along an axis, m/s or rad/s; zero if the drive does not have it."""
 
-    forward: float  # or to the left
-    reverse: float  # or to the right
+    forward: float  # speed forward, or to the left
+    reverse: float  # speed backward, or to the right
     initial: float  # the limit until an operator chooses another
     # The controller's full name, or the name of the page's parameter; "" if no limit is known.
     source: str = ""
@@ -34,9 +34,9 @@ class Bound:
 class CommandRange(NamedTuple):
     """The range of allowed commands."""
 
-    forward: Velocity  # and to the left
-    reverse: Velocity  # and to the right; positive
-    min_radius: float = 0.0  # of curves, m
+    forward: Velocity  # speeds forward and to the left
+    reverse: Velocity  # speeds backward and to the right; positive
+    min_radius: float = 0.0  # turning radius, m
 
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
@@ -61,7 +61,7 @@ class Limits:
     linear: Bound
     angular: Bound
     lateral: Bound = Bound(0.0, 0.0, 0.0)
-    min_radius: float = 0.0  # of curves, m; 0: the robot turns on the spot
+    min_radius: float = 0.0  # turning radius, m; 0: the robot turns on the spot
     chosen: SetLimits = SetLimits()  # an operator's choice
 
     @property

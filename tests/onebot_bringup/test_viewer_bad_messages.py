@@ -115,11 +115,11 @@ def changed(message, changes):
         (rgb(step=5), "5 from row to row (step), do not fit into 12"),
         (rgb(width=HUGE, height=HUGE), "do not fit into 12"),
         (rgb(width=0), "it has no pixels"),
-        (image("64FC1", PIXELS), 'the encoding "64FC1" is not supported; supported are rgb8, '),
+        (image("64FC1", PIXELS), 'encoding "64FC1" is not supported, only rgb8, '),
         (compressed("png", "16UC1; compressedDepth png", b"\0" * 30), '"16UC1; compressedDepth'),
         (
             compressed("png", "jpeg", b""),
-            'the format "jpeg" is not supported',
+            'format "jpeg" is not supported, only jpeg and png',
         ),
         (points_of(width=HUGE, height=HUGE), "do not fit into 56 bytes"),
         (points_of(row_step=23), "23 from row to row"),

@@ -126,8 +126,7 @@ class ImageDrawing(Drawing[ImageSettings]):
         encoding = _ENCODINGS.get(message.encoding)
         if encoding is None:
             name = printable(shortened(message.encoding))
-            known = ", ".join(_ENCODINGS)
-            raise ValueError(f'the encoding "{name}" is not supported; supported are {known}')
+            raise ValueError(f'encoding "{name}" is not supported, only {", ".join(_ENCODINGS)}')
         pixels = _pixels(message, encoding)
         if message.encoding in _UYVY:
             pixels = pixels.view(np.uint16).byteswap().view(np.uint8)
@@ -157,7 +156,7 @@ class ImageDrawing(Drawing[ImageSettings]):
                 kind = rr.EncodedImage.columns(media_type=[media_type])
                 return [_BLOB.row(message.data), *ready(kind)]
         name = printable(shortened(message.format))
-        raise ValueError(f'the format "{name}" is not supported; supported are jpeg and png')
+        raise ValueError(f'format "{name}" is not supported, only jpeg and png')
 
 
 _BUFFER = BytesMaker(rr.Image.columns(buffer=[b"0"]))

@@ -528,9 +528,8 @@ def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> Non
         if how.min_points == 0 and kind != MESH:
             clear = incoming.colors[:, 3] == 0
             incoming.report(problems, rows & clear, "it is transparent: color.a is 0")
-        few = incoming.points < how.min_points
-        text = f"it has fewer than {how.min_points} points: not drawn"
-        incoming.report(problems, rows & few, text)
+        rows &= incoming.points < how.min_points
+        incoming.report(problems, rows, f"it has fewer than {how.min_points} points: not drawn")
 
 
 def _frame(marker: Any) -> str:
