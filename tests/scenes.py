@@ -18,12 +18,7 @@ def observed(simulation: Simulation) -> bytes:
     """Where everything is, to the last bit."""
     robots = simulation.robots.values()
     values = [
-        [
-            each.pose,
-            [each.twist.linear, each.twist.lateral, each.twist.angular],
-            each.odometry if each.has_wheels else None,
-            each.joints,
-        ]
+        [each.pose, [*each.twist], each.odometry if each.has_wheels else None, each.joints]
         for each in robots
     ]
     return repr([simulation.time, values, dict(simulation.boxes)]).encode()

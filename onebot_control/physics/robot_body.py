@@ -70,9 +70,6 @@ class _World(Protocol):
     settings: PhysicsSettings
 
     @property
-    def robots(self) -> Sequence["RobotBody"]: ...
-
-    @property
     def scene(self) -> object | None: ...
 
     def check(self) -> None: ...
