@@ -126,28 +126,25 @@ def _inactive(
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
         names = joints[controller.name]
-        missing = [
-            Problem(
-                f"{controller.name}.{controller.config.joints_parameter}",
-                f'joint "{joint}" does not move{hint}',
-            )
-            for joint, hint in unknown_names(names, moving)
-        ]
+        missing = [*unknown_names(names, moving)]
         shared = [joint for joint in names if joint in owners]
         following = [joint for joint in names if joint in followers]
         if missing and (len(missing) < len(names) or len(controllers) == 1):
-            problems += missing
-        elif missing:
-            text = f"is inactive: no joint of the robot is {listing(names)}"
-            inactive.append(Problem(controller.name, text))
+            key = f"{controller.name}.{controller.config.joints_parameter}"
+            problems += [
+                Problem(key, f'joint "{name}" does not move{hint}') for name, hint in missing
+            ]
+            continue
+        if missing:
+            reason = f"no joint of the robot is {listing(names)}"
         elif shared:
-            text = f"is inactive: {owners[shared[0]]}, which comes first, moves {listing(shared)}"
-            inactive.append(Problem(controller.name, text))
+            reason = f"{owners[shared[0]]}, which comes first, moves {listing(shared)}"
         elif following and len(controllers) > 1:
-            text = f"is inactive: by <mimic>, another joint moves {listing(following)}"
-            inactive.append(Problem(controller.name, text))
+            reason = f"by <mimic>, another joint moves {listing(following)}"
         else:
             owners.update(dict.fromkeys(names, controller.name))
+            continue
+        inactive.append(Problem(controller.name, f"is inactive: {reason}"))
     if problems:
         raise ConfigError(problems)
     return inactive

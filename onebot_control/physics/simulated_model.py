@@ -127,18 +127,13 @@ def simulated_model(
 
 def without_limits(description: Description, joints: Collection[str]) -> Description:
     """Return a description without limits of command interfaces of some joints; report them."""
-    listed = {**description.interfaces}
-    limited = [name for name in joints if name in listed and listed[name].limits]
-    for name in limited:
-        listed[name] = listed[name]._replace(limits={})
-    if limited:
-        logger.warning(
-            "%s: joint %s: min and max of <command_interface> do not limit it, because "
-            "enforce_command_limits is false",
-            description.source,
-            listing(limited),
-        )
-    return replace(description, interfaces=listed) if limited else description
+    listed = description.interfaces
+    free = {name: listed[name]._replace(limits={}) for name in joints if name in listed}
+    if limited := [name for name in free if listed[name].limits]:
+        text = "do not limit it, because enforce_command_limits is false"
+        place = f"{description.source}: joint {listing(limited)}"
+        logger.warning("%s: min and max of <command_interface> %s", place, text)
+    return replace(description, interfaces={**listed, **free}) if limited else description
 
 
 def check_interfaces(description: Description, commanded: Collection[str], *, stands: bool) -> None:

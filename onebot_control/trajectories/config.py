@@ -30,6 +30,7 @@ MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 
+@dataclass(frozen=True, kw_only=True)
 class JointControllerConfig:
     """The parameters of a joint controller; each kind has a dataclass.
 
@@ -39,7 +40,9 @@ class JointControllerConfig:
     """
 
     joints_parameter: ClassVar[str] = "joints"
-    enforce_command_limits: bool = True
+    enforce_command_limits = True
+    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
 
     @classmethod
     def from_parameters(cls: type[C], values: Mapping[str, Any]) -> C:
@@ -230,8 +233,6 @@ class TrajectoryConfig(JointControllerConfig):
     allow_trajectory_replacement: bool = ignored(True, "a new goal holds joints that it leaves out")
     start_with_holding: bool = ignored(True, "it always holds the joints")
     state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
-    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
-    is_async: bool = ignored(False, IN_EACH_CYCLE)
     enforce_command_limits: bool = parameter(
         True, "refuse positions beyond the joints' limits, and command none"
     )

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import RESET, JointFollower, Outcome
 from onebot_control.trajectories.goal import field_problems
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.geometry.poses import clamp
-from onebot_description.parameters.reader import REQUIRED, ignored, parameter
+from onebot_description.parameters.reader import REQUIRED, parameter
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,6 @@ class ForwardConfig(JointControllerConfig):
     interface_name: str = parameter(
         "position", "what is commanded; only position has an effect", read_only=True
     )
-    update_rate: float = ignored(0.0, IN_EACH_CYCLE, read_only=True)
-    is_async: bool = ignored(False, IN_EACH_CYCLE, read_only=True)
 
     @property
     def interfaces(self) -> tuple[str, ...]:

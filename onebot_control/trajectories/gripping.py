@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_control.trajectories.config import JointControllerConfig
 from onebot_control.trajectories.following import (
     GOAL_TOLERANCE_VIOLATED,
@@ -57,8 +56,6 @@ class GripperCommandConfig(JointControllerConfig):
     max_effort: float = parameter(
         0.0, "the maximum effort of goals without their own, N or Nm; 0: of <limit>", at_least=0.0
     )
-    update_rate: float = ignored(0.0, IN_EACH_CYCLE)
-    is_async: bool = ignored(False, IN_EACH_CYCLE)
 
 
 @dataclass(frozen=True)

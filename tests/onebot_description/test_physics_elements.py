@@ -30,7 +30,6 @@ def of(reference: str, inside: str) -> str:
         ("<gravity> 0 </gravity>", False),
         ('<gravity value="false"/>', False),
         ("<turnGravityOff>true</turnGravityOff>", False),
-        ("<turnGravityOff>1</turnGravityOff>", False),
         ("<gravity>true</gravity>", True),
         ("<turnGravityOff>False</turnGravityOff>", True),
     ],
