@@ -142,39 +142,6 @@ def two_fingers(mass: float) -> Description:
     return arm(*parts)
 
 
-LINKAGE = {  # multipliers of the joints that mimic "left_knuckle"
-    "right_knuckle": -1.0,
-    "left_inner": 1.0,
-    "right_inner": -1.0,
-    "left_tip": -1.0,
-    "right_tip": 1.0,
-}
-
-
-def linkage(effort: float) -> Description:
-    """A gripper as Robotiq's 2F-85, on a vertical rail: six joints turn as one, with ``effort``."""
-    parts = [
-        link("palm", 0.5),
-        '<joint name="lift" type="prismatic"><parent link="world"/><child link="palm"/>'
-        '<origin xyz="0 0 0.155" rpy="3.14159265358979 0 0"/><axis xyz="0 0 -1"/>'
-        '<limit lower="0" upper="1" effort="100" velocity="1"/></joint>',
-    ]
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        pad = box("0.008 0.022 0.04", f"{-0.02 * sign} 0 0.02")
-        for name, parent, child, xyz, shape in (
-            (f"{side}_knuckle", "palm", f"{side}_finger", f"{0.0306 * sign} 0 0.0549", ""),
-            (f"{side}_inner", "palm", f"{side}_bar", f"{0.0127 * sign} 0 0.0614", ""),
-            (f"{side}_tip", f"{side}_finger", f"{side}_pad", f"{0.0373 * sign} 0 0.043", pad),
-        ):
-            follows = mimic("left_knuckle", LINKAGE[name]) if name in LINKAGE else ""
-            limits = f'lower="-0.8" upper="0.8" effort="{effort}" velocity="2"'
-            parts += [
-                link(child, 0.02, moment=3e-6, shape=shape),
-                joint(name, parent, child, axis="0 -1 0", xyz=xyz, limits=limits, more=follows),
-            ]
-    return arm(*parts)
-
-
 def robotiq(effort: float) -> Description:
     """Robotiq's 2F-85 by its maker's figures, on a vertical rail, with so many Nm."""
     file = Path(__file__).parents[1] / "robots" / "arms" / "gen3_2f85.urdf"

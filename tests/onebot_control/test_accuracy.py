@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from onebot_description.description import load_description
-from onebot_description.geometry.poses import PlanarPose
 from tests.accuracy import (
     ODOMETRY_GOAL,
     ONEBOT,
@@ -68,17 +67,3 @@ def test_wrong_odometry_is_seen() -> None:
     results = measure(load_description(DIFF_DRIVE), [DrivenPath("line", straight(0.4))], wrong)
     assert results[0].odometry_error == pytest.approx(0.01, rel=0.01)
     assert "odometry is off truth" in missed(results, 0.0)[0]
-
-
-def test_missed_goals_are_named() -> None:
-    """Position by the path's length, heading by all turning; on the spot the heading alone."""
-    end = PlanarPose(1.0, 0.0, 0.0)
-    path = DrivenPath("one", straight(1.0))
-    exact = Result(path, end, end, np.eye(3), end, 1.0, 2.0, 0.0, 0.0)
-    assert missed([exact], 0.0) == []
-    off = exact._replace(odometry=PlanarPose(1.001, 0.0, 0.0), commanded=PlanarPose(1.1, 0.0, 0.0))
-    assert len(missed([off], 1e-4)) == 3 and "0.100%" in missed([off], 1e-4)[0]
-    assert exact._replace(odometry=PlanarPose(1.0, 0.0, 0.02)).odometry_error == pytest.approx(0.01)
-    spot = exact._replace(path=PATHS[1], length=0.0, odometry=PlanarPose(6.0, 0.0, 0.006))
-    assert spot.odometry_error == pytest.approx(0.003)
-    assert len(missed([exact._replace(truth=PlanarPose(math.nan, 0.0, 0.0))], math.nan)) == 3

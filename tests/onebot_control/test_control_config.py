@@ -10,7 +10,6 @@ from onebot_description.parameters.reader import ConfigError, defaults, leaves
 from tests.onebot_control.control_support import WHEELS
 
 DEFAULTS = defaults(ControlConfig)
-NEGATIVE = ("min_velocity", "max_deceleration", "max_acceleration_reverse", "min_jerk")
 
 
 def problem(**values: Any) -> str:
@@ -70,13 +69,11 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ),
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"update_rate": 1001}, "update_rate: 1001 is above 1000; write a number from 0.001"),
-        ({"update_rate": 1e-320}, "is below 0.001"),
         ({"right_wheel_noise": 2}, "right_wheel_noise: 2 is above 1"),
         (
             {"publish_rate": 0.0},
             "publish_rate: 0 is not above 0; write a number above 0 and",
         ),
-        ({"velocity_rolling_window_size": 0}, "velocity_rolling_window_size: 0 is below 1"),
         (
             {"pose_covariance_diagonal": [1.0, 2.0]},
             "2 numbers; write 6: variances of x, y, z",
@@ -84,14 +81,6 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ({"odom_frame_id": ""}, "odom_frame_id: is empty; write the name of a frame"),
         ({"angular__z__min_jerk": 1.0}, "angular.z.min_jerk: 1 is above 0"),
         ({"joint_state_broadcaster__interfaces": ["torque"]}, 'no "torque"'),
-        (
-            {"publish_rate": 10_000.1},
-            "publish_rate: 10000.1 is above 10000",
-        ),
-        ({"wheel_seperation": 0.3}, 'did you mean "wheel_separation"?'),
-        ({"use_stamped_vel": 3}, "use_stamped_vel: 3 is a number; write true or false"),
-        ({"linear__x__has_velocity_limits": 1}, "has_velocity_limits: 1 is a number; write true"),
-        ({"linear__x__min_acceleration": 1.0}, "min_acceleration: 1 is above 0"),
     ],
 )
 def test_wrong_values(values: dict[str, Any], said: str) -> None:

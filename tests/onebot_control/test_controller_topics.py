@@ -143,7 +143,7 @@ def test_services_and_teleport(
     assert at(0.0, 1.0)
 
 
-@pytest.mark.parametrize(("frame", "world"), [("", ""), ("", "map"), ("map", "map")])
+@pytest.mark.parametrize(("frame", "world"), [("", ""), ("map", "map")])
 def test_a_standing_robot_is_teleported_to_a_pose_in_the_world(
     ros_simulation: RosSimulation, frame: str, world: str
 ) -> None:

@@ -49,23 +49,6 @@ JAW = body("jaw") + joint("finger", "upper", "jaw", "prismatic", "1 0 0", limits
 ARM = arm(UPPER, JAW).urdf
 BOTH = ["shoulder", "finger"]
 
-CONTROLLERS = """
-controller_manager:
-  ros__parameters:
-    real_time_factor: 2.0
-    arm: {type: joint_trajectory_controller/JointTrajectoryController}
-    gripper: {type: joint_trajectory_controller/JointTrajectoryController}
-arm:
-  ros__parameters:
-    joints: [shoulder]
-    command_interfaces: [position]
-    state_interfaces: [position, velocity]
-    constraints: {goal_time: 0.5, shoulder: {goal: 0.01}}
-gripper:
-  ros__parameters:
-    joints: [finger]
-"""
-
 
 @pytest.fixture
 def model(tmp_path: Path) -> str:
@@ -264,37 +247,18 @@ def _moved(states: list[JointState], start: Mapping[str, float], least: float) -
     return [abs(at - start[name]) > least for name, at in positions(states).items()]
 
 
-WRONG = [
-    (
-        "joints: [finger]",
-        "joints: [finger, fingr]",
-        'gripper.joints: joint "fingr" does not move (did you mean "finger"?',
-    ),
-    (
-        "command_interfaces: [position]",
-        "command_interfaces: [positon]",
-        'arm.command_interfaces: no "positon" (did you mean "position"?',
-    ),
-    (
-        "goal: 0.01",
-        "goal: -0.01",
-        "arm.constraints.shoulder.goal: -0.01 is below 0; write a number from 0",
-    ),
-]
-
-
 def test_what_is_given_wrongly_is_one_error(model: str, tmp_path: Path) -> None:
     """It names the file and the line, the controller and its parameter, and what to write."""
-    lines, errors = [], []
-    for number, (right, wrong, text) in enumerate(WRONG):
-        assert CONTROLLERS.count(right) == 1
-        file = tmp_path / f"{number}.yaml"
-        file.write_text(CONTROLLERS.replace(right, wrong))
-        lines.append([model, "--ros-args", "--params-file", str(file)])
-        line = CONTROLLERS[: CONTROLLERS.index(right)].count("\n") + 1
-        errors.append(f"error: {file}:{line}: {text}")
-    node = CONTROLLER.removeprefix("/")
-    lines.append([model, "--ros-args", "-p", f"{node}:constraints.goal_time:=-1.0"])
-    errors.append(f"error: {node}.constraints.goal_time: -1 is below 0; write a number")
-    for output, error in zip(refusals(MODULE, lines), errors, strict=True):
-        assert output.startswith(error)
+    file, node = tmp_path / "control.yaml", CONTROLLER.removeprefix("/")
+    file.write_text(MIXED.replace("joints: [finger]", "joints: [finger, fingr]"))
+    outputs = refusals(
+        MODULE,
+        [
+            [model, "--ros-args", "--params-file", str(file)],
+            [model, "--ros-args", "-p", f"{node}:constraints.goal_time:=-1.0"],
+        ],
+    )
+    text = 'finger_controller.joints: joint "fingr" does not move (did you mean "finger"?'
+    assert outputs[0].startswith(f"error: {file}:8: {text}")
+    text = "constraints.goal_time: -1 is below 0; write a number"
+    assert outputs[1].startswith(f"error: {node}.{text}")

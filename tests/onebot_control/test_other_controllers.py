@@ -249,7 +249,7 @@ def test_a_gripper_of_the_older_kind(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "interfaces",
-    [["position"], ["position", "velocity"], ["position", "velocity", "acceleration"]],
+    [["position"], ["position", "velocity", "acceleration"]],
 )
 def test_the_state_has_the_arrays_of_its_interfaces(interfaces: list[str], tmp_path: Path) -> None:
     """As in ros2_controllers' state_topic_consistency, and so has the action's feedback."""

@@ -67,23 +67,6 @@ def go(simulation, speed, seconds):
         simulation.step([speed, speed], 0.01)
 
 
-@pytest.mark.parametrize(("friction", "slides"), [(0.1, True), (0.9, False)])
-def test_friction_is_that_of_the_file(friction, slides):
-    """A box slides down a slope whose tangent is above the product of both frictions."""
-    slope = "1 1 0.1", "0 0 0.4", "0 0.4 0"  # tan 0.42
-    start = f"{0.155 * math.sin(0.4)} 0 {0.4 + 0.155 * math.cos(0.4)}"
-    description = scene(
-        part("slope", *slope, friction=1.0),
-        part("box", "0.2 0.2 0.2", start, "0 0.4 0", "floating", 1.0, friction),
-    )
-    with among(description, x=5.0) as simulation:
-        [((before, _, _), _)] = simulation.scene.poses
-        go(simulation, 0.0, 1.0)
-        [((x, _, _), _)] = simulation.scene.poses
-        assert (x - before > 0.2) == slides
-        assert slides or x == pytest.approx(before, abs=0.01)
-
-
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 1.5])
 def test_it_starts_at_rest_on_a_ramp(yaw):
     """Below a roof, not on it."""

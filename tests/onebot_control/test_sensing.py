@@ -279,7 +279,7 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
         assert above[0] > 60 and above[1] == 0 and below[1] > 60 and below[0] == 0, kind
 
 
-@pytest.mark.parametrize("scale", list(itertools.product((1.0, -1.0), repeat=3)))
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)])
 def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float, ...]):
     """By the sign of its scale's product its triangles are wound as before or the other way."""
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
@@ -298,8 +298,7 @@ def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float,
     np.testing.assert_array_equal(*pictures)
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.02])
-def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
+def test_onebot_pushed_against_a_wall_looks_at_it_from_outside():
     """Its camera stands 6 mm out of its base, and stops with it."""
     onebot = load_description(
         "package://onebot_description/urdf/onebot.urdf.xacro", {"sensors_enabled": "true"}
@@ -310,7 +309,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside(yaw: float):
         f'<collision>{size}</collision></link><joint name="j" type="fixed"><parent link="world"/>'
         '<child link="wall"/><origin xyz="2.1 0 1.5"/></joint></robot>'
     )
-    config = ControlConfig.from_parameters({"x": 1.7, "yaw": yaw, "cmd_vel_timeout": 9.0})
+    config = ControlConfig.from_parameters({"x": 1.7, "yaw": 0.02, "cmd_vel_timeout": 9.0})
     with Fleet.from_members([Member(onebot, config)], scene=scene) as fleet:
         fleet.robots[0].accept(0.3, 0.0)
         state = [fleet.cycle()[0] for _ in range(300)][-1]

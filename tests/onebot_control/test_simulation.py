@@ -36,7 +36,7 @@ def drive(simulation: Simulation) -> list[Any]:
     """Drive to a wall of the maze, and against it; what is observed on the way."""
     robot = simulation.robot
     found = [observed(robot)]
-    for linear, angular, seconds in ((0.5, 0.0, 2.0), (0.4, 0.8, 1.53), (1.0, 0.0, 4.0)):
+    for linear, angular, seconds in ((0.5, 0.0, 1.0), (0.4, 0.8, 1.53), (1.0, 0.0, 2.0)):
         robot.drive(linear, angular)
         simulation.run(seconds)
         found.append(observed(robot))
@@ -203,46 +203,6 @@ def test_any_robot(tmp_path: Path):
         world.robot.drive(0.2)
         world.run(2.0)
         assert world.robot.pose.x == pytest.approx(2.0 * world.robot.odometry.x, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"world": "maize"}, 'no world "maize" (did you mean "maze"?'),
-        ({"model": "nowhere.urdf"}, "nowhere.urdf: no such file"),
-        ({"arguments": {"mesh": "false"}}, "mesh_enabled"),
-        ({"parameters": {"world": "maze"}}, "world: has no effect here"),
-        ({"model": DIFF_DRIVE, "sensors": True}, "no sensor found"),
-        ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
-        ({"x": math.nan}, "finite"),
-        ({"world": "maze", "x": 2.8, "y": 0.8}, "somewhere else"),
-    ],
-)
-def test_a_mistake_is_named(arguments: dict[str, Any], message: str):
-    with pytest.raises((OneBotError, ValueError)) as caught:
-        Simulation(**arguments)
-    assert message in str(caught.value)
-
-
-def test_a_mistake_of_a_running_simulation_changes_nothing():
-    with Simulation(sensors=True) as world:
-        robot = world.robot
-        robot.drive(0.2)
-        for wrong in (math.nan, math.inf):
-            with pytest.raises(ValueError, match="finite"):
-                robot.drive(0.1, wrong)
-        with pytest.raises(OneBotError, match="name a sensor that measures points: camera, lidar$"):
-            robot.points()
-        with pytest.raises(OneBotError, match="name a sensor that measures scan: lidar$"):
-            robot.scan("lidat")
-        with pytest.raises(OneBotError, match='no joint "left_wheel" can move .did you mean'):
-            robot.joints["left_wheel"]
-        world.run(1.0)
-        assert robot.twist.linear == pytest.approx(0.2, abs=1e-3)
-    with pytest.raises(OneBotError, match="closed"):
-        world.run(1.0)
-    with Simulation() as bare, pytest.raises(OneBotError, match=r"Simulation\(sensors=True\)"):
-        bare.robot.scan()
 
 
 def test_what_is_slow_to_import_is_imported_only_when_needed():

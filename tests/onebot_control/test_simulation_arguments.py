@@ -19,38 +19,26 @@ TEXT = DIFF_DRIVE.read_text()
 
 WRONG = [
     ({"model": None}, "model: has no value; write a URDF or xacro file, or a Description"),
-    ({"model": 1}, "model: 1 is a number"),
     ({"model": TEXT}, "is a description, not the path of its file"),
-    ({"model": TEXT, "sensors": True}, "is a description, not the path of its file"),
-    ({"world": TEXT}, "is a description, not the path of its file"),
+    ({"model": DIFF_DRIVE, "sensors": True}, "no sensor found"),
     ({"world": None}, 'write the name of a world, a URDF or xacro file, a Description, or ""'),
-    ({"world": True}, "world: true is a bool"),
     ({"x": "1"}, 'x: "1" is a string; write a number'),
     ({"y": None}, "y: has no value"),
     ({"yaw": math.inf}, "yaw: inf is not finite"),
-    ({"x": True}, "x: true is a bool"),
     ({"sensors": None}, "sensors: has no value; write True or False, or a URDF or xacro file"),
-    ({"sensors": 1}, "sensors: 1 is a number"),
+    ({"sensors": "nowhere.urdf"}, "nowhere.urdf"),
     ({"noise": "no"}, 'noise: "no" is a string; write True or False'),
-    ({"noise": 0}, "noise: 0 is a number"),
     ({"seed": -1}, "seed: -1 is below 0; write an integer from 0 to 2^64 - 1"),
     ({"seed": 2**64}, "seed: needs more than 64 bits; write an integer from 0 to 2^64 - 1"),
-    ({"seed": 1.5}, "seed: 1.5 is a number; write an integer"),
-    ({"seed": "7"}, 'seed: "7" is a string'),
-    ({"seed": None}, "seed: has no value"),
     ({"arguments": None}, "arguments: has no value; write a dict"),
     ({"arguments": {"mesh_enabled": None}}, "arguments.mesh_enabled: has no value"),
-    ({"arguments": ["mesh_enabled:=true"]}, "is a list; write a dict"),
     ({"parameters": None}, "parameters: has no value; write a dict"),
     ({"parameters": {1: 2}}, "parameters: 1 is a number; write a string"),
     ({"parameters": {"linear.x.max_velocity": "1"}}, 'max_velocity: "1" is a string'),
     ({"robots": None}, "robots: has no value; write a dict of RobotSetups by name"),
     ({"robots": [RobotSetup()]}, "is a list; write a dict of RobotSetups by name"),
     ({"robots": {"a": {"x": 1}}}, "robots.a: is a map; write a RobotSetup"),
-    ({"robots": {"a": RobotSetup}}, "robots.a: <class"),
     ({"robots": {"a b": RobotSetup()}}, 'robots: "a b" is not possible; write letters, digits'),
-    ({"robots": {"": RobotSetup()}}, 'robots: "" is not possible'),
-    ({"robots": {1: RobotSetup()}}, "robots: 1 is a number"),
     ({"robots": {"1a": RobotSetup()}}, 'robots: "1a" is not possible'),
     ({"robots": {"two": RobotSetup(parameters={"nope": 1})}}, "robots.two.nope: no such parameter"),
 ]
@@ -63,18 +51,9 @@ def test_a_simulation_s(arguments: dict[str, Any], words: str) -> None:
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"x": "1"}, 'x: "1" is a string'),
-        ({"model": 3}, "model: 3 is a number"),
-        ({"parameters": None}, "parameters: has no value"),
-    ],
-)
-def test_a_robot_setup_s(arguments: dict[str, Any], words: str) -> None:
-    with pytest.raises(OneBotError) as caught:
-        RobotSetup(**arguments)
-    assert words in str(caught.value)
+def test_a_robot_setup_s() -> None:
+    with pytest.raises(OneBotError, match='x: "1" is a string'):
+        RobotSetup(x="1")  # type: ignore[arg-type]
 
 
 def test_numpy_s_numbers_are_right() -> None:
@@ -104,13 +83,11 @@ def standing() -> Iterator[Simulation]:
 
 CALLS: list[tuple[Callable[[Simulation], object], str]] = [
     (lambda s: s.run(), "run takes seconds, or until=..."),
-    (lambda s: s.run(True), "seconds: true is a bool"),
     (lambda s: s.run("1"), 'seconds: "1" is a string; write a duration'),
     (lambda s: s.run(-1), "seconds: -1 is below 0"),
     (lambda s: s.run(until=True), "until: true is a bool; write a function"),
     (lambda s: s.run(until=lambda: True, timeout=None), "timeout: has no value"),
     (lambda s: s.reset("1"), 'seed: "1" is a string'),
-    (lambda s: s.reset(2**64), "seed: needs more than 64 bits"),
     (lambda s: s.record("1", 1), 'seconds: "1" is a string'),
     (lambda s: s.record(1e30, 1), "seconds: 1e+30 is above"),
     (lambda s: s.record(1, 0), "rate: 0 is not above 0"),
@@ -118,15 +95,15 @@ CALLS: list[tuple[Callable[[Simulation], object], str]] = [
     (lambda s: s.ray((0, 0, 1), None), "direction: has no value; write three finite numbers"),
     (lambda s: s.ray((0, 0, 1), (0, 0, 0)), "direction: is zero"),
     (lambda s: s.robots["x"], 'no robot "x"'),
-    (lambda s: s.robots[1], 'no robot "1"'),
     (lambda s: s.boxes["x"], 'no box "x" can move'),
     (lambda s: s.robot.joints[3], 'no joint "3" can move'),
     (lambda s: s.robot.drive("1"), 'linear: "1" is a string'),
     (lambda s: s.robot.drive(0.1, None), "angular: has no value"),
-    (lambda s: s.robot.drive([0.1, 0.0]), "linear: [0.1, 0.0] is a list"),
     (lambda s: s.robot.teleport("1", 0), 'x: "1" is a string'),
     (lambda s: s.robot.teleport(0, 0, math.nan), "yaw: nan is not finite"),
     (lambda s: s.robot.scan(5), "sensor: 5 is a number; write a string"),
+    (lambda s: s.robot.scan("lidat"), "name a sensor that measures scan: lidar"),
+    (lambda s: s.robot.points(), "name a sensor that measures points: camera, lidar"),
     (lambda s: s.robot.image(None), "sensor: has no value"),
     (lambda s: s.robot.scan().at("0"), 'angle: "0" is a string'),
     (lambda s: s.robot.navigation.go_to("1", 0), 'x: "1" is a string'),
@@ -217,6 +194,8 @@ def test_a_single_robot_s_name_is_explained() -> None:
         assert isinstance(one.robots[""], SimulatedRobot)
         with pytest.raises(OneBotError, match=r"simulation\.robot"):
             one.robots["robot"]
+        with pytest.raises(OneBotError, match=r"Simulation\(sensors=True\)"):
+            one.robot.scan()
 
 
 @pytest.mark.parametrize("name", ["wheel_separation", "wheel_radius", "odometry", "command"])

@@ -1,4 +1,4 @@
-"""The robot moves as its wheels say, and its root link's frame is what is told of it."""
+"""What is told of a moving robot: its twist, its joints and their efforts."""
 
 import math
 from collections.abc import Iterator
@@ -7,10 +7,8 @@ import pytest
 
 from tests.onebot_control.simulation_support import (
     LEFT,
-    RADIUS,
     RIGHT,
     Simulation,
-    drive,
     planar,
     robot,
     simulate,
@@ -22,29 +20,6 @@ from tests.onebot_control.simulation_support import (
 def simulation() -> Iterator[Simulation]:
     with simulate() as simulation:
         yield simulation
-
-
-def test_starts_exactly_where_it_is_told_and_at_rest():
-    """Root link frame at x, y, yaw to rounding, the axle at wheel height, joints at 0."""
-    with simulate(x=3.25, y=-7.5, yaw=2.0) as simulation:
-        pose, twist, joints = (
-            simulation.base_pose(),
-            simulation.base_twist(),
-            simulation.joint_states(),
-        )
-        assert planar(simulation) == pytest.approx((3.25, -7.5, 2.0), abs=1e-14)
-        # The contact gives by a hundredth of a millimetre.
-        assert pose.translation[2] == pytest.approx(RADIUS, abs=2e-5)
-        upright = [0, 0, math.sin(1.0), math.cos(1.0)]
-        assert pose.rotation == pytest.approx(upright, abs=1e-9)
-        assert not any(map(any, (*twist, *joints)))
-
-
-def test_turns_by_the_frame_of_the_axle_not_the_centre_of_mass(simulation):
-    """Half a turn would carry a centre of mass 0.1 m away to the other side."""
-    drive(simulation, 0.0, 1.0, 1.0 + math.pi)
-    assert math.hypot(*planar(simulation)[:2]) < 5e-3
-    assert abs(planar(simulation)[2]) > 3.0
 
 
 def test_twist_is_the_derivative_of_the_pose(simulation):

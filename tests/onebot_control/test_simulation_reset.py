@@ -18,7 +18,7 @@ def driven(simulation: Simulation) -> tuple[object, ...]:
     """What a drive ends with; equal for worlds that are bit-identical."""
     robot = simulation.robot
     robot.drive(0.4, 0.3)
-    simulation.run(1.0)
+    simulation.run(0.5)
     imu = robot.imu()
     measured = robot.scan().ranges.tobytes(), imu.linear_acceleration.tobytes()
     return robot.pose, robot.twist, robot.odometry.x, measured, simulation.time, robot.collided
@@ -53,10 +53,8 @@ def test_a_reset_with_other_arguments_is_equal_to_a_new_simulation() -> None:
     ("changed", "words"),
     [
         ({"x": 3.0, "y": 0.8, "parameters": {"linear.x.max_velocity": 0.1}}, "cannot stand there"),
-        ({"world": "moon"}, 'no world "moon"'),
         ({"parameters": {"linear.x.max_velocty": 0.1}}, "linear.x.max_velocty: no such parameter"),
         ({"parameters": {"wheel_separation": -1.0}, "y": 0.5}, "wheel_separation: -1 is below 0"),
-        ({"x": "here"}, 'x: "here"'),
         ({"x": 1e9}, "up to"),
     ],
 )

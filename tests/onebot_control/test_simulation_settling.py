@@ -101,7 +101,7 @@ def test_a_robot_that_stands_tilted_is_set_down_tilted(sign):
         assert yaw_of(*one.rest_pose.tilt) == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("rpy", [(52.0, 0.0), (-52.0, 0.0), (0.0, 52.0), (0.0, -52.0)])
+@pytest.mark.parametrize("rpy", [(52.0, 0.0), (0.0, -52.0)])
 def test_a_tilt_above_45_degrees_has_toppled(rpy):
     roll, pitch = map(math.radians, rpy)
     with pytest.raises(OneBotError, match=r"^block.urdf: the robot topples over"):

@@ -46,29 +46,6 @@ def test_steps_and_functions_that_are_called_after_each():
         assert simulation.time == pytest.approx(0.09)
 
 
-def test_a_function_can_control_a_robot():
-    """A proportional controller; the same run in steps ends at the same bits."""
-    poses = []
-    for by_function in (True, False):
-        with Simulation(DIFF_DRIVE) as simulation:
-            robot = simulation.robot
-
-            def control(robot=robot) -> None:
-                robot.drive(0.5 * (1.0 - robot.odometry.x))
-
-            control()
-            if by_function:
-                simulation.on_step(control)
-                simulation.run(10.0)
-            else:
-                for _ in range(1000):
-                    simulation.step()
-                    control()
-            assert robot.odometry.x == pytest.approx(1.0, abs=0.02)
-            poses.append(robot.pose)
-    assert poses[0] == poses[1]
-
-
 def test_a_log_is_arrays_of_poses_and_joints():
     with Simulation(world="maze", y=0.8) as simulation:
         robot = simulation.robot

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from time import process_time
 
 import numpy as np
 import pytest
@@ -185,17 +184,6 @@ def test_a_segment_ends_at_its_end(values: Sequence[float], duration: float) -> 
     assert motion.positions == pytest.approx((q,), abs=1e-9)
     assert motion.velocities == pytest.approx((w / duration,), abs=1e-8 / duration)
     assert motion.accelerations == pytest.approx((b / duration**2,), abs=1e-7 / duration**2)
-
-
-def test_a_long_trajectory_begins_quickly() -> None:
-    """Polynomials are computed when they are needed: a control cycle waits for one of them."""
-    points = waypoints(2_000, 7, 3, seed=1)
-    durations = []
-    for _ in range(3):
-        begin = process_time()
-        Trajectory(points[0], points[1:]).sample(points[1_000].time + 0.01)
-        durations.append(process_time() - begin)
-    assert min(durations) < 0.01  # s
 
 
 def test_braking() -> None:

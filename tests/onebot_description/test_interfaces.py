@@ -223,7 +223,16 @@ def test_type_hashes() -> None:
         assert described(load_interface(name))["hash"][:32] == expected, name
 
 
-@pytest.mark.parametrize("name", [*HASHES, "nav2_msgs/msg/Costmap", "vision_msgs/msg/Detection2D"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "control_msgs/action/FollowJointTrajectory",
+        "control_msgs/msg/JointTrajectoryControllerState",
+        "control_msgs/srv/QueryTrajectoryState",
+        "nav2_msgs/msg/Costmap",
+        "vision_msgs/msg/Detection2D",
+    ],
+)
 def test_damaged_messages_are_refused(name: str) -> None:
     @settings(max_examples=2, suppress_health_check=list(HealthCheck))
     @given(st.data())

@@ -17,8 +17,6 @@ from tests.onebot_description.joints_support import (
     source_from,
 )
 
-CHAIN = [joint("a", mimic=mimic("b", -1.0)), joint("b", mimic=mimic("c", 1.0, 0.1)), joint("c")]
-
 
 def refused(joints: list, parameters: dict) -> str:
     """The message with which parameters are refused; without them the robot is accepted."""
@@ -94,12 +92,6 @@ def test_limits_that_contradict_are_reported(multiplier: float) -> None:
     joints[1] = joint("b")
     written = {"parent": "a", "factor": multiplier, "offset": 3.0}
     assert refused(joints, {"dependent_joints.b": written}).startswith("dependent_joints.b: ")
-
-
-def test_a_follower_cannot_have_a_motion() -> None:
-    assert 'joint "a" follows "c"; move that one' in refused(
-        CHAIN, {"motions.a.type": "constant", "motions.a.position": 0.5}
-    )
 
 
 def test_a_follower_takes_to_a_new_leader_without_a_jump() -> None:

@@ -190,8 +190,6 @@ def test_bad_messages_leave_it_running(running):
 def test_user_mistakes_give_one_clear_error(ros_domain):
     mistakes = [
         ([], ["robot_description is empty", "URDF or xacro file"]),
-        (["no/such/robot.urdf"], ["no/such/robot.urdf"]),
-        (ros_args(robot_description="<robot/>"), ["robot_description", "name"]),
         (ros_args(use_sim_time=5), ["use_sim_time", "expecting type 'BOOL'"]),
     ]
     outputs = refusals(MODULE, [args for args, _ in mistakes])
