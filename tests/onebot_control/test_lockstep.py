@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
-from nav2_msgs.msg import SpeedLimit
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -111,49 +110,6 @@ def test_each_measurement_that_is_due_is_published() -> None:
         assert [scan.ranges.tolist() for scan in node.scans] == measured
         stamps = [scan.header.stamp.sec + 1e-9 * scan.header.stamp.nanosec for scan in node.scans]
         assert stamps == pytest.approx([0.01 + 0.1 * count for count in range(20)], abs=1e-9)
-
-
-class SpeedLimiter(Node):
-    """Limits the speed by how far the robot has come, as its transforms say."""
-
-    def __init__(self) -> None:
-        super().__init__("speed_limiter")
-        self.received: list[tuple[float, float]] = []
-        self.limits = self.create_publisher(SpeedLimit, "speed_limit", 10)
-        self.create_subscription(TFMessage, "/tf", self.on_transforms, 100)
-        self.commands = self.create_publisher(Twist, COMMANDS, 10)
-        self.create_subscription(SpeedLimit, "speed_limit", self.on_limit, 10)
-
-    def on_transforms(self, message: Any) -> None:
-        for transform in message.transforms:
-            if transform.child_frame_id == "base_link":
-                x = transform.transform.translation.x
-                stamp = transform.header.stamp
-                limit = SpeedLimit(speed_limit=max(0.0, 0.4 - x))
-                limit.header.stamp = stamp
-                self.limits.publish(limit)
-
-    def on_limit(self, limit: Any) -> None:
-        stamp = limit.header.stamp
-        self.received.append((stamp.sec + 1e-9 * stamp.nanosec, limit.speed_limit))
-        twist = Twist()
-        twist.linear.x = limit.speed_limit
-        self.commands.publish(twist)
-
-
-def test_types_that_no_wheel_has() -> None:
-    """A user's node imports them by name; they meet this project's own transforms on /tf."""
-
-    def driven() -> tuple[Any, ...]:
-        with Simulation() as simulation, simulation.ros() as ros:
-            node = SpeedLimiter()
-            ros.add(node)
-            simulation.run(2.0)
-            return simulation.robot.pose, node.received
-
-    pose, received = driven()
-    assert len(received) > 50 and 0.2 < pose.x < 0.4
-    assert driven() == (pose, received)
 
 
 def test_latched_messages_are_there_when_a_node_is_added() -> None:

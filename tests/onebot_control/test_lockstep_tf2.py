@@ -12,7 +12,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
 import onebot_description  # noqa: F401  (finds the packages)
-from onebot_control import RobotSetup, Simulation
+from onebot_control import Simulation
 from onebot_control.nodes.lockstep import Lockstep
 
 
@@ -101,15 +101,3 @@ def test_a_listener_that_is_made_later(
     assert latest.nanoseconds == pytest.approx(ros.simulation.time * 1e9, abs=2e7)
     made[0].executor.shutdown()
     made[0].dedicated_listener_thread.join(30.0)
-
-
-def test_robots_of_a_fleet_have_frames_of_their_own(
-    ros_simulation: Callable[..., Lockstep[Simulation]],
-) -> None:
-    ros = ros_simulation(robots={"one": RobotSetup(y=1.0), "two": RobotSetup(y=-1.0)})
-    node, buffer = Node("watcher"), tf2_ros.Buffer()
-    listener = tf2_ros.TransformListener(buffer, node)
-    ros.add(node)
-    ros.simulation.run(0.1)
-    assert listener.node.count_publishers("/one/robot_description") == 1
-    assert {"one/left_wheel", "two/left_wheel"} <= {*buffer._getFrameStrings()}

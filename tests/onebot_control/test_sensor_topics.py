@@ -60,6 +60,11 @@ IMU = """
   <gazebo reference="base_link"><sensor name="imu" type="imu"><update_rate>50</update_rate>
     <topic>imu/data</topic><imu><angular_velocity><z><noise type="gaussian">
     <stddev>0.01</stddev></noise></z></angular_velocity></imu></sensor></gazebo>"""
+BLIND_IMU = (
+    IMU.replace('name="imu"', 'name="none"')
+    .replace("imu/data", "none")
+    .replace("<imu>", "<imu><enable_orientation>false</enable_orientation>")
+)
 CAMERA = """
   <gazebo reference="camera_link"><sensor name="cam" type="rgbd_camera">
     <update_rate>20</update_rate>
@@ -120,7 +125,7 @@ def test_a_robot_senses_its_room(ros_simulation: RosSimulation, tmp_path: Path) 
     """Ranges, frames, stamps with transforms of that time, the camera's four topics, the IMU."""
     stepped = Stepped(
         ros_simulation(
-            parse_description(bot(laser(), IMU, CAMERA)),
+            parse_description(bot(laser(), IMU, BLIND_IMU, CAMERA)),
             world=room(tmp_path),
             x=-0.5,
             noise=False,
@@ -128,6 +133,7 @@ def test_a_robot_senses_its_room(ros_simulation: RosSimulation, tmp_path: Path) 
         )
     )
     tf, inertia = stepped.hear(TFMessage, "/tf"), stepped.hear(Imu, "/imu/data")
+    without_orientation = stepped.hear(Imu, "/none")
     scans = stepped.hear(LaserScan, "/scan")
     (end,) = stepped.client.get_publishers_info_by_topic("/scan")
     assert end.qos_profile.reliability == ReliabilityPolicy.RELIABLE
@@ -152,6 +158,8 @@ def test_a_robot_senses_its_room(ros_simulation: RosSimulation, tmp_path: Path) 
     assert rest.linear_acceleration.z == pytest.approx(9.81, abs=0.05)
     assert rest.angular_velocity_covariance[8] == pytest.approx(1e-4)
     assert rest.orientation.w == pytest.approx(1.0, abs=1e-2)
+    assert rest.orientation_covariance[0] == 0.0
+    assert without_orientation[-1].orientation_covariance[0] == -1.0
     info = stepped.hear(CameraInfo, "/camera/camera_info")
     colors = stepped.hear(Image, "/camera/image_raw")
     depths = stepped.hear(Image, "/camera/depth/image_raw")
@@ -302,48 +310,6 @@ def check_depths(depth: np.ndarray, cloud: PointCloud2) -> None:
     floats = np.frombuffer(cloud.data, np.float32).reshape(48, 64, -1)[..., :3]
     assert np.isnan(floats[~between]).all() and not cloud.is_dense
     np.testing.assert_allclose(floats[between][:, 2], depth[between], atol=1e-3)
-
-
-def imu(name: str, inside: str = "") -> str:
-    return f"""<gazebo reference="base_link"><sensor name="{name}" type="imu"><topic>{name}</topic>
-      <update_rate>50</update_rate><imu>{inside}</imu></sensor></gazebo>"""
-
-
-NED = "<orientation_reference_frame><localization>NED</localization></orientation_reference_frame>"
-
-
-def test_two_cameras_share_their_camera_info_and_imus_name_their_axes(
-    ros_simulation: RosSimulation,
-) -> None:
-    """The robot faces 0.7 rad to the left of east all the time."""
-    block = CAMERA.replace("rgbd_camera", "camera").replace(
-        "<camera>", "<topic>cam/{0}</topic><camera>"
-    )
-    blocks = [
-        block.format(name).replace('"cam"', f'"{name}"').replace("64", width)
-        for name, width in (("front", "64"), ("rear", "32"))
-    ]
-    none = imu("none", "<enable_orientation>false</enable_orientation>")
-    blocks += [imu("plain"), imu("ned", NED), none]
-    model = parse_description(bot(*blocks))
-    assert any("<camera_info_topic>" in notice for notice in model.notices)
-    stepped = Stepped(ros_simulation(model, yaw=0.7))
-    front, rear = stepped.hear(Image, "/cam/front"), stepped.hear(Image, "/cam/rear")
-    infos = stepped.hear(CameraInfo, "/cam/camera_info")
-    turns = {name: stepped.hear(Imu, f"/{name}") for name in ("plain", "ned", "none")}
-    stepped.simulation.run(0.1)
-    assert {each.width for each in infos} == {64, 32}
-    assert (front[-1].width, rear[-1].width) == (64, 32)
-    half = math.pi / 4 - 0.35
-    for name, (x, y, z, w) in {
-        "plain": (0.0, 0.0, math.sin(0.35), math.cos(0.35)),
-        "ned": (math.cos(half), math.sin(half), 0.0, 0.0),  # a half turn about between both x
-    }.items():
-        turn = turns[name][-1].orientation
-        cosine = abs(x * turn.x + y * turn.y + z * turn.z + w * turn.w)
-        assert cosine == pytest.approx(1.0, abs=1e-6), (name, turn)
-        assert turns[name][-1].orientation_covariance[0] == 0.0
-    assert turns["none"][-1].orientation_covariance[0] == -1.0
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import pytest
-import yaml
 
 from onebot_control.trajectories.config import (
     JointConstraint,
@@ -255,32 +254,6 @@ def test_exceeded() -> None:
 # Parameters -----------------------------------------------------------------------------------
 
 # A user's file for joint_trajectory_controller.
-FILE = """
-joints: [shoulder, elbow]
-command_interfaces: [position]
-state_interfaces: [position, velocity]
-state_publish_rate: 50.0
-action_monitor_rate: 20.0
-allow_partial_joints_goal: false
-open_loop_control: false
-interpolation_method: splines
-cmd_timeout: 2.0
-speed_scaling.initial_scaling_factor: 1
-constraints.stopped_velocity_tolerance: 0.2
-constraints.goal_time: 1.0
-constraints.shoulder.trajectory: 0.2
-constraints.shoulder.goal: 0.1
-gains.elbow.p: 100.0
-gains.elbow.antiwindup_strategy: none
-"""
-
-
-def test_a_file_of_the_original() -> None:
-    values = yaml.safe_load(FILE)
-    assert not TrajectoryConfig.unknown(values)
-    config = TrajectoryConfig.from_parameters(values)
-    assert (config.joints, config.timeout, config.constraints.goal_time) == (NAMES, 2.0, 1.0)
-    assert config.joint_constraints(NAMES) == [JointConstraint(0.2, 0.1), JointConstraint()]
 
 
 def problem(values: dict[str, Any]) -> str:
