@@ -253,8 +253,6 @@ def test_exceeded() -> None:
 
 # Parameters -----------------------------------------------------------------------------------
 
-# A user's file for joint_trajectory_controller.
-
 
 def problem(values: dict[str, Any]) -> str:
     """The error of wrong parameters."""
