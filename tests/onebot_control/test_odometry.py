@@ -196,6 +196,18 @@ def test_covariance_of_an_endless_way_stays_finite() -> None:
         assert np.isfinite(matrix(odometry)).all()
 
 
+def test_a_message_holds_the_covariance() -> None:
+    """Rows and columns are x, y, z, roll, pitch and yaw; what stays zero on flat ground is sure."""
+    odometry = noisy()
+    odometry.update_open_loop(PlanarVelocity(0.5, 0.0, 0.2), 1.0)
+    values = np.zeros(36)
+    odometry.covariance.fill(values)
+    message, planar = values.reshape(6, 6), np.ix_([0, 1, 5], [0, 1, 5])
+    assert (message[planar] == matrix(odometry)).all() and message[0, 5] == message[5, 0] != 0.0
+    message[planar] = 0.0
+    assert (message == np.diag([0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0])).all()
+
+
 def test_a_pose_that_is_set_is_exact() -> None:
     """Forgotten wheels change nothing, nor does rest."""
     odometry = noisy()
