@@ -132,7 +132,7 @@ def test_boxes_that_have_long_been_at_rest_move_again():
     """What touches one moves it, and one that goes back to where it began falls from there."""
     high = part("high", xyz="2 1 0.5", kind="floating", mass=1.0)
     with among(scene(BOX, high)) as simulation:
-        go(simulation, 0.0, 6.0)
+        go(simulation, 0.0, 4.0)
         poses = simulation.scene.poses
         assert poses[1][0][2] == pytest.approx(0.1, abs=1e-3)
         go(simulation, 0.0, 1.0)
@@ -142,7 +142,7 @@ def test_boxes_that_have_long_been_at_rest_move_again():
         for _ in range(2):
             simulation.reset()
             assert simulation.scene.poses[1][0][2] == pytest.approx(0.5)
-            go(simulation, 0.0, 4.0)
+            go(simulation, 0.0, 2.0)
             assert simulation.scene.poses[1][0][2] == pytest.approx(0.1, abs=1e-3)
 
 

@@ -114,15 +114,6 @@ def test_a_state_that_is_not_finite_goes_no_further():
                 use()
 
 
-def test_closed_simulation_says_so():
-    simulation = simulate()
-    simulation.close()
-    simulation.close()
-    for use in (lambda: simulation.step([0.0, 0.0], 0.01), simulation.reset, simulation.base_pose):
-        with pytest.raises(OneBotError, match="closed"):
-            use()
-
-
 def test_forgotten_simulations_free_their_worlds():
     """PyBullet has room for a limited number of them."""
     description = robot()

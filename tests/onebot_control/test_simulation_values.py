@@ -14,13 +14,6 @@ from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 
 
-def test_settings_are_what_was_measured():
-    """At 100 Hz two physics steps fit into a control period."""
-    assert PhysicsSettings() == PhysicsSettings(200, 200, 9.81, 1.0, 2.0)
-    assert PhysicsSettings().steps(0.01) == 2
-    assert PhysicsSettings(rate=1000).steps(0.01) == 10
-
-
 @pytest.mark.parametrize(
     ("cycles", "rate", "steps"),
     [
@@ -66,15 +59,6 @@ def test_places_up_to_the_farthest(sign):
     with pytest.raises(OneBotError, match="x 20000 m, y -3 m"):
         checked_place(2e4, -3.0, 0.0)
     assert all(type(value) is float for value in checked_place(1, 2, 3))
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("row", [0, 1, 2])
-def test_places_are_finite(bad, row):
-    place = [0.0, 0.0, 0.0]
-    place[row] = bad
-    with pytest.raises(OneBotError, match="must be finite"):
-        checked_place(*place)
 
 
 def motors(description, driven) -> RobotBody:

@@ -51,7 +51,6 @@ def seconds(urdf: str) -> float:
     [
         ("", "l{}"),
         ('<mimic joint="j{before}"/>', "l{}"),  # a circle of all of them
-        ('<mimic joint="k{before}"/>', "l{}"),  # each follows one that is not there
         ("", "m{}"),  # each hangs on a link that is not there
         ("<mimik/>", "l{}"),
     ],
@@ -99,15 +98,14 @@ def test_what_is_too_much_is_refused_before_it_is_kept(
         parse_description(f'<robot name="r">{many}</robot>')
 
 
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_mimic_chain_is_followed_once(order: int) -> None:
-    assert_time_grows_with_size(lambda count: resolved(count, order), COUNT)
+def test_a_mimic_chain_is_followed_once() -> None:
+    assert_time_grows_with_size(resolved, COUNT)
 
 
-def resolved(count: int, order: int) -> float:
+def resolved(count: int) -> float:
     """The processor time to resolve a chain of so many joints, a circle, and what is wrong."""
     (joint,) = parse_description(chain(links=2)).joints
-    names = [f"j{n}" for n in range(count)][::order]
+    names = [f"j{n}" for n in range(count)][::-1]  # leaders come last
     joints = [replace(joint, name=name, lower=-1e9, upper=1e9) for name in names]
     limits, _ = joint_limits(joints, soft=False)
     mimics = {f"j{n}": Dependent(f"j{n - 1}", 1.0, 0.5) for n in range(1, count)}

@@ -2,7 +2,6 @@
 
 import functools
 import io
-import itertools
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -30,7 +29,7 @@ NAMESPACES = {None: "", "": "", "robot1": "robot1_", "/fleet/robot1/": "fleet_ro
 MESHES = (None, "true", "1", "0", "True", "False")
 COMBINATIONS = [
     *((mesh, None, None) for mesh in MESHES),
-    *itertools.product(("false",), NAMESPACES, ("", "left_")),
+    *(("false", name, prefix) for name, prefix in zip(NAMESPACES, 2 * ("", "left_"), strict=True)),
 ]
 READ = pytest.mark.parametrize(
     "combination", [("true", "", "left_"), ("false", "/fleet/robot1/", "")], ids=["mesh", "plain"]
