@@ -4,7 +4,7 @@ import inspect
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,10 +23,6 @@ Recorder = Callable[[Simulation, Path], object]
 
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of an episode is recorded: simulated s, and Hz
 _PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
-
-
-class TookTooLong(BaseException):
-    """Ends an episode that takes too long; not an Exception, which it might handle itself."""
 
 
 class Work(NamedTuple):
@@ -114,19 +110,18 @@ def unpacked(packed: bytes) -> Work:
 def run_packed(packed: bytes, case: bytes) -> EpisodeOutcome:
     """Run the episode of a packed case by packed work."""
     try:
-        work, values = unpacked(packed), cloudpickle.loads(case)
-    except Exception as error:  # its own code may raise anything here
+        return run(unpacked(packed), cloudpickle.loads(case))
+    except (Exception, KeyboardInterrupt) as error:  # its own code may raise anything
         return EpisodeOutcome(b"", _shown(error))
-    return run(work, values)
 
 
 def run(work: Work, case: Case) -> EpisodeOutcome:
-    """Run the episode of a case; what it raises is an outcome, too."""
+    """Run the episode of a case; what it raises is an outcome, too, except by Ctrl-C."""
     row, error = b"", None
     with _recorded(work.recorder is not None) as simulations:
         try:
             row = packed_row(work.function(Case(case)), case)
-        except TookTooLong:
+        except KeyboardInterrupt:
             raise
         except BaseException as raised:  # also sys.exit(); nothing may end the worker
             error = _shown(raised)
@@ -149,7 +144,9 @@ def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
 
 def _shown(error: BaseException) -> str:
     """Return an error as one line; a OneBotError by its text, as it is a sentence."""
-    text = " ".join(text_of(error).split())
+    text = ""
+    with suppress(Exception):  # its own code may raise anything here
+        text = " ".join(text_of(error).split())
     if not isinstance(error, OneBotError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return printable(text)

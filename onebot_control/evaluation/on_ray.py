@@ -1,86 +1,116 @@
 """Runs the episodes of a study on a cluster of Ray; imported for that only."""
 
-import faulthandler
 import os
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
-from types import FrameType
-from typing import Any, NoReturn
+import socket
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from tempfile import gettempdir
+from typing import Any
+from urllib.parse import urlsplit
 
 import ray
 from ray.exceptions import RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from onebot_control.evaluation.episode import TookTooLong, run_packed, unpacked
 from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_facts
-from onebot_control.evaluation.workers import DIED, prepare_worker, too_long
+from onebot_control.evaluation.workers import DIED, Worker, as_they_come
 from onebot_description.errors import OneBotError
 
-_RETRIES = 1  # retries of a case whose worker or node died
-_GRACE = 10.0  # s after its time until an episode that stays in compiled code is ended
+_PATIENCE = 5.0  # s in which the computer of an address has to answer
+_LAST = "ray/ray_current_cluster"
+_ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # of Ray to connect: as many, not seconds
 _PROCESSOR = "processor"
 
 
-class Cluster:
-    """The cluster of RAY_ADDRESS or of ``ray start``; without any, Ray starts one here.
+@contextmanager
+def connected(packed: bytes) -> Iterator[Mapping[str, str]]:
+    """Connect to the cluster of RAY_ADDRESS or of ``ray start``; else Ray starts one here.
 
-    Attributes:
-        facts: the versions that all nodes have, and their processors.
+    Args:
+        packed: the work, which each node has to be able to import.
+
+    Yields:
+        The versions that all nodes have, and their processors.
+
+    Raises:
+        OneBotError: there is no such cluster, or a node has another version of a package.
     """
-
-    def __init__(self, packed: bytes, workers: int | None) -> None:
-        """Connect to it, and check that the work can be done on each node.
-
-        Args:
-            packed: the work.
-            workers: how many episodes run at once; None for as many as there are processors.
-
-        Raises:
-            OneBotError: there is no such cluster, or a node has another version of a package.
-        """
-        self._is_own = not ray.is_initialized()
-        if self._is_own:
-            try:
-                ray.init(include_dashboard=False, log_to_driver=False, logging_level="error")
-            except Exception as error:  # Ray raises plain ones, too
-                raise OneBotError(f"Ray's cluster cannot be used: {_sentence(error)}") from None
+    is_own = not ray.is_initialized()
+    if is_own:
+        _require_answer()
         try:
-            self.facts = _common_facts(packed)
-        except BaseException:
-            self._close()
-            raise
-        # Twice as many as there are processors, so that none waits for the next one.
-        self._most = workers or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
-        self._packed = packed
-
-    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
-        """Run episodes on all nodes; yield their outcomes as they come, as ``workers`` does."""
-        episode = ray.remote(num_cpus=1, max_retries=_RETRIES)(_run)
-        packed = ray.put(self._packed)
-        running: dict[Any, int] = {}
-        try:
-            while True:
-                while len(running) < self._most and (task := next(cases, None)):
-                    running[episode.remote(packed, task[1], timeout)] = task[0]
-                if not running:
-                    return
-                done, _ = ray.wait([*running], num_returns=1)
-                for reference in done:
-                    number = running.pop(reference)
-                    try:
-                        yield number, ray.get(reference)
-                    except RayError:
-                        yield number, EpisodeOutcome(b"", DIED)
-        finally:
-            for reference in running:
-                ray.cancel(reference, force=True)
-            self._close()
-
-    def _close(self) -> None:
-        if self._is_own:
+            ray.init(include_dashboard=False, log_to_driver=False, logging_level="error")
+        except Exception as error:  # Ray raises plain ones, too
+            raise OneBotError(f"Ray's cluster cannot be used: {_sentence(error)}") from None
+    try:
+        yield _common_facts(packed)
+    finally:
+        if is_own:
             ray.shutdown()
+
+
+def _require_answer() -> None:
+    """Refuse an address that does not answer; Ray itself would log about it for minutes."""
+    address = os.environ.get("RAY_ADDRESS", "")
+    if address in ("", "auto"):  # then Ray takes that of the last ``ray start``
+        with suppress(OSError):
+            address = Path(os.environ.get("RAY_TMPDIR") or gettempdir(), _LAST).read_text().strip()
+    place = urlsplit(address if "://" in address else f"//{address}")
+    try:
+        if place.hostname and place.port:
+            os.environ.setdefault(_ATTEMPTS, "1")
+            socket.create_connection((place.hostname, place.port), _PATIENCE).close()
+    except (OSError, ValueError) as error:
+        text = f"Ray's cluster {address} does not answer: {_sentence(error)}"
+        remedy = (
+            'start it with "ray start --head", or set RAY_ADDRESS (local: none but this computer)'
+        )
+        raise OneBotError(f"{text}; {remedy}") from None
+
+
+def run_on_ray(
+    packed: bytes, cases: Iterator[tuple[int, bytes]], count: int | None, timeout: float
+) -> Outcomes:
+    """Run episodes on all nodes; yield their outcomes as they come.
+
+    Args:
+        packed: the work.
+        cases: numbers and packed cases.
+        count: how many run at once; None for as many as there are processors.
+        timeout: s of wall time, after which an episode is ended.
+    """
+    # Twice as many as there are processors, so that none waits for the next one.
+    most = count or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
+    episode, work = ray.remote(num_cpus=1)(_run), ray.put(packed)
+    running: dict[Future[EpisodeOutcome], Any] = {}
+
+    def submit(case: bytes) -> Future[EpisodeOutcome]:
+        reference = episode.remote(work, case, timeout)
+        future: Future[EpisodeOutcome] = reference.future()
+        running[future] = reference
+        return future
+
+    try:
+        for number, future in as_they_come(submit, cases, most):
+            del running[future]
+            has_died = future.exception() is not None
+            yield number, EpisodeOutcome(b"", DIED) if has_died else future.result()
+    finally:
+        for reference in running.values():
+            ray.cancel(reference, force=True)
+
+
+@lru_cache(maxsize=1)
+def _worker(packed: bytes) -> Worker:
+    return Worker(packed)
+
+
+def _run(packed: bytes, case: bytes, timeout: float) -> EpisodeOutcome:
+    """Run an episode beside a process of Ray: Ray itself cannot end one that hangs."""
+    return _worker(packed).run(case, timeout)
 
 
 def _common_facts(packed: bytes) -> dict[str, str]:
@@ -126,41 +156,3 @@ def _common_facts(packed: bytes) -> dict[str, str]:
 
 def _sentence(error: Exception) -> str:
     return " ".join(str(error).split())
-
-
-def _run(packed: bytes, case: bytes, timeout: float) -> EpisodeOutcome:
-    """Run an episode, in a process of Ray."""
-    _prepare()
-    unpacked(packed)  # imports are no part of an episode's time
-    try:
-        with _ended_after(timeout):
-            return run_packed(packed, case)
-    except TookTooLong:
-        return too_long(timeout)
-
-
-@cache
-def _prepare() -> None:
-    prepare_worker()
-
-
-@contextmanager
-def _ended_after(timeout: float) -> Iterator[None]:
-    """End what runs in this context after some time; the process, if compiled code does not end."""
-
-    def end(number: int, frame: FrameType | None) -> NoReturn:
-        raise TookTooLong
-
-    if timeout == float("inf"):
-        yield
-        return
-    former_handler = signal.signal(signal.SIGALRM, end)
-    with open(os.devnull, "w") as nowhere:
-        faulthandler.dump_traceback_later(timeout + _GRACE, exit=True, file=nowhere)
-        signal.setitimer(signal.ITIMER_REAL, timeout)
-        try:
-            yield
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            faulthandler.cancel_dump_traceback_later()
-            signal.signal(signal.SIGALRM, former_handler)

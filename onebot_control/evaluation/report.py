@@ -1,13 +1,13 @@
 """What a study shows: progress, success by each factor, and files of its table."""
 
 import math
-import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from io import BytesIO
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import pyarrow as pa
@@ -16,6 +16,7 @@ from pyarrow import csv, parquet
 
 from onebot_control.evaluation.cases import ERROR
 from onebot_control.evaluation.rows import fact_of, text_of
+from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 
 _MOST_LEVELS = 8  # values of a factor that are shown
@@ -25,31 +26,41 @@ _EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal 
 
 
 class Progress(AbstractContextManager["Progress"]):
-    """Shows on stderr how many episodes are done, their rate, and the time left."""
+    """Shows on stderr how many episodes are done, their rate, time left and the first error."""
 
     def __init__(self, total: int, done: int, shown: bool) -> None:
         """Begin with some done already."""
-        self._total, self._done, self._before, self._failed = total, done, done, 0
-        self._shown, self._live = shown, sys.stderr.isatty()
+        self._total, self._done, self._failed, self._shown = total, done, 0, shown
+        self._live, self._error = sys.stderr.isatty(), ""
         self._began = time.monotonic()
+        self._first: tuple[float, int] | None = None  # the first outcome: when, and how many then
         self._next = self._began + _EVERY[self._live]
 
-    def add(self, success: bool) -> None:
-        """Count an episode."""
+    def add(self, success: bool, number: int, error: str | None) -> None:
+        """Count the episode of a case."""
         self._done += 1
         self._failed += not success
-        if self._shown and (time.monotonic() >= self._next or self._done == self._total):
-            self._next = time.monotonic() + _EVERY[self._live]
-            self._print("\r" if self._live else "\n")
+        now = time.monotonic()
+        self._first = self._first or (now, self._done)
+        if not self._shown:
+            return
+        if error and not self._error:
+            self._error = error
+            print(f"{f'case {number}: {error}':78}", file=sys.stderr)
+        if now >= self._next or self._done == self._total:
+            self._next = now + _EVERY[self._live]
+            filled = round(20 * self._done / self._total)
+            bar = f"[{'#' * filled}{'.' * (20 - filled)}] {self._done} of {self._total}"
+            text = f"{bar}, {self._failed} failed{self._pace(now, *self._first)}"
+            print(f"{text:78}", end="\r" if self._live else "\n", file=sys.stderr, flush=True)
 
-    def _print(self, end: str) -> None:
-        rate = (self._done - self._before) / (time.monotonic() - self._began)
-        left = (self._total - self._done) / rate
-        filled = round(20 * self._done / self._total)
-        bar = f"[{'#' * filled}{'.' * (20 - filled)}] {self._done} of {self._total}"
-        minutes, seconds = divmod(round(left), 60)
-        text = f"{bar}, {self._failed} failed, {rate:.3g} a second, {minutes}:{seconds:02} left"
-        print(f"{text:78}", end=end, file=sys.stderr, flush=True)
+    def _pace(self, now: float, first: float, before: int) -> str:
+        """Return the rate since the first outcome, which start-up has delayed."""
+        if now - first < first - self._began or self._done == before:
+            return ""  # too early: all workers have ended their first episode at about that time
+        rate = (self._done - before) / (now - first)
+        minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
+        return f", {rate:.3g} a second, {minutes}:{seconds:02} left"
 
     def __exit__(self, *_: object) -> None:
         if self._shown and self._live:
@@ -71,14 +82,10 @@ def share(table: pa.Table, name: str) -> float:
         return 0.0
     column = table[name]
     if pa.types.is_boolean(column.type) or pa.types.is_null(column.type):
-        return _successes(column) / len(column)
+        return sum(value is True for value in column.to_pylist()) / len(column)
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
         return math.nan if column.null_count else float(pc.mean(column).as_py())
     raise OneBotError(f'"{name}" has no mean: it is a column of {column.type}')
-
-
-def _successes(column: pa.ChunkedArray) -> int:
-    return sum(value is True for value in column.to_pylist())
 
 
 def interval(successes: int, count: int) -> tuple[float, float]:
@@ -147,22 +154,20 @@ def write_table(table: pa.Table, path: Path) -> None:
     Raises:
         OneBotError: it cannot be written.
     """
-    new = path.with_name(f".{path.name}-{os.getpid()}")
+    data = BytesIO()
+    WRITERS[path.suffix](table, data)
     try:
-        WRITERS[path.suffix](table, new)
-        new.replace(path)
+        write_whole(path, data.getvalue())
     except OSError as error:
-        raise OneBotError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        new.unlink(missing_ok=True)
+        raise OneBotError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def _write_csv(table: pa.Table, path: Path) -> None:
+def _write_csv(table: pa.Table, file: BytesIO) -> None:
     columns = {
         name: _cells(column) if pa.types.is_nested(column.type) else column
         for name, column in zip(table.column_names, table.columns, strict=True)
     }
-    csv.write_csv(pa.table(columns), path)
+    csv.write_csv(pa.table(columns), file)
 
 
 def _cells(column: pa.ChunkedArray) -> pa.Array:
@@ -170,12 +175,12 @@ def _cells(column: pa.ChunkedArray) -> pa.Array:
     return pa.array([None if value is None else str(value) for value in column.to_pylist()])
 
 
-def _write_junit(table: pa.Table, path: Path) -> None:
+def _write_junit(table: pa.Table, file: BytesIO) -> None:
     """Write a test case for each episode; without success it is a failure, by an error an error."""
     study = str(fact_of(table, "study") or "study")
     factors, success = fact_of(table, "factors") or (), fact_of(table, "success") or ()
     suite = ElementTree.Element("testsuite", name=study)
-    counts = {"tests": len(table), "failures": 0, "errors": 0}
+    counts = Counter(tests=len(table), failures=0, errors=0)
     for number, row in enumerate(table.to_pylist()):
         values = ", ".join(f"{name}={text_of(row[name])}" for name in factors)
         case = ElementTree.SubElement(
@@ -186,13 +191,10 @@ def _write_junit(table: pa.Table, path: Path) -> None:
             ElementTree.SubElement(case, "error", message=row[ERROR])
         elif missed := [name for name in success if row.get(name) is False]:
             counts["failures"] += 1
-            ElementTree.SubElement(case, "failure", message=_row_text(row, missed))
+            text = printable(f"not {', '.join(missed)}: {row}")
+            ElementTree.SubElement(case, "failure", message=text)
     suite.attrib.update({name: str(count) for name, count in counts.items()})
-    ElementTree.ElementTree(suite).write(path, encoding="utf-8", xml_declaration=True)
-
-
-def _row_text(row: Mapping[str, Any], missed: Sequence[str]) -> str:
-    return printable(f"not {', '.join(missed)}: {row}")
+    ElementTree.ElementTree(suite).write(file, encoding="utf-8", xml_declaration=True)
 
 
 WRITERS = {".parquet": parquet.write_table, ".csv": _write_csv, ".xml": _write_junit}

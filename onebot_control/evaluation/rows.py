@@ -61,8 +61,7 @@ def packed_row(returned: object, case: Case) -> bytes:
             pa.array([row[name]])
             continue
         raise OneBotError(f'the episode returned "{name}": {shortened(repr(value))}; no such cell')
-    table = pa.Table.from_pydict({name: pa.array([value]) for name, value in row.items()})
-    sink = pa.BufferOutputStream()
+    table, sink = pa.Table.from_pylist([row]), pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as writer:
         writer.write_table(table)
     return bytes(sink.getvalue())

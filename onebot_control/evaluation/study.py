@@ -1,11 +1,13 @@
 """``evaluate``: runs an episode for each case of a study, and returns the table of them."""
 
 import inspect
+import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from types import ModuleType
+from typing import Annotated, Any
 
 import cloudpickle
 import pyarrow as pa
@@ -30,24 +32,13 @@ from onebot_control.evaluation.rows import (
     study_digest,
     table_of,
 )
-from onebot_control.evaluation.workers import Processes
+from onebot_control.evaluation.workers import run_in_processes
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.arguments import checked
 from onebot_description.parameters.values import Rule
 
 SUCCESS = ("reached", "success")
 """Columns that, where episodes return them, are false in an episode without success."""
-
-
-class Engine(Protocol):
-    """What runs episodes: processes of this computer, Ray's cluster, or this process."""
-
-    @property
-    def facts(self) -> Mapping[str, str]:
-        """What the table records of where they ran."""
-
-    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
-        """Run the episodes of packed cases; yield their outcomes, with the cases' numbers."""
 
 
 _Workers = Annotated[int, Rule(at_least=0, at_most=10_000)]
@@ -115,9 +106,9 @@ def evaluate(
         kept = journal and stack.enter_context(Journal(Path(journal), study, done))
         if is_shown:
             print(f"running {len(listed) - len(done)} episodes on {on} ...", file=sys.stderr)
-        engine = _engine(on, work, workers and min(workers, len(listed)))
-        facts |= engine.facts
-        outcomes = stack.enter_context(closing(engine.run(pending, timeout)))
+        count = workers and min(workers, len(listed))
+        where, outcomes = stack.enter_context(_engine(on, work, pending, count, timeout))
+        stack.enter_context(closing(outcomes))
         bar = stack.enter_context(Progress(len(listed), len(done), is_shown))
         for number, outcome in outcomes:
             done[number] = outcome._replace(recordings=())
@@ -125,34 +116,40 @@ def evaluate(
                 kept.write(number, outcome)
             if recorder:
                 _write_recordings(Path(recordings), number, outcome.recordings)
-            bar.add(succeeded(outcome.row, outcome.error, work.success))
-    return table_of(listed, [done[number] for number in range(len(listed))], facts)
+            bar.add(succeeded(outcome.row, outcome.error, work.success), number, outcome.error)
+    return table_of(listed, [done[number] for number in range(len(listed))], {**facts, **where})
 
 
-class _ThisProcess:
-    """Runs episodes one after another, as for a debugger."""
+@contextmanager
+def _engine(
+    on: str, work: Work, cases: Iterator[tuple[int, bytes]], workers: int | None, timeout: float
+) -> Iterator[tuple[Mapping[str, str], Outcomes]]:
+    """Yield facts of what runs the episodes, and their outcomes as they come."""
+    if workers == 0:  # one after another, as for a debugger
+        yield machine_facts(), ((n, run(work, cloudpickle.loads(case))) for n, case in cases)
+    elif on == "processes":
+        count = workers or _processors()
+        yield machine_facts(), run_in_processes(work.packed(), cases, count, timeout)
+    else:
+        on_ray = _on_ray()
+        with on_ray.connected(packed := work.packed()) as facts:
+            yield facts, on_ray.run_on_ray(packed, cases, workers, timeout)
 
-    def __init__(self, work: Work) -> None:
-        self._work, self.facts = work, machine_facts()
 
-    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
-        for number, case in cases:
-            yield number, run(self._work, cloudpickle.loads(case))
-
-
-def _engine(on: str, work: Work, workers: int | None) -> Engine:
-    if workers == 0:
-        return _ThisProcess(work)
-    packed = work.packed()
-    if on == "processes":
-        return Processes(packed, workers)
+def _on_ray() -> ModuleType:
     try:
-        from onebot_control.evaluation.on_ray import Cluster
+        from onebot_control.evaluation import on_ray
     except ModuleNotFoundError as error:
         if error.name != "ray":
             raise
         raise OneBotError("Ray is not installed: pip install 'onebot-robots[cluster]'") from None
-    return Cluster(packed, workers)
+    return on_ray
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):  # Linux; a container may have fewer than the computer
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _factors(cases: Sequence[Case]) -> list[str]:

@@ -5,25 +5,32 @@ import os
 import signal
 import sys
 import threading
-from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, InvalidStateError, TimeoutError, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Future,
+    ThreadPoolExecutor,
+    TimeoutError,
+    wait,
+)
+from contextlib import ExitStack, suppress
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
-from typing import Any, NamedTuple
+from queue import SimpleQueue
+from typing import Any, TypeAlias
 from unittest.mock import patch
 
 from pebble import ProcessExpired, ProcessPool
 
 from onebot_control.evaluation.episode import run_packed, unpacked
-from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_facts
+from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes
 from onebot_description.errors import OneBotError
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
-_CHECK = 1.0  # s between checks of pools that may have ended
+_CHECK = 0.5  # s between checks of a pool that may have ended
 _MOST_BROKEN = 100  # processes in a row that end before they run anything
+_Future: TypeAlias = "Future[EpisodeOutcome]"
 _starting = threading.Lock()
 
 
@@ -44,28 +51,17 @@ class _Process(SpawnProcess):
     def _Popen(process_obj: BaseProcess) -> Any:
         from onebot_description.ros.process_start import blas_variables
 
-        added, main = blas_variables(), sys.modules["__main__"]
-        hidden = patch.multiple(main, create=True, __file__=None, __spec__=None)
-        with _starting, hidden, _interrupts_blocked():
-            os.environ.update(added)
+        main = sys.modules["__main__"]
+        with _starting, patch.multiple(main, create=True, __file__=None, __spec__=None):
+            os.environ.update(added := blas_variables())
+            # Ctrl-C is blocked in this thread, so in the process from its beginning.
+            former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 return SpawnProcess._Popen(process_obj)
             finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
                 for name in added:
                     del os.environ[name]
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and so in processes that it starts, from their beginning."""
-    if sys.platform == "win32":
-        yield
-        return
-    former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
 
 
 class _Context(SpawnContext):
@@ -74,18 +70,6 @@ class _Context(SpawnContext):
 
 _stack = ExitStack()  # resources that a worker holds until it ends
 _packed = b""  # the work of this worker
-
-
-def prepare_worker() -> None:
-    """Give this process a ROS domain of its own, for nodes in lockstep."""
-    if sys.platform != "linux":
-        return  # there, an installed ROS has the domain of the environment
-    from onebot_description.ros.domains import used_domain
-
-    try:
-        _stack.enter_context(used_domain())
-    except OneBotError as error:  # pure episodes need none
-        os.environ["ROS_DOMAIN_ID"] = str(error)
 
 
 def _start(packed: bytes) -> None:
@@ -99,122 +83,139 @@ def _start(packed: bytes) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    prepare_worker()
+    _take_domain()
     with suppress(Exception):  # it is reported by the first episode
         unpacked(packed)  # now, as imports are no part of an episode's time
+
+
+def _take_domain() -> None:
+    """Give this process a ROS domain of its own, for nodes in lockstep."""
+    if sys.platform != "linux":
+        return  # there, an installed ROS has the domain of the environment
+    from onebot_description.ros.domains import used_domain
+
+    try:
+        _stack.enter_context(used_domain())
+    except OneBotError as error:  # pure episodes need none
+        os.environ["ROS_DOMAIN_ID"] = str(error)
 
 
 def _run(case: bytes) -> EpisodeOutcome:
     return run_packed(_packed, case)
 
 
-class _Task(NamedTuple):
-    number: int
-    case: bytes
-    died: bool = False  # whether a worker has died of it
+class Worker:
+    """A process that runs episodes, one at a time, and is replaced when it ends.
 
-
-class Processes:
-    """Processes of this computer.
-
-    Each has its own pool, so that one that is killed while it holds a lock of its pool cannot
-    stop the others.
-
-    Attributes:
-        facts: what is recorded of this computer.
+    It has a pool of its own: one that is killed while it holds a lock of its pool cannot stop the
+    others.
     """
 
-    def __init__(self, packed: bytes, workers: int | None) -> None:
-        """Choose how many.
+    def __init__(self, packed: bytes) -> None:
+        """Begin without a process; the first episode starts it.
 
         Args:
             packed: the work.
-            workers: how many processes; None for one on each processor.
         """
-        self._packed, self._count = packed, workers or _processors()
-        self.facts = machine_facts()
+        self._packed, self._is_open, self._lock = packed, True, threading.Lock()
+        self._pool = self._new_pool()
 
-    def run(self, cases: Iterator[tuple[int, bytes]], timeout: float) -> Outcomes:
-        """Run episodes; yield their outcomes as they come.
+    def run(self, case: bytes, timeout: float) -> EpisodeOutcome:
+        """Run an episode; run it again if the process dies of it once.
 
         Args:
-            cases: numbers and packed cases.
-            timeout: s of wall time, after which an episode is ended.
+            case: the packed case.
+            timeout: s of wall time, after which the episode is ended.
+
+        Raises:
+            OneBotError: processes end before they run anything.
         """
-        return _run_all(self._packed, cases, self._count, timeout)
+        died = False
+        for _ in range(_MOST_BROKEN):
+            try:
+                return self._outcome(case, timeout)
+            except TimeoutError:
+                return EpisodeOutcome(b"", f"it took longer than {timeout:g} s, and was ended")
+            except ProcessExpired:
+                if died:
+                    return EpisodeOutcome(b"", DIED)
+                died = True
+            except RuntimeError:  # the pool is broken: the process died before the episode
+                pass
+            self._replace_pool()
+        raise OneBotError("the workers end before they run an episode")
+
+    def _outcome(self, case: bytes, timeout: float) -> EpisodeOutcome:
+        future = self._pool.schedule(_run, (case,), timeout=timeout)
+        while not wait([future], _CHECK).done:
+            if not self._pool.active:
+                raise RuntimeError
+        return future.result()
+
+    def _replace_pool(self) -> None:
+        with self._lock:
+            if not self._is_open:
+                raise CancelledError
+            self._end_pool()
+            self._pool = self._new_pool()
+
+    def _new_pool(self) -> ProcessPool:
+        context: Any = _Context()  # pebble's types know the contexts of multiprocessing only
+        return ProcessPool(1, initializer=_start, initargs=(self._packed,), context=context)
+
+    def _end_pool(self) -> None:
+        self._pool.stop()  # type: ignore[no-untyped-call]
+        self._pool.join()
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._is_open = False
+            self._end_pool()
 
 
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):  # Linux; a container may have fewer than the computer
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _run_all(
-    packed: bytes, cases: Iterator[tuple[int, bytes]], workers: int, timeout: float
+def run_in_processes(
+    packed: bytes, cases: Iterator[tuple[int, bytes]], count: int, timeout: float
 ) -> Outcomes:
-    idle = [_pool(packed) for _ in range(workers)]
-    running: dict[Future[EpisodeOutcome], tuple[ProcessPool, _Task]] = {}
-    retries, broken = deque[_Task](), 0
-    try:
-        while True:
-            while idle and (task := retries.popleft() if retries else _next(cases)):
-                pool = idle.pop()
-                with suppress(RuntimeError):  # the process died while it was idle
-                    running[pool.schedule(_run, (task.case,), timeout=timeout)] = pool, task
-                    continue
-                _end([pool])
-                idle.append(_pool(packed))
-                retries.append(task)
-            if not running:
-                return
-            for future in wait(running, _CHECK, FIRST_COMPLETED).done:
-                pool, task = running.pop(future)
-                outcome = None
-                try:
-                    outcome = future.result()
-                except TimeoutError:
-                    outcome = too_long(timeout)
-                except (ProcessExpired, BrokenProcessPool) as error:
-                    _end([pool])
-                    pool = _pool(packed)
-                    ran = isinstance(error, ProcessExpired)  # otherwise it died before the episode
-                    broken += not ran
-                    if ran and task.died:
-                        outcome = EpisodeOutcome(b"", DIED)
-                    else:
-                        retries.append(task._replace(died=task.died or ran))
-                idle.append(pool)
-                if outcome is not None:
-                    broken = 0
-                    yield task.number, outcome
-                if broken > _MOST_BROKEN:
-                    raise OneBotError("the workers end before they run an episode")
-            for future, (pool, _) in running.items():
-                if not pool.active:
-                    with suppress(InvalidStateError):  # it has just got its result
-                        future.set_exception(BrokenProcessPool())
-    finally:
-        _end([*idle, *(pool for pool, _ in running.values())])
+    """Run episodes in processes of this computer; yield their outcomes as they come.
+
+    Args:
+        packed: the work.
+        cases: numbers and packed cases.
+        count: how many processes.
+        timeout: s of wall time, after which an episode is ended.
+    """
+    workers, idle = [Worker(packed) for _ in range(count)], SimpleQueue[Worker]()
+    for worker in workers:
+        idle.put(worker)
+
+    def run(case: bytes) -> EpisodeOutcome:
+        worker = idle.get()
+        try:
+            return worker.run(case, timeout)
+        finally:
+            idle.put(worker)
+
+    with ThreadPoolExecutor(count) as threads:
+        try:
+            for number, future in as_they_come(
+                lambda case: threads.submit(run, case), cases, count
+            ):
+                yield number, future.result()
+        finally:
+            with ThreadPoolExecutor(count) as closing:  # all at once: some may take seconds
+                closing.map(Worker.close, workers)
 
 
-def _pool(packed: bytes) -> ProcessPool:
-    context: Any = _Context()  # pebble's types know the contexts of multiprocessing only
-    return ProcessPool(1, initializer=_start, initargs=(packed,), context=context)
-
-
-def _next(cases: Iterator[tuple[int, bytes]]) -> _Task | None:
-    case = next(cases, None)
-    return None if case is None else _Task(*case)
-
-
-def too_long(timeout: float) -> EpisodeOutcome:
-    """Return the outcome of an episode that was ended."""
-    return EpisodeOutcome(b"", f"it took longer than {timeout:g} s, and was ended")
-
-
-def _end(pools: list[ProcessPool]) -> None:
-    for pool in pools:
-        pool.stop()  # type: ignore[no-untyped-call]
-    for pool in pools:
-        pool.join()
+def as_they_come(
+    submit: Callable[[bytes], _Future], cases: Iterator[tuple[int, bytes]], most: int
+) -> Iterator[tuple[int, _Future]]:
+    """Submit so many cases at once; yield the numbers and futures of those that are done."""
+    running: dict[_Future, int] = {}
+    while True:
+        while len(running) < most and (task := next(cases, None)):
+            running[submit(task[1])] = task[0]
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            yield running.pop(future), future

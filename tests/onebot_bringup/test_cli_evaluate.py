@@ -1,7 +1,9 @@
 """``onebot evaluate``: a study from its file, with reports, recordings, Ctrl-C and resumption."""
 
 import re
+import socket
 import sys
+from contextlib import closing
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -153,3 +155,21 @@ def test_ray_that_is_missing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
         "running 4 episodes on ray ...",
         "error: Ray is not installed: pip install 'onebot-robots[cluster]'",
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_set", [True, False])
+def test_a_cluster_that_does_not_answer(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, is_set: bool
+) -> None:
+    """That of RAY_ADDRESS, or one that ``ray start`` has begun, and that has been killed."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+    (folder / "ray").mkdir()
+    (folder / "ray/ray_current_cluster").write_text(address)
+    monkeypatch.setenv("RAY_TMPDIR", str(folder))
+    monkeypatch.setenv("RAY_ADDRESS", address if is_set else "")
+    done = onebot("evaluate", "study.py", "--on", "ray")
+    assert done.returncode == 1
+    [_, error] = done.stderr.splitlines()
+    assert error.startswith(f"error: Ray's cluster {address} does not answer: ")

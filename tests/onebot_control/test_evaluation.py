@@ -24,16 +24,41 @@ from onebot_control.evaluation.rows import fact_of
 from onebot_description.errors import OneBotError
 from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 
+DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
+LONG = "it took longer than 2 s, and was ended"
+ENDS = {
+    "raises": "ValueError: it went wrong",
+    "raises a riddle": "Riddle",
+    "exits": "SystemExit: gone",
+    "hangs": LONG,
+    "stops": LONG,
+    "dies": DIED,
+    "leaves": DIED,
+    "dies once": None,
+}
+"""What comes of an episode of each kind."""
+
+
+class Riddle(Exception):
+    """An error whose text cannot be made."""
+
+    def __str__(self) -> str:
+        raise ValueError
+
 
 def simple(case: Case) -> dict[str, Any]:
     """An episode without a simulation; it ends as the case says."""
     kind = case.get("kind", "")
+    if kind == "raises a riddle":
+        raise Riddle
     if kind == "raises":
         raise ValueError("it went\nwrong")
     if kind == "exits":
         sys.exit("gone")
     if kind == "hangs":
         time.sleep(1e6)
+    if kind == "stops":  # so that it cannot end itself
+        os.kill(os.getpid(), signal.SIGSTOP)
     if kind == "dies":
         os.kill(os.getpid(), signal.SIGKILL)
     if kind == "leaves":
@@ -69,24 +94,21 @@ def test_a_table_has_a_row_for_each_case() -> None:
     assert fact_of(table, "processor")
 
 
-def test_nothing_that_goes_wrong_ends_a_study(tmp_path: Path) -> None:
-    kinds = ["", "raises", "exits", "hangs", "dies", "leaves", "dies once", ""]
-    cases = [{"seed": 1, "kind": kind, "file": tmp_path / "died"} for kind in kinds]
-    table = evaluate(simple, cases, workers=2, timeout=2.0)
-    assert table["error"].to_pylist() == [
-        None,
-        "ValueError: it went wrong",
-        "SystemExit: gone",
-        "it took longer than 2 s, and was ended",
-        *2 * ["its worker died twice: killed, out of memory, or a crash in compiled code"],
-        None,
-        None,
-    ]
-    assert table["reached"].to_pylist() == [True, *5 * [None], True, True]
-    assert table["file"].to_pylist() == [str(tmp_path / "died")] * 8
+@pytest.mark.parametrize("on", ["processes", pytest.param("ray", marks=pytest.mark.slow)])
+def test_nothing_that_goes_wrong_ends_a_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on: str
+) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", "local")
+    cases = [{"seed": 1, "kind": kind, "file": tmp_path / "died"} for kind in ("", *ENDS, "")]
+    table = evaluate(simple, cases, workers=2, on=on, timeout=2.0)
+    assert table["error"].to_pylist() == [None, *ENDS.values(), None]
+    reached = [None if error else True for error in ENDS.values()]
+    assert table["reached"].to_pylist() == [True, *reached, True]
+    assert table["file"].to_pylist() == [str(tmp_path / "died")] * 10
     text = summary(table)
-    assert "8 episodes, 5 with an error" in text and "reached: 3 of 8, 37.5 %" in text
-    assert "cases without success: 1, 2, 3, 4, 5" in text and "case 1: ValueError: it went" in text
+    assert "10 episodes, 7 with an error" in text and "reached: 3 of 10, 30.0 %" in text
+    assert "cases without success: 1, 2, 3, 4, 5, 6, 7" in text
+    assert "case 1: ValueError: it went" in text
 
 
 @pytest.mark.slow
