@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from io import BytesIO
 from pathlib import Path
+from statistics import fmean
 from xml.etree import ElementTree
 
 import pyarrow as pa
-import pyarrow.compute as pc
 from pyarrow import csv, parquet
 
 from onebot_control.evaluation.cases import ERROR
@@ -80,12 +80,14 @@ def share(table: pa.Table, name: str) -> float:
             hint = did_you_mean(name, table.column_names, "columns")
             raise OneBotError(f'the episodes return no "{name}"{hint}')
         return 0.0
-    column = table[name]
-    if pa.types.is_boolean(column.type) or pa.types.is_null(column.type):
-        return sum(value is True for value in column.to_pylist()) / len(column)
-    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-        return math.nan if column.null_count else float(pc.mean(column).as_py())
-    raise OneBotError(f'"{name}" has no mean: it is a column of {column.type}')
+    values = table[name].to_pylist()
+    if all(value is None or isinstance(value, bool) for value in values):
+        return sum(map(bool, values)) / len(values)
+    try:
+        return math.nan if None in values else fmean(values)
+    except TypeError:
+        text = f'"{name}" has no mean: it is a column of {table[name].type}'
+        raise OneBotError(text) from None
 
 
 def interval(successes: int, count: int) -> tuple[float, float]:

@@ -41,14 +41,11 @@ SUCCESS = ("reached", "success")
 """Columns that, where episodes return them, are false in an episode without success."""
 
 
-_Workers = Annotated[int, Rule(at_least=0, at_most=10_000)]
-
-
 @checked
 def evaluate(
     function: Episode,
     cases: Iterable[Mapping[str, Any]],
-    workers: _Workers | None = None,
+    workers: Annotated[int, Rule(at_least=0, at_most=10_000)] | None = None,
     *,
     on: Annotated[str, Rule(choices=("processes", "ray"))] = "processes",
     timeout: Annotated[float, Rule(above=0.0, infinite=True)] = 600.0,

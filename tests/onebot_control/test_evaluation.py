@@ -26,46 +26,40 @@ from tests.support import PATIENCE, RunningProcess, run_to_end, wait_for
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
 LONG = "it took longer than 2 s, and was ended"
-ENDS = {
-    "raises": "ValueError: it went wrong",
-    "raises a riddle": "Riddle",
-    "exits": "SystemExit: gone",
-    "hangs": LONG,
-    "stops": LONG,
-    "dies": DIED,
-    "leaves": DIED,
-    "dies once": None,
+ENDS: dict[str, tuple[Callable[[Case], object], str | None]] = {
+    "raises": (lambda case: {}["it went\nwrong"], "KeyError: 'it went\\nwrong'"),
+    "raises a riddle": (lambda case: int(Riddle()), "Riddle"),
+    "exits": (lambda case: sys.exit("gone"), "SystemExit: gone"),
+    "is interrupted": (lambda case: signal.default_int_handler(2, None), "KeyboardInterrupt"),
+    "hangs": (lambda case: time.sleep(1e6), LONG),
+    "stops": (lambda case: os.kill(os.getpid(), signal.SIGSTOP), LONG),
+    "dies": (lambda case: os.kill(os.getpid(), signal.SIGKILL), DIED),
+    "leaves": (lambda case: os._exit(0), DIED),
+    "dies once": (lambda case: _exists(case) or os._exit(3), None),
 }
-"""What comes of an episode of each kind."""
+"""What episodes may do, and their errors."""
 
 
-class Riddle(Exception):
+class Riddle(BaseException):
     """An error whose text cannot be made."""
+
+    def __int__(self) -> int:
+        raise self
 
     def __str__(self) -> str:
         raise ValueError
 
 
+def _exists(case: Case) -> bool:
+    exists = Path(case["file"]).exists()
+    Path(case["file"]).touch()
+    return exists
+
+
 def simple(case: Case) -> dict[str, Any]:
     """An episode without a simulation; it ends as the case says."""
-    kind = case.get("kind", "")
-    if kind == "raises a riddle":
-        raise Riddle
-    if kind == "raises":
-        raise ValueError("it went\nwrong")
-    if kind == "exits":
-        sys.exit("gone")
-    if kind == "hangs":
-        time.sleep(1e6)
-    if kind == "stops":  # so that it cannot end itself
-        os.kill(os.getpid(), signal.SIGSTOP)
-    if kind == "dies":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if kind == "leaves":
-        os._exit(0)
-    if kind == "dies once" and not Path(case["file"]).exists():
-        Path(case["file"]).touch()
-        os._exit(3)
+    if kind := case.get("kind"):
+        ENDS[kind][0](case)
     return {"reached": case["seed"] % 3 > 0, "half": case["seed"] / 2, "ranges": [1.0, math.inf]}
 
 
@@ -94,21 +88,17 @@ def test_a_table_has_a_row_for_each_case() -> None:
     assert fact_of(table, "processor")
 
 
-@pytest.mark.parametrize("on", ["processes", pytest.param("ray", marks=pytest.mark.slow)])
-def test_nothing_that_goes_wrong_ends_a_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on: str
-) -> None:
-    monkeypatch.setenv("RAY_ADDRESS", "local")
+def test_nothing_that_goes_wrong_ends_a_study(tmp_path: Path) -> None:
     cases = [{"seed": 1, "kind": kind, "file": tmp_path / "died"} for kind in ("", *ENDS, "")]
-    table = evaluate(simple, cases, workers=2, on=on, timeout=2.0)
-    assert table["error"].to_pylist() == [None, *ENDS.values(), None]
-    reached = [None if error else True for error in ENDS.values()]
-    assert table["reached"].to_pylist() == [True, *reached, True]
-    assert table["file"].to_pylist() == [str(tmp_path / "died")] * 10
+    table = evaluate(simple, cases, workers=2, timeout=2.0)
+    errors = [None, *(error for _, error in ENDS.values()), None]
+    assert table["error"].to_pylist() == errors
+    assert table["reached"].to_pylist() == [None if error else True for error in errors]
+    assert table["file"].to_pylist() == [str(tmp_path / "died")] * len(errors)
     text = summary(table)
-    assert "10 episodes, 7 with an error" in text and "reached: 3 of 10, 30.0 %" in text
-    assert "cases without success: 1, 2, 3, 4, 5, 6, 7" in text
-    assert "case 1: ValueError: it went" in text
+    assert "11 episodes, 8 with an error" in text and "reached: 3 of 11, 27.3 %" in text
+    assert "cases without success: 1, 2, 3, 4, 5, 6, 7, 8" in text
+    assert "case 1: KeyError: 'it went" in text
 
 
 @pytest.mark.slow
