@@ -1,26 +1,19 @@
-"""Makes a Python on Linux lack what another system lacks: ``sitecustomize`` for the tests."""
+"""Makes a Python on Linux lack what Windows lacks, and macOS in part: for the tests."""
 
-# What is absent on macOS, and on Windows, too, of what the half without ROS would use; mypy looks
-# for the rest (test_other_systems).
+# What is absent there of what the half without ROS would use; mypy looks for the rest
+# (test_other_systems).
 LACKS = {
-    "macos": {"os": ("memfd_create",)},
-    "windows": {
-        "os": ("memfd_create", "fork", "killpg", "getuid", "O_NONBLOCK", "O_CLOEXEC", "statvfs"),
-        "signal": ("SIGXCPU", "SIGHUP", "SIGCONT"),
-        "resource": None,
-        "fcntl": None,
-    },
+    "os": ("memfd_create", "fork", "killpg", "getuid", "O_NONBLOCK", "O_CLOEXEC", "statvfs"),
+    "signal": ("SIGXCPU", "SIGHUP", "SIGCONT"),
+    "resource": None,
+    "fcntl": None,
 }
 ROS = "rclpy builtin_interfaces std_msgs sensor_msgs geometry_msgs nav_msgs rosidl_parser".split()
-
-
-def sitecustomize(system: str) -> str:
-    """Return the text of a sitecustomize.py that makes a Python like that of the system."""
-    return f"""
+SITECUSTOMIZE = f"""
 import importlib, os, sys
 
 import psutil  # Rerun's, which refuses a platform that it does not know
-for name, absent in {LACKS[system]!r}.items():
+for name, absent in {LACKS!r}.items():
     if absent is None:
         sys.modules[name] = None  # its import fails
     else:

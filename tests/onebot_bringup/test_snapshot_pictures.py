@@ -58,18 +58,15 @@ def test_joints_and_camera_stand_where_they_are_told(arm):
     """In place of an older picture."""
     (arm / "a.png").write_text("an old one")
     files = {entry.name for entry in arm.iterdir()}
-    at_0 = drawn(arm, *_arm(arm))
-    assert Image.open(arm / "a.png").format == "PNG"
+    front = drawn(arm, *_arm(arm, "--joints", "slide=1.0"))
+    assert Image.open(arm / "a.png").format == "PNG" and front.shape == (320, 480, 3)
     assert {entry.name for entry in arm.iterdir()} == files, "nothing else is left there"
-    at_1 = drawn(arm, *_arm(arm, "--joints", "slide=1.0"), name="1.png")
-    assert at_0.shape == at_1.shape == (320, 480, 3)
-    # The cylinder is a metre to the right; the box stays.
-    assert center(colored(at_1, ORANGE))[0] > center(colored(at_0, ORANGE))[0] + 0.2
-    assert center(colored(at_1, BLUE))[0] == pytest.approx(center(colored(at_0, BLUE))[0], abs=0.1)
+    # The cylinder is a metre to the right of the box, which it is in at 0.
+    assert center(colored(front, ORANGE))[0] > center(colored(front, BLUE))[0] + 0.2
     # From the other side, left is right; the middle of the picture is what the camera looks at.
     camera = ("--camera", "-2.6,0.5,0:0,0.5,0")
     back = drawn(arm, *_arm(arm, "--joints", "slide=1.0"), *camera, name="2.png")
-    assert center(colored(at_1, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
+    assert center(colored(front, ORANGE))[0] > 0.5 > center(colored(back, ORANGE))[0]
     sides = [center(colored(back, color))[0] - 0.5 for color in (ORANGE, BLUE)]
     assert sum(sides) == pytest.approx(0.0, abs=0.03)
 
@@ -119,18 +116,13 @@ def test_the_end_of_a_recording(arm, tmp_path):
 PLATE = (
     '<link name="base_link"><visual><geometry><box size="0.2 0.2 0.02"/></geometry></visual></link>'
 )
-LID = PLATE.replace("base_link", "lid") + (
-    '<joint name="j" type="fixed"><parent link="base_link"/><child link="lid"/>'
-    '<origin xyz="0 0 0.1"/></joint>'
-)
 
 
-@pytest.mark.parametrize("source", ["plate.urdf", "box.urdf", "maze", "ramp", "plate.rrd"])
+@pytest.mark.parametrize("source", ["plate.urdf", "maze", "plate.rrd"])
 def test_a_picture_of_what_never_moves(source: str, tmp_path: Path) -> None:
     """All of it is static, without any time that the viewer could go to."""
     require_renderer()
-    for name, more in (("plate", ""), ("box", LID)):
-        (tmp_path / f"{name}.urdf").write_text(f'<robot name="{name}">{PLATE}{more}</robot>')
+    (tmp_path / "plate.urdf").write_text(f'<robot name="plate">{PLATE}</robot>')
     description = load_world(source) if "." not in source else None
     path = description.source if description else str(tmp_path / source)
     if path.endswith(".rrd"):

@@ -2,21 +2,17 @@
 
 import itertools
 import math
-import re
 import time
 from collections import defaultdict
-from urllib.request import Request
 
 import numpy as np
 import psutil
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import JointState, LaserScan
+from sensor_msgs.msg import JointState
 
 from onebot_description.ros.wire.cdr import nanoseconds
-from tests.onebot_bringup.steering_support import PageClient, requested
 from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
@@ -24,8 +20,6 @@ BRINGUP = "onebot_bringup.launch.onebot_bringup"
 # In simulated time a slow machine makes it last longer, and nothing else.
 WORDS = ("viewer:=none", "steer:=true", "port:=0", "real_time_factor:=2")
 BEGIN, END = 8.0, 28.0  # s of simulated time; before, memory may grow
-MOST_AN_HOUR = 50.0  # MB an hour of simulated time; with reliable pictures 300
-SHOWN = 40.0, 120.0  # s of simulated time of the page that shows a camera
 LONGEST_GAP = 0.5  # s of simulated time
 MOST_GROWTH = {"memory": 5.0, "handles": 5.0, "threads": 3.0}  # memory in MB
 
@@ -90,38 +84,3 @@ def test_driving_about(peer: Peer) -> None:
         stamps = [nanoseconds(message.header.stamp) * 1e-9 for message in messages]
         steps = [after - before for before, after in itertools.pairwise(stamps)]
         assert 0.0 <= min(steps) and max(steps) <= LONGEST_GAP
-
-
-@pytest.mark.slow
-def test_a_page_that_shows_a_camera(peer: Peer) -> None:
-    """Its server does not grow beside the viewer, which subscribes to the same pictures.
-
-    By the messages of 80 s at three times real time; reliable readers grew by 5 MB a minute.
-    """
-    times, sizes = list[float](), list[float]()
-    words = "world:=maze", "sensors_enabled:=true", *WORDS[1:3], "real_time_factor:=3"
-    with NodeProcess(BRINGUP, *words) as bringup:
-        scans = peer.hear(LaserScan, "/scan", qos_profile_sensor_data)
-        address = wait_for(lambda: re.search(r"open (http://\S+)\n", bringup.output), "the page")[1]
-        nodes = psutil.Process(bringup.process.pid).children(recursive=True)
-        [server] = [
-            node for node in nodes if any("steering_page" in word for word in node.cmdline())
-        ]
-        with PageClient(address) as page:
-            [camera, *_] = wait_for(lambda: page.state["cameras"], "the camera")
-            request = Request(f"{address.rstrip('/')}/tools/camera.jpg?topic={camera}")
-
-            def is_over() -> bool:
-                with requested(request) as answer:
-                    answer.read()
-                now = nanoseconds(scans[-1].header.stamp) * 1e-9
-                if now > SHOWN[0]:
-                    times.append(now)
-                    sizes.append(server.memory_full_info().uss / 1e6)
-                time.sleep(0.08)
-                return now > SHOWN[1]
-
-            wait_for(is_over, "the end")
-    every = len(times) // 50 + 1
-    hourly = grown(times[::every], sizes[::every]) * 3600.0 / (times[-1] - times[0])
-    assert hourly <= MOST_AN_HOUR, sizes[::every]

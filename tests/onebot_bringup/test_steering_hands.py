@@ -21,8 +21,7 @@ from tests.support import wait_for
 
 pytestmark = pytest.mark.slow
 
-SEQUENCES = 500  # of each keyboard
-BATCH = 250  # in one script
+SEQUENCES = 250  # of each keyboard
 
 # The page's own modules, with a clock that only `replay` moves, and a server that answers soon.
 FAKES = """
@@ -135,17 +134,6 @@ def faults(page: Page, desks: Sequence[Desk]) -> list[str]:
     return [fault(desk, sent) for desk, sent in zip(desks, commands, strict=True)]
 
 
-def shrunk(
-    page: Page, keyboard: str, drive: tuple[str, ...], actions: list[Action]
-) -> tuple[list[Action], str]:
-    """Leave out actions as long as what remains is wrong, too."""
-    for index in range(len(actions)):
-        fewer = [*actions[:index], *actions[index + 1 :]]
-        if fewer and any(faults(page, [played(keyboard, drive, fewer)])):
-            return shrunk(page, keyboard, drive, fewer)
-    return actions, faults(page, [played(keyboard, drive, actions)])[0]
-
-
 @pytest.mark.parametrize(
     ("keyboard", "lateral"), [*((keyboard, 0.0) for keyboard in KEYBOARDS), ("X11", 0.5)]
 )
@@ -161,11 +149,10 @@ def test_only_a_hand_on_the_keys_drives(
     faked.driver.execute_script(SHOW, {**state, "limits": limits})
     drive = (*DRIVE, STRAFE) if lateral else DRIVE
     rng = random.Random(keyboard)
-    for _ in range(0, SEQUENCES, BATCH):
-        sequences = [random_actions(rng) for _ in range(BATCH)]
-        found = faults(faked, [played(keyboard, drive, actions) for actions in sequences])
-        for actions, wrong in zip(sequences, found, strict=True):
-            assert not wrong, shrunk(faked, keyboard, drive, actions)
+    sequences = [random_actions(rng) for _ in range(SEQUENCES)]
+    found = faults(faked, [played(keyboard, drive, actions) for actions in sequences])
+    for actions, wrong in zip(sequences, found, strict=True):
+        assert not wrong, actions
 
 
 def ran(page: Page, script: str) -> list[int]:

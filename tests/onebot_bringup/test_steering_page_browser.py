@@ -35,6 +35,25 @@ STILL = Twist()
 LIMITS = {"max_linear": 0.5, "max_angular": 1.0}
 
 
+@pytest.fixture(scope="module")
+def node(domain: int) -> Iterator[Steering]:
+    with steering(**LIMITS) as node:
+        yield node
+
+
+@pytest.fixture
+def peer(domain: int) -> Iterator[Peer]:
+    with Peer(domain) as peer:
+        yield peer
+
+
+@pytest.fixture
+def alone(ros_domain: int) -> Iterator[Peer]:
+    """A robot in a domain without the node that tests share."""
+    with Peer(ros_domain) as peer:
+        yield peer
+
+
 @pytest.fixture
 def heard(peer: Peer) -> list[Twist]:
     """The commands that a robot receives."""
@@ -42,15 +61,13 @@ def heard(peer: Peer) -> list[Twist]:
 
 
 @pytest.fixture
-def node(heard: list[Twist]) -> Iterator[Steering]:
-    with steering(**LIMITS) as node:
-        yield node
-
-
-@pytest.fixture
-def page(tab: Page, node: Steering) -> Page:
-    """The page of ``node``."""
-    return tab.open(node.address)
+def page(tab: Page, node: Steering, heard: list[Twist]) -> Page:
+    """The page of ``node``, for the robot that hears them."""
+    tab.open(node.address)
+    if tab.find("#topic-name").get_property("value") != TOPIC:
+        tab.enter("#topic-name", TOPIC)
+    wait_for(lambda: tab.text("#topic output") == "Twist, 1 subscriber", "the robot")
+    return tab
 
 
 def pair(twist: Twist) -> tuple[float, float]:
@@ -111,7 +128,10 @@ def test_it_loads_from_its_own_port_only(tab: Page, node: Steering) -> None:
 
 
 def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
-    """Held with the mouse, by its place on the pad; the page shows the command."""
+    """Held with the mouse, by its place on the pad; the page shows the command.
+
+    To let go stops it at once, by a release, also from a pad that is held beyond its rim.
+    """
 
     def drives() -> Twist | None:
         speed = heard[-1].linear.x if heard else 0.0
@@ -123,15 +143,11 @@ def test_the_joystick_drives_the_robot(page: Page, heard: list[Twist]) -> None:
     # Without the dead zone of 6 % on each axis; a pixel is 1 % of the radius.
     assert linear == pytest.approx(0.5 * (0.7 - 0.06) / 0.94, abs=0.015)
     assert angular == pytest.approx(1.0 * (0.6 - 0.06) / 0.94, abs=0.03)
-    let_go(page, heard)
-
-
-def test_letting_go_stops_at_once(page: Page, heard: list[Twist]) -> None:
-    """It sends a release, also for a pad that is held beyond it."""
-    assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
     releases = page.said().count("release")
     let_go(page, heard)
     assert page.said().count("release") == releases + 1 and page.said()[-1] == "release"
+    assert pair(page.drive_by_pad(0.0, 1.5, moving(heard))) == (0.5, 0.0)
+    let_go(page, heard)
     page.drive_until(
         lambda: (page.hold_pad(0.0, 0.5), page.drag(-600, 0)),
         page.let_go,
@@ -142,33 +158,33 @@ def test_letting_go_stops_at_once(page: Page, heard: list[Twist]) -> None:
 
 
 BLUR = "window.dispatchEvent(new Event('blur'))"  # as of a window of another program in front
-LEAVE = {
-    "reload": lambda driver: driver.refresh(),
-    "blur": lambda driver: driver.execute_script(BLUR),
-    "hide": lambda driver: driver.switch_to.new_window("tab"),
-}
 
 
-@pytest.mark.parametrize("leave", LEAVE)
-def test_leaving_the_page_stops(page: Page, heard: list[Twist], leave: str) -> None:
-    """The tab left or loaded anew, or the window without focus, while the pad is held."""
-    own = page.driver.current_window_handle
-    page.drive_by_pad(0.0, 0.5, moving(heard))
-    LEAVE[leave](page.driver)
-    wait_for(lambda: heard[-1] == STILL, "the stop")
-    if leave != "reload":
-        wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
-    if leave == "hide":
-        page.driver.close()
-        page.driver.switch_to.window(own)
-    assert heard[-1] == STILL
+def test_leaving_the_page_stops(page: Page, heard: list[Twist]) -> None:
+    """The window without focus, the tab left or loaded anew, while the pad is held."""
+    driver, own = page.driver, page.driver.current_window_handle
+    for leave in (
+        lambda: driver.execute_script(BLUR),
+        lambda: driver.switch_to.new_window("tab"),
+        driver.refresh,
+    ):
+        page.drive_by_pad(0.0, 0.5, moving(heard))
+        leave()
+        wait_for(lambda: heard[-1] == STILL, "the stop")
+        if leave != driver.refresh:
+            wait_for(lambda: page.sent()[-1]["type"] == "release", "the page to let go")
+        if driver.current_window_handle != own:
+            driver.close()
+            driver.switch_to.window(own)
+        page.let_go()
 
 
-def test_a_page_that_lost_its_server_comes_back_still(tab: Page, heard: list[Twist]) -> None:
+def test_a_page_that_lost_its_server_comes_back_still(tab: Page, alone: Peer) -> None:
     """It says that it is lost, connects anew, and does not drive.
 
     The limit that was chosen by hand is still there.
     """
+    heard = alone.hear(Twist, TOPIC, 1000)
     with steering(check=False, **LIMITS) as node:
         tab.open(node.address)
         tab.enter("#linear-limit", "0,4")
@@ -193,7 +209,9 @@ def test_a_page_that_lost_its_server_comes_back_still(tab: Page, heard: list[Twi
         tab.release_keys("w")
 
 
-def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[Twist]) -> None:
+def test_a_connection_that_is_too_slow_stops_and_says_so(
+    page: Page, tab: Page, node: Steering, heard: list[Twist]
+) -> None:
     """It queues up no commands; when it is fast again, what is held drives again."""
     sides = itertools.cycle((1, -1))
 
@@ -201,7 +219,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(tab: Page, heard: list[
         tab.drag(next(sides), 0)  # a hand that is there
         return tab.text("#message")
 
-    with steering(**LIMITS) as node, Way(node.address) as way:
+    with Way(node.address) as way:
         tab.open(way.address)
         tab.drive_by_pad(0.0, 1.5, at(heard, 0.5, 0.0))
         way.delay = 0.8
@@ -360,10 +378,11 @@ def test_limits_are_edited_by_the_user(page: Page, heard: list[Twist]) -> None:
     wait_for(lambda: page.text("#linear-hint") == "", "the mark to go")
     page.enter("#linear-limit", "")
     wait_for(lambda: page.limit("linear") == "0.5", "the robot's own")
+    _works_out_as_the_server_does(page)
 
 
-def test_what_the_page_works_out(page: Page) -> None:
-    """Without a robot: the limit that an entry is, and the braking distance of the controller."""
+def _works_out_as_the_server_does(page: Page) -> None:
+    """The limit that an entry is, and the braking distance of the controller."""
     entries = [
         "0,5", "0.5", ",5", "5.", "+2", "1e3", "", "-3", "0", "1,000.5", "0x1", "NaN", "3 m"
     ]  # fmt: skip
@@ -469,11 +488,11 @@ def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page)
     peer.run(peer.node.destroy_timer, timer)
 
 
-def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, tab: Page) -> None:
+def test_displays_and_parameters_are_set_in_panels(ros_domain: int, alone: Peer, tab: Page) -> None:
     """By check boxes and fields; a refused value says why, and the old one stays."""
-    peer.node.declare_parameter("speed", 0.5)
-    peer.node.declare_parameter("lights", False)
-    peer.node.add_on_set_parameters_callback(
+    alone.node.declare_parameter("speed", 0.5)
+    alone.node.declare_parameter("lights", False)
+    alone.node.add_on_set_parameters_callback(
         lambda them: SetParametersResult(successful=them[0].value != 9.0, reason="too fast")
     )
     with Peer(ros_domain, "rerun_viewer") as viewer, steering(topic="/cmd_vel") as node:
@@ -510,13 +529,13 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, peer: Peer, 
 
         tab.find("[name=parameters]").click()
         field("parameters", "lights").click()
-        wait_for(lambda: values(peer, "lights") == [True], "the lights")
+        wait_for(lambda: values(alone, "lights") == [True], "the lights")
         speed = field("parameters", "speed").get_attribute("id")
         tab.enter(f"#{speed}", "9")
         wait_for(lambda: "too fast" in row("parameters", "speed").text, "the reason")
         wait_for(lambda: tab.find(f"#{speed}").get_property("value") == "0.5", "the old value")
         tab.enter(f"#{speed}", "1.5")
-        wait_for(lambda: values(peer, "speed") == [1.5], "the speed")
+        wait_for(lambda: values(alone, "speed") == [1.5], "the speed")
         tab.enter("#parameters-filter", "LIGHT")
         assert not row("parameters", "speed").is_displayed()
         assert row("parameters", "lights").is_displayed()
@@ -592,7 +611,7 @@ return sides.map((pixels) => pixels * 1.5 ** 2 / 80);
 
 
 def test_a_second_finger_stops_and_all_that_is_held_stays_so(
-    tab: Page, node: Steering, heard: list[Twist]
+    page: Page, tab: Page, node: Steering, heard: list[Twist]
 ) -> None:
     """On press; until it is lifted nothing drives, and then only what is pressed anew.
 
@@ -659,7 +678,10 @@ def _press_stop(page: Page, key: str) -> None:
 
 
 def test_a_gamepad_drives(gamepad: None, page: Page, heard: list[Twist]) -> None:
-    """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot."""
+    """Beyond its dead zone; unplugged, or stopped by its button, it stops the robot.
+
+    One that is plugged in has to be at rest first: it may be another, with a lever without middle.
+    """
     _stick(page, y=0.1)
     page.wait_for_states(3)
     assert not heard
@@ -674,14 +696,6 @@ def test_a_gamepad_drives(gamepad: None, page: Page, heard: list[Twist]) -> None
     _drive_by_stick(page, at(heard, 0.0, 1.0), x=-1.0)
     _stick(page, x=-1.0, there="false")
     wait_to_stop(page, heard)
-
-
-def test_a_gamepad_that_is_plugged_in_has_to_be_at_rest_first(
-    gamepad: None, page: Page, heard: list[Twist]
-) -> None:
-    """It may be another one, with a lever that has no middle."""
-    _stick(page)
-    page.wait_for_states(3)
     for change in ("disconnected", "connected"):
         _stick(page, y=-1.0, there="true" if change == "connected" else "false")
         page.driver.execute_script(

@@ -21,7 +21,7 @@ from geometry_msgs.msg import (
     TransformStamped,
     Twist,
 )
-from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from nav_msgs.msg import OccupancyGrid, Odometry
 from PIL import Image
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -43,7 +43,7 @@ from onebot_bringup.steering.view_proxy import parse_displays
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.steering_support import BAD, PageClient, requested, steering
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
 
 CLICK = {
@@ -399,23 +399,3 @@ def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
             assert Image.open(io.BytesIO(request.raw(asked)[1])).format == "JPEG"
             assert not peer.node.count_subscribers(front)
     peer.run(peer.node.destroy_timer, timer)
-
-
-@pytest.mark.slow
-def test_a_page_sets_what_the_viewer_shows(peer: Peer) -> None:
-    """Its displays, by the list that it publishes, and its camera."""
-    peer.node.create_publisher(Path, "/plan", 10)
-    arguments = ros_args(grpc_port=0, web_port=0, open_browser="false")
-    with NodeProcess("onebot_bringup.viewer.rerun_viewer", *arguments), steering() as node:
-        request = Requests(node.address)
-
-        def visible() -> list[bool]:
-            return [one["visible"] for one in request("nodes")["shown"] if one["topic"] == "/plan"]
-
-        wait_for(lambda: visible() == [True], "the path among the displays")
-        viewer, values = request("nodes")["viewer"], {"hidden": '["/plan"]', "shown": "[]"}
-        values |= {"camera.eye": "[0.0, -0.03, 3.0]", "camera.target": "[]", "camera.follow": ""}
-        assert request("parameters", {"node": viewer, "values": values}) == {"rejected": {}}
-        wait_for(lambda: visible() == [False], "the check box")
-        names = {row["name"] for row in request(f"parameters?node={viewer}")["parameters"]}
-        assert {"fixed_frame", "frame_prefix", "robots"} <= names, "the page reads them"
