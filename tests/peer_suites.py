@@ -14,9 +14,11 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import yaml
 from nav_msgs.msg import Odometry
 
 from onebot_control import Simulation
@@ -55,82 +57,13 @@ class Program(NamedTuple):
 
     file: str
     pattern: str  # what it prints at its good end
-    end: tuple[float, float]  # where the robot is then, from its start, m
+    end: Sequence[float]  # where the robot is then, from its start, m
     poses: dict[str, str] = {}  # poses that are replaced; those of the start are added to them
-    words: tuple[str, ...] = ()
+    words: str = ""
 
 
-_COMMANDER = "nav2_simple_commander/nav2_simple_commander"
-_TESTS = "nav2_system_tests/src"
+PROGRAMS = [Program(**row) for row in yaml.safe_load(Path("tests/nav2_clients.yaml").read_text())]
 _START = 2.0, 0.5  # where the robot starts in the maze, m
-_ROUTE = {
-    **{"= 10.15": "= 0.3", "= 17.86": "= 0.4", "= 21.58": "= -0.3"},
-    **{"= -0.77": "= -0.2", "= -3.5": "= 0.2"},
-}
-PROGRAMS = (
-    Program(f"{_COMMANDER}/example_nav_to_pose.py", "Goal succeeded!", (0.4, -0.2), _ROUTE),
-    Program(f"{_COMMANDER}/example_nav_through_poses.py", "Goal succeeded!", (-0.3, 0.2), _ROUTE),
-    Program(f"{_COMMANDER}/example_waypoint_follower.py", "Goal succeeded!", (-0.3, 0.2), _ROUTE),
-    Program(
-        f"{_COMMANDER}/example_follow_path.py",
-        "Goal succeeded!",
-        (0.4, 0.2),
-        {"x = 7.0": "x = 0.4", "y = 0.5": "y = 0.2"},
-    ),
-    Program(
-        f"{_COMMANDER}/demo_picking.py",
-        "Bringing product to shipping destination",
-        (-0.3, -0.2),
-        {"[8.21, 1.3,": "[0.4, 0.2,", "[-6.0, -5.0,": "[-0.3, -0.2,"},
-    ),
-    Program(
-        f"{_COMMANDER}/demo_inspection.py",
-        "Inspection of shelves complete! Returning to start",
-        (0.0, 0.0),
-        {
-            **{"8.21, 1.3": "0.2, 0.2", "8.7, 4.0": "0.3, 0.2", "11.6, 4.0": "0.4, 0.1"},
-            **{"11.6, 1.3": "0.4, 0.0", "12.6, 1.3": "0.3, -0.1", "12.6, 4.0": "0.3, -0.2"},
-            **{"15.27, 1.3": "0.1, -0.2", "16.4, 1.3": "-0.1, -0.2"},
-            **{"19.0, 1.3": "-0.2, -0.1", "19.0, 4.0": "-0.2, 0.1"},
-        },
-    ),
-    Program(
-        f"{_COMMANDER}/demo_recoveries.py",
-        "Dead end confirmed! Returning to start",
-        (0.0, 0.0),
-        {"x = 8.21": "x = 0.4", "y = 1.3": "y = 0.2"},
-    ),
-    Program(
-        f"{_COMMANDER}/demo_security.py",
-        "Route complete!",
-        (-0.2, 0.2),
-        {
-            **{"10.15, -0.77": "0.3, -0.2", "17.86, -0.77": "0.4, 0.0", "21.58, -3.5": "0.3, 0.2"},
-            **{"19.4, -6.4": "0.0, 0.2", "-6.0, 5.0": "-0.2, 0.2"},
-        },
-    ),
-    Program(
-        f"{_TESTS}/system/nav_to_pose_tester_node.py",
-        "Exiting passed",
-        (0.4, 0.2),
-        words=("-r", "2.0", "0.5", "2.4", "0.7", "-e", "True"),
-    ),
-    Program(
-        f"{_TESTS}/system/nav_through_poses_tester_node.py",
-        "Exiting passed",
-        (0.4, 0.2),
-        words=("-r", "2.0", "0.5", "2.4", "0.7"),
-    ),
-    Program(
-        f"{_TESTS}/waypoint_follower/tester.py",
-        "Exiting passed",
-        (math.nan, math.nan),  # it cancels its last goal
-        {
-            **{"[-0.52, -0.54]": "[-0.2, -0.2]", "[0.58, -0.55]": "[0.2, -0.2]"},
-            **{"[1.78, -0.57]": "[0.4, -0.1]", "[-2.0, -0.5]": "[0.0, 0.0]"},
-        },
-    ),
-)
 _NEAR = 0.05  # m from the end
 _FACTOR = float(os.environ.get("REAL_TIME_FACTOR", "1.0"))
 
@@ -169,7 +102,7 @@ def client_outcome(folder: Path, program: Program, scratch: Path) -> tuple[bool,
         truth = peer.hear(Odometry, "velocity_controller/ground_truth")
         sim_time = "--ros-args", "-p", "use_sim_time:=true"
         run = subprocess.Popen(
-            [sys.executable, "-u", str(file), *program.words, *sim_time],
+            [sys.executable, "-u", str(file), *program.words.split(), *sim_time],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

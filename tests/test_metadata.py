@@ -23,51 +23,7 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGES = ("onebot_description", "onebot_control", "onebot_bringup", "mrm_description")
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 FOR_TESTS = ("test", "mutation")  # extras
-# The keys of rosdistro's rosdep/python.yaml; that of a package of ROS is its name.
-ROSDEP_KEYS = {
-    "IPython": "ipython3",
-    "PIL": "python3-pil",
-    "aiohttp": "python3-aiohttp",
-    "argcomplete": "python3-argcomplete",
-    "collada": "python3-collada",
-    "hypothesis": "python3-hypothesis",
-    "lxml": "python3-lxml",
-    "numpy": "python3-numpy",
-    "packaging": "python3-packaging",
-    "psutil": "python3-psutil",
-    "pybullet": "python3-pybullet-pip",
-    "pybullet_data": "python3-pybullet-pip",
-    "pytest": "python3-pytest",
-    "rosbags": "python3-rosbags-pip",
-    "scipy": "python3-scipy",
-    "selenium": "python3-selenium",
-    "transforms3d": "python3-transforms3d",
-    "trimesh": "python3-trimesh-pip",
-    "xacro": "xacro",
-    "xdist": "python3-pytest-xdist",
-    "yaml": "python3-yaml",
-    "yourdfpy": "python3-yourdfpy-pip",
-}
-# There is no key for these: pip installs them.
-WITHOUT_KEY = {
-    "cloudpickle",
-    "embreex",
-    "gymnasium",
-    "ipywidgets",
-    "lz4",
-    "manifold3d",
-    "mcap",
-    "nbclient",
-    "nbformat",
-    "pebble",
-    "pyarrow",
-    "ray",
-    "rerun",
-    "rerun_cli",
-    "simpleeval",
-    "yarl",
-    "zstandard",
-}
+KEYS = yaml.safe_load((CHECKOUT / "tests/rosdep_keys.yaml").read_text())
 # Packages of ROS that no wheel has; the wheel of any other is called ros-NAME.
 ROOM = CHECKOUT / "onebot_description/ros/packages"
 WITHOUT_WHEEL = {"launch", *(folder.name for folder in ROOM.iterdir() if folder.is_dir())}
@@ -140,9 +96,8 @@ def _is_of_ros(module: str) -> bool:
 
 def _keys(modules: set[str]) -> set[str]:
     others = {each for each in modules if not _is_of_ros(each) and each not in PACKAGES}
-    unknown = others - ROSDEP_KEYS.keys() - WITHOUT_KEY
-    assert not unknown, "look for its key in rosdistro, and add it to a table above"
-    return (modules - others) | {ROSDEP_KEYS[each] for each in others - WITHOUT_KEY}
+    assert others <= KEYS.keys(), "look for its key in rosdistro, and add it to rosdep_keys.yaml"
+    return (modules - others) | {KEYS[each] for each in others if KEYS[each]}
 
 
 def _manifest(package: str) -> ElementTree.Element:

@@ -50,18 +50,6 @@ def test_top_level_folders_are_the_fixed_ones():
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)
-def test_folder_is_a_python_and_a_ros_package(package):
-    """It holds what both need, under one name, and its manifest is of format 3."""
-    folder = CHECKOUT / package
-    for name in ("__init__.py", "py.typed", "package.xml", "CMakeLists.txt"):
-        assert (folder / name).is_file(), name
-    root = _manifest(package)
-    assert root.get("format") == "3"
-    assert root.findtext("name") == package
-    assert f"project({package} " in (folder / "CMakeLists.txt").read_text()
-
-
-@pytest.mark.parametrize("package", MAY_IMPORT)
 def test_packages_depend_one_way(package):
     """On what the architecture allows; test_metadata compares package.xml with the imports."""
     depends = {element.text for element in _manifest(package).iter("exec_depend")}

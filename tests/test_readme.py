@@ -135,18 +135,16 @@ SAVED = re.findall(r"\*(test_\w+\.py)\*.*?```python\n(.*?)```", ALL, re.DOTALL)
 
 
 @pytest.mark.parametrize(
-    ("name", "code"),
-    [
-        pytest.param(name, code, marks=[pytest.mark.slow] if "bringup" in code else [], id=name)
-        for name, code in SAVED
-    ],
+    "brings_up", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["simulation", "bringup"]
 )
-def test_an_example_in_python(name, code, tmp_path, ros_domain):
-    """Saved as the README has it, it passes."""
-    (tmp_path / name).write_text(code)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
+def test_the_examples_in_python(brings_up, tmp_path, ros_domain):
+    """Saved as the README has them, they pass."""
+    examples = {name: code for name, code in SAVED if ("bringup" in code) == brings_up}
+    for name, code in examples.items():
+        (tmp_path / name).write_text(code)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *examples]
     done = run_to_end(command, cwd=tmp_path, timeout=5 * PATIENCE)
-    assert "1 passed" in done.stdout, done.stdout + done.stderr
+    assert f"{len(examples)} passed" in done.stdout, done.stdout + done.stderr
 
 
 def test_the_workflow_to_copy_installs_and_tests() -> None:

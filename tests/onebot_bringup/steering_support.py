@@ -146,32 +146,21 @@ class Way:
         answers, onward = await asyncio.open_connection("127.0.0.1", self._server.port)
         ends = {writer, onward}
         self._open |= ends
-        sent: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
         with suppress(ConnectionError):
-            await asyncio.gather(
-                self._take(reader, sent), self._pass(sent, onward), self._answer(answers, writer)
-            )
+            await asyncio.gather(self._pass(reader, onward, True), self._pass(answers, writer))
         self._open -= ends
 
-    async def _take(self, reader: asyncio.StreamReader, sent: asyncio.Queue[Any]) -> None:
-        while data := await reader.read(1 << 16):
-            sent.put_nowait((self._loop.time(), data))
-        sent.put_nowait((self._loop.time(), b""))
-
-    async def _pass(self, sent: asyncio.Queue[Any], onward: asyncio.StreamWriter) -> None:
-        while (found := await sent.get())[1]:
-            came, data = found
+    async def _pass(
+        self, source: asyncio.StreamReader, target: asyncio.StreamWriter, slow: bool = False
+    ) -> None:
+        while data := await source.read(1 << 16):
+            came = self._loop.time()
             # By what holds now: a way that was slow is fast at once for all that waits.
-            while (wait := came + self.delay - self._loop.time()) > 0.0:
+            while slow and (wait := came + self.delay - self._loop.time()) > 0.0:
                 await asyncio.sleep(min(wait, 0.02))
-            onward.write(data)
-        onward.close()
-
-    async def _answer(self, answers: asyncio.StreamReader, page: asyncio.StreamWriter) -> None:
-        while data := await answers.read(1 << 16):
-            page.write(data)
-            await page.drain()
-        page.close()
+            target.write(data)
+            await target.drain()
+        target.close()
 
     def cut(self) -> None:
         """End all connections; new ones are accepted."""

@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,9 +11,6 @@ import pytest
 
 from tests.onebot_bringup.launcher_support import alive
 from tests.support import RunningProcess, wait_for
-
-ONEBOT = "onebot_bringup.launch.onebot_bringup"
-MRM = "mrm_description.launch.mrm_bringup"
 
 
 def nodes_of(launcher: int) -> dict[str, int]:
@@ -50,31 +46,14 @@ def stop_by_first_signal(running: RunningProcess) -> None:
     assert "stopped with an error" not in running.err
 
 
-@pytest.fixture
-def running(
-    request: pytest.FixtureRequest, tmp_path: Path, ros_domain: int
-) -> Iterator[RunningProcess]:
-    """A bringup whose nodes have just been started as processes."""
-    viewer, nodes = {ONEBOT: ("viewer:=web", 3), MRM: ("viewer:=none", 2)}[request.param]
-    with RunningProcess([sys.executable, "-m", request.param, viewer], tmp_path) as command:
-        command.says("Ctrl-C")
-        wait_for(lambda: len(nodes_of(command.process.pid)) == nodes, f"{nodes} nodes")
-        yield command
-
-
-@pytest.mark.parametrize("running", [MRM], indirect=True)
-def test_nodes_that_have_just_begun_heed_ctrl_c(running: RunningProcess) -> None:
-    """They are importing; none has a handler for signals yet."""
-    stop_by_first_signal(running)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("running", [ONEBOT], indirect=True)
-@pytest.mark.parametrize("up", ["driving robot", "open http://127.0.0.1:"])
-def test_nodes_that_are_up_or_being_made_heed_ctrl_c(running: RunningProcess, up: str) -> None:
-    """What moves the robot is up, and the viewer, which takes longest, is starting; or it runs.
+def test_nodes_that_are_up_heed_ctrl_c(tmp_path: Path, ros_domain: int) -> None:
+    """The viewer, too, which ends its page, its recording and itself.
 
-    Then it has most to put away: it ends its page, its recording and itself.
+    Of nodes that are being made, test_lone_nodes has the first moments.
     """
-    running.says(up)
-    stop_by_first_signal(running)
+    words = [sys.executable, "-m", "onebot_bringup.launch.onebot_bringup", "viewer:=web"]
+    with RunningProcess(words, tmp_path) as running:
+        running.says("open http://127.0.0.1:")
+        assert len(nodes_of(running.process.pid)) == 3
+        stop_by_first_signal(running)

@@ -1,19 +1,15 @@
 """Ctrl-C from the first moment on: quiet, and with the exit code that the command has for it."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 import zstandard
 
-from onebot_description.elements.packages import package_share
 from tests.onebot_bringup.bag_support import write_words
 from tests.support import run_to_end
 
-MRM = str(package_share("mrm_description") / "urdf/mrm.xacro")
 COMMANDS = {
     "onebot": "onebot_bringup.cli.main",
     "onebot_bringup": "onebot_bringup.launch.onebot_bringup",
@@ -48,9 +44,6 @@ sys.meta_path.insert(0, Interrupting())
 sys.argv[1:] = ["bag", "play", "words.mcap.zstd"]
 sys.exit(main())
 """
-READY = "import sys; from {module} import main; print('ready', flush=True); sys.exit(main())"
-
-
 EARLY = """
 import sys
 from onebot_bringup.cli.main import main
@@ -104,26 +97,6 @@ def test_a_mistake_is_reported_before_anything_slow_is_imported(tmp_path):
     reported = [line for line in done.stdout.splitlines() if line.startswith("code ")]
     assert reported == expected
     assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("program", "words", "codes"),
-    [
-        ("onebot", ["topic", "list"], (0, 130)),
-        ("onebot", ["check", MRM], (0, 130, -2)),
-    ],
-)
-def test_ctrl_c_at_any_moment(ros_domain, program, words, codes):
-    """No traceback, however far it has come: it imports, works, or ends."""
-    command = [sys.executable, "-c", READY.format(module=COMMANDS[program]), *words]
-    for delay in (0.02, 0.4):
-        with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
-            assert process.stdout.readline() == "ready\n"
-            time.sleep(delay)
-            process.send_signal(signal.SIGINT)
-            _, err = process.communicate(timeout=180)
-        assert process.returncode in codes
-        assert "Traceback" not in err and "Exception" not in err, err
 
 
 def test_ctrl_c_leaves_no_temporary_folder(ros_domain, tmp_path):

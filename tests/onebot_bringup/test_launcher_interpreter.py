@@ -18,7 +18,6 @@ threading.Thread(target=lambda: (time.sleep(0.1), print("thread"))).start()
     ("end", "code", "complaint"),
     [
         ("", 0, ""),
-        ("sys.exit()", 0, ""),
         ("sys.exit(3)", 3, ""),
         ("sys.exit('no such file')", 1, "no such file\n"),
         ("raise ValueError('a fault')", 1, "ValueError: a fault\n"),

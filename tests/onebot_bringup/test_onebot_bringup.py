@@ -2,13 +2,10 @@
 
 import os
 import re
-import urllib.error
-import urllib.request
 import uuid
-from urllib.parse import urlsplit
 
 import pytest
-from geometry_msgs.msg import TransformStamped, Twist
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
@@ -17,10 +14,8 @@ from std_msgs.msg import String
 
 from onebot_description.ros.shared_memory import FOLDER
 from onebot_description.ros.wire.interfaces import TFMessage
-from tests.onebot_bringup.cli_support import onebot
 from tests.onebot_control.control_support import urdf
-from tests.readme import CHECKOUT
-from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.ros_support import LATCHED, NodeProcess
 from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.launch.onebot_bringup"
@@ -161,64 +156,6 @@ def test_the_control_file_names_the_drive(peer, tmp_path):
             f'{file}:9: section "/driver" is for none of the nodes, so it is skipped',
         ):
             assert node.output.count(text) == 1
-
-
-@pytest.mark.slow
-def test_steer_serves_the_page_with_the_view(peer):
-    """One address is named, of the page that holds the view, when both are there.
-
-    Other computers need the token.
-    """
-    words = ["steer:=true", "host:=0.0.0.0", "port:=0"]
-    with NodeProcess(MODULE, *words) as node:
-        views = peer.hear(String, "/rerun_viewer/page", LATCHED)
-        find = re.compile(r"open (http://\S+)(\?token=\S+)")
-        wait_for(lambda: views[-1].data and find.search(node.output), "both pages")
-        assert node.output.count("http://") == 1
-        address = find.search(node.output)
-        page = f"http://127.0.0.1:{urlsplit(address[1]).port}/"
-        with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(page, timeout=PATIENCE)
-        with urllib.request.urlopen(page + address[2], timeout=PATIENCE) as response:
-            assert "<title>" in response.read().decode()
-        wait_for(lambda: peer.node.count_subscribers(ODOM), "the page's read-out")
-
-
-def test_the_recipe_for_a_localizer(ros_domain):
-    """As the README has it: Nav2's topics, and with a node that publishes map -> odom one tree."""
-    readme = (CHECKOUT / "onebot_control/docs/navigation.md").read_text()
-    [words] = re.findall(r"^onebot_bringup (.* nav2_topics:=true)$", readme, re.MULTILINE)
-    arguments = [word for word in words.split() if word != "steer:=true"]
-    with NodeProcess(MODULE, "viewer:=none", *arguments), Peer(ros_domain, "amcl") as amcl:
-        odom, tf = amcl.hear(Odometry, "/odom"), amcl.hear(TFMessage, "/tf", 1000)
-        static = amcl.hear(TFMessage, "/tf_static", LATCHED)
-        commands = amcl.publisher(Twist, "/cmd_vel")
-        localizing = amcl.node.create_publisher(TFMessage, "/tf", 10)
-        correction = TransformStamped(child_frame_id="odom")
-        correction.header.frame_id = "map"
-        amcl.node.create_timer(0.1, lambda: localizing.publish(TFMessage(transforms=[correction])))
-        command = Twist()
-        command.linear.x = 0.2
-        wait_for(lambda: commands.publish(command) or (odom and _position(odom[-1])[0] > 0.2), "x")
-        assert odom[-1].header.frame_id == "odom" and odom[-1].child_frame_id == "base_link"
-        wait_for(lambda: len(tf) > 200 and static, "transforms")
-        found = {
-            each.header.frame_id
-            for message in tf
-            for each in message.transforms
-            if each.child_frame_id == "odom"
-        }
-        assert found == {"map"}
-        # On a busy machine a process of its own may find the localizer later than the robot.
-        one_tree = wait_for(lambda: _warning_free("tf", "tree"), "a tree without a warning")
-        assert one_tree.splitlines()[1].strip() == "map" and "base_link" in one_tree
-
-
-def _warning_free(*words: str) -> str:
-    """Return what a command prints; nothing if it also warns."""
-    done = onebot(*words)
-    assert done.returncode == 0, done.stderr
-    return "" if done.stderr else done.stdout
 
 
 def test_warnings_name_the_files_line_and_have_a_level(ros_domain, tmp_path):

@@ -3,6 +3,7 @@
 import re
 import socket
 from urllib.parse import urlsplit
+from urllib.request import Request
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -12,7 +13,7 @@ from onebot_bringup.cli.session import Session
 from onebot_bringup.cli.steer import page_answers, robot_parameters, run
 from onebot_description.errors import OneBotError, UsageError
 from tests.onebot_bringup.cli_support import running
-from tests.onebot_bringup.steering_support import PageClient, cookie_of
+from tests.onebot_bringup.steering_support import PageClient, cookie_of, requested
 from tests.orphans import marked
 from tests.ros_support import LATCHED
 from tests.support import RunningProcess, wait_for
@@ -66,7 +67,13 @@ def test_it_steers_the_topic_named_and_ends_with_ctrl_c(peer, tmp_path, monkeypa
         command.says("other computers can reach the page")
         token = urlsplit(address).query.removeprefix("token=")
         assert len(token) > 20
-        cookie = cookie_of(address).partition(";")[0]
+        cookie, _, attributes = cookie_of(address).partition(";")
+        assert "HttpOnly" in attributes and "SameSite=Strict" in attributes
+        assert token not in cookie
+        for path in ("", "static/page.js", "tools/nodes", "?token=wrong"):
+            with requested(Request(f"{address.partition('?')[0]}{path}")) as answer:
+                assert answer.status == 403
+                assert b"open the whole address that was printed" in answer.read()
         with PageClient(address, Cookie=cookie) as page:
             wait_for(lambda: page.state["listeners"], "the robot")
             page.hold(1.0)

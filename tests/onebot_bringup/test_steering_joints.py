@@ -8,18 +8,16 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
-from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
 from onebot_bringup.steering.joint_motion import SteeredJoint, short_motion
 from onebot_description.elements.urdf import Joint
 from tests.onebot_bringup.joints_support import SPEED, STANDING, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, PageClient, steering
-from tests.onebot_control.arm_support import MANAGER, MODULE, ControllerState
-from tests.ros_support import LATCHED, NodeProcess, Peer
+from tests.onebot_control.arm_support import MODULE, ControllerState
+from tests.ros_support import NodeProcess, Peer
 from tests.support import wait_for
 
 STEERED = SteeredJoint("rad", 0.5, -1.0, 1.2)
@@ -223,45 +221,3 @@ def test_only_a_reference_of_the_robot_that_is_steered_is_gone_on_from(ros_domai
                 assert len(mine.commands) <= commands + 1, "but for one that was on its way"
             page.let_go()
         assert other.commands == []
-
-
-def test_an_arm_on_a_robot_that_drives(ros_domain: int) -> None:
-    """Both move at once; Stop stops and locks both, and only what moves is unlocked."""
-    with described(ros_domain, STANDING) as peer, steering() as own:
-        arm, twists = OtherController(peer, "/arm"), peer.hear(Twist, TOPIC)
-        locks = [peer.hear(Bool, f"{topic}_lock") for topic in (TOPIC, f"{MANAGER}/cmd_vel")]
-        joints = peer.publisher(Bool, f"{MANAGER}/cmd_vel_locked", LATCHED)
-        joints.publish(Bool())
-        arm.be_at(0.1, 0.2)
-
-        def command(speed: float, turn: float) -> bool:
-            return bool(twists) and twists[-1].linear.x == speed and arm.speed() == turn
-
-        def locked() -> tuple[bool, ...]:
-            return tuple(bool(lock) and lock[-1].data for lock in locks)
-
-        with opened(own) as page:
-            wait_for(lambda: page.state["listeners"] == 1, "the robot")
-            # A lock is published once: it is lost as long as this subscriber is not discovered.
-            wait_for(lambda: page.send("stop") or all(locks), "the page's locks")
-            page.hold(0.2, arm_joint=SPEED)
-            wait_for(lambda: command(0.2, SPEED), "both to move")
-            for speed, turn, wheels_locked in ((0.0, -SPEED, True), (0.2, 0.0, False)):
-                page.send("stop")
-                wait_for(lambda: command(0.0, 0.0) and locked() == (True, True), "both locks")
-                page.let_go()
-                page.hold(speed, arm_joint=turn)
-                what = (wheels_locked, not wheels_locked)
-                wait_for(
-                    lambda what=what, speed=speed, turn=turn: (
-                        locked() == what and command(speed, turn)
-                    ),
-                    "one of both to move again",
-                )
-                wait_for(
-                    lambda lock=wheels_locked: (
-                        page.state["locked"] and page.state["wheels_locked"] == lock
-                    ),
-                    "the page's state of the locks",
-                )
-                page.let_go()

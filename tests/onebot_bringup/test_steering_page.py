@@ -14,10 +14,8 @@ from tests.onebot_bringup.steering_support import (
     Commands,
     PageClient,
     Steering,
-    cookie_of,
     requested,
     steered,
-    steering,
     visited,
 )
 from tests.ros_support import LATCHED
@@ -115,27 +113,6 @@ def test_foreign_hosts_and_origins_are_refused(shared):
         assert caught.value.status == 403
     with PageClient(address, Origin=address.partition("/?")[0]) as page:
         assert page.id
-
-
-def test_other_computers_need_a_token(ros_domain):
-    """host:=0.0.0.0 makes one, prints it in the address, and lets in nobody without it."""
-    with steering(host="0.0.0.0") as node:
-        address, _, query = node.address.partition("/?")
-        token = query.removeprefix("token=")
-        assert len(token) >= 22 and "/rosout" not in node.output
-        for base in (address, f"http://127.0.0.1:{node.port}"):
-            for path in ("/", "/static/page.js", "/tools/nodes", "/?token=wrong"):
-                assert _status(base, path) == (
-                    403,
-                    "The token is missing or wrong: open the whole address that was printed.\n",
-                )
-            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-                PageClient(base)
-            assert caught.value.status == 403
-            cookie = cookie_of(f"{base}/?{query}")
-            assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and token not in cookie
-            with PageClient(base, Cookie=cookie.partition(";")[0]) as page:
-                assert page.state["pages"] == 1
 
 
 def test_a_wrong_parameter_is_one_clear_error(start_node):

@@ -436,55 +436,53 @@ def test_another_robot_is_chosen(peer: Peer, page: Page) -> None:
     page.release_keys("w")
 
 
-def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, tab: Page) -> None:
+def test_a_press_on_the_map_is_published_with_its_heading(peer: Peer, page: Page) -> None:
     """As in RViz: press, drag to where it faces, release; a tool is for one place."""
     goals = peer.hear(PoseStamped, "/goal_pose")
     points = peer.hear(PointStamped, "/clicked_point")
     at = Odometry(child_frame_id="base_link")
     at.header.frame_id, at.pose.pose.position.x, at.twist.twist.linear.x = "odom", 1.0, 0.25
-    moved = peer.node.create_publisher(Odometry, "/odom", 10)
+    moved = peer.node.create_publisher(Odometry, "/velocity_controller/odom", 10)
     timer = peer.node.create_timer(0.05, lambda: moved.publish(at))
-    with steering(topic="/cmd_vel") as node:
-        tab.open(node.address)
-        wait_for(lambda: tab.number("x") == 1.0, "the odometry")
-        assert tab.number("linear-measured") == 0.25
+    wait_for(lambda: page.number("x") == 1.0, "the odometry")
+    assert page.number("linear-measured") == 0.25
 
-        def pressed(selector: str) -> bool:
-            return tab.find(selector).get_attribute("aria-pressed") == "true"
+    def pressed(selector: str) -> bool:
+        return page.find(selector).get_attribute("aria-pressed") == "true"
 
-        tab.find("[data-tool=goal]").click()
-        assert pressed("[data-tool=goal]") and pressed("[name=map]")
-        robot = "#ground .robot:not(.absent)"
-        wait_for(lambda: tab.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
-        tab.hold("#ground svg", 0, -50)
-        assert goals == []
-        tab.act().send_keys(Keys.ESCAPE).perform()
-        tab.let_go()
-        tab.find("[data-tool=goal]").click()
-        tab.hold("#ground svg", 0, -50)
-        tab.let_go()
-        wait_for(lambda: "Published /goal_pose" in tab.text("#ground [role=status]"), "the goal")
-        wait_for(lambda: goals, "its message")
-        pose = goals[0].pose
-        turn = pose.orientation
-        assert len(goals) == 1 and goals[0].header.frame_id == "odom"
-        assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
-        assert not pressed("[data-tool=goal]") and pressed("[name=map]")
+    page.find("[data-tool=goal]").click()
+    assert pressed("[data-tool=goal]") and pressed("[name=map]")
+    robot = "#ground .robot:not(.absent)"
+    wait_for(lambda: page.driver.find_elements(By.CSS_SELECTOR, robot), "the robot on the map")
+    page.hold("#ground svg", 0, -50)
+    assert goals == []
+    page.act().send_keys(Keys.ESCAPE).perform()
+    page.let_go()
+    page.find("[data-tool=goal]").click()
+    page.hold("#ground svg", 0, -50)
+    page.let_go()
+    wait_for(lambda: "Published /goal_pose" in page.text("#ground [role=status]"), "the goal")
+    wait_for(lambda: goals, "its message")
+    pose = goals[0].pose
+    turn = pose.orientation
+    assert len(goals) == 1 and goals[0].header.frame_id == "odom"
+    assert yaw_of(turn.x, turn.y, turn.z, turn.w) == pytest.approx(math.pi / 2)
+    assert not pressed("[data-tool=goal]") and pressed("[name=map]")
 
-        tab.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
-        tab.find("[data-tool=point]").click()
-        tab.touch({0: ("#ground svg", 80)})
-        tab.end_touch()
-        wait_for(lambda: points, "the point")
-        assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
-        tab.find("[data-tool=goal]").click()
-        for name, words in {"x": "3", "y": "-0,5", "yaw": "180"}.items():
-            tab.enter(f"#ground [name={name}]", words)
-        tab.find("[name=publish]").click()
-        wait_for(lambda: len(goals) == 2, "the place by numbers")
-        pose = goals[1].pose
-        assert (pose.position.x, pose.position.y) == (3.0, -0.5)
-        assert pose.orientation.z == pytest.approx(1.0)
+    page.devtools("Emulation.setTouchEmulationEnabled", enabled=True)
+    page.find("[data-tool=point]").click()
+    page.touch({0: ("#ground svg", 80)})
+    page.end_touch()
+    wait_for(lambda: points, "the point")
+    assert (points[0].point.x, points[0].point.y) == pytest.approx((1.0, 1.0), abs=0.02)
+    page.find("[data-tool=goal]").click()
+    for name, words in {"x": "3", "y": "-0,5", "yaw": "180"}.items():
+        page.enter(f"#ground [name={name}]", words)
+    page.find("[name=publish]").click()
+    wait_for(lambda: len(goals) == 2, "the place by numbers")
+    pose = goals[1].pose
+    assert (pose.position.x, pose.position.y) == (3.0, -0.5)
+    assert pose.orientation.z == pytest.approx(1.0)
     peer.run(peer.node.destroy_timer, timer)
 
 

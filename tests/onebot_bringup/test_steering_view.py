@@ -22,11 +22,17 @@ from tests.onebot_bringup.steering_support import (
     requested,
     steering,
 )
-from tests.onebot_bringup.viewer_support import ARM
+from tests.onebot_bringup.viewer_support import ARM, BLUE
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.steering_browser_support import Page, viewer_page
 from tests.support import PATIENCE, wait_for
-from tests.support_browser import DRAWING_PATIENCE, SMALL, browser, hosts_reached
+from tests.support_browser import (
+    DRAWING_PATIENCE,
+    SMALL,
+    browser,
+    hosts_reached,
+    wait_for_color,
+)
 
 PAGE = "http://127.0.0.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy&theme=dark&persist=0"
 SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
@@ -185,7 +191,10 @@ def test_keys_in_the_view_and_a_lost_connection(ros_domain, tmp_path, tab):
 
 @pytest.mark.slow
 def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
-    """Rerun's, which is covered until there is a layout; and not kept over a lost tunnel."""
+    """Rerun's, which is covered until there is a layout; and not kept over a lost tunnel.
+
+    The robot is seen in its colour, and no other host is asked.
+    """
     viewer = ros_args(grpc_port=0, web_port=0, open_browser="false")
     with (
         NodeProcess("onebot_bringup.viewer.rerun_viewer", *viewer),
@@ -208,6 +217,7 @@ def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
         robot.publisher(String, "/robot_description", LATCHED).publish(String(data=ARM))
         wait_for(lambda: page.view_is_shown, "the view", DRAWING_PATIENCE)
         assert not page.find("#waiting").is_displayed()
+        wait_for_color(driver, BLUE, 500)
         assert hosts_reached(driver) <= {"127.0.0.1", "localhost"}
         resources = in_view(
             "window.mark = true;"

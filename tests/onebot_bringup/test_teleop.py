@@ -281,30 +281,26 @@ def _moves(message: Twist) -> bool:
     return message != Twist()
 
 
-def test_a_key_held_before_a_short_stop_is_let_go(peer: Peer) -> None:
-    """However short the stop: the hand may be gone, and who is there presses on."""
+def test_what_stops_counts_whenever_it_was_typed(peer: Peer) -> None:
+    """Space and Esc, unlike what drives.
+
+    A key that was held before a stop is let go, however short it is: the hand may be gone.
+    """
+    heard = peer.hear(Twist, TOPIC)
     with teleop("--hold", "1000") as terminal:
-        heard = peer.hear(Twist, TOPIC)
+        peer.node.create_subscription(Bool, f"{TOPIC}_lock", lambda _: None, 1)
         ready(peer, terminal)
+        wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
         _hold(terminal, "i", heard)
         with stopped(terminal.process.pid):
             pass
         wait_for(lambda: heard[-1] == Twist(), "a stop")
-
-
-@pytest.mark.parametrize(("key", "says"), [(" ", "(locked: r unlocks)"), ("\x1b", "")])
-def test_what_stops_counts_whenever_it_was_typed(peer: Peer, key: str, says: str) -> None:
-    """Space and Esc, unlike what drives."""
-    with teleop() as terminal:
-        peer.node.create_subscription(Bool, f"{TOPIC}_lock", lambda _: None, 1)
-        ready(peer, terminal)
-        wait_for(lambda: peer.node.count_publishers(f"{TOPIC}_lock"), "the lock")
         with stopped(terminal.process.pid):
-            terminal.type(f"i{key}")
-        if says:
-            terminal.says(says)
-        else:
-            assert terminal.process.wait(PATIENCE) == 0
+            terminal.type("i ")
+        terminal.says("(locked: r unlocks)")
+        with stopped(terminal.process.pid):
+            terminal.type("i\x1b")
+        assert terminal.process.wait(PATIENCE) == 0
 
 
 def test_leaving_stops_the_robot_and_restores_the_terminal(peer: Peer) -> None:

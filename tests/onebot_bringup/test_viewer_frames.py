@@ -115,36 +115,22 @@ class Shown(support.Shown):
         return [value for [value] in column(self.end(), f"/frames/a_{frame}", name)]
 
 
-@pytest.fixture
-def shown(tmp_path: Path) -> Shown:
-    """Frames of both links of the first robot are shown, and then it is replaced."""
+def test_a_link_that_is_no_more_is_hidden_at_once(tmp_path: Path) -> None:
+    """It goes to a frame that exists, though a message straggles.
+
+    That of a link both robots have stays, and is drawn once; a link that is back is drawn again.
+    """
     shown = Shown(tmp_path)
     shown.receive("old")
     shown.set_robot("old")
     shown.receive("old")
     shown.set_robot("new")
-    return shown
-
-
-def test_a_link_that_is_no_more_is_hidden_at_once(shown: Shown) -> None:
-    """It goes to a frame that exists; that of a link both robots have stays, and is drawn once."""
     assert "a_old" not in shown.frames
-    shown.receive("new")
-    for link in ("old", "base", "new"):
-        assert shown.drawn(link).count(f"a_{link}") == 1, link
-
-
-def test_a_straggling_message_does_not_draw_it_again(shown: Shown) -> None:
-    shown.receive("old")
-    assert shown.drawn("old").count("a_old") == 1
-
-
-def test_a_link_that_a_robot_has_again_is_drawn_again(shown: Shown) -> None:
-    """And what it no longer has is hidden."""
-    shown.receive("new")
+    shown.receive("old", "new")
     shown.set_robot("old")
     shown.receive("old", "new")
-    assert shown.drawn("old").count("a_old") == 2 and shown.drawn("new").count("a_new") == 1
+    for link, times in (("old", 2), ("base", 1), ("new", 1)):
+        assert shown.drawn(link).count(f"a_{link}") == times, link
 
 
 def test_names_are_shown_of_few_frames_or_on_request(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Trajectories of joints: the path of a link in the file."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,28 +24,7 @@ from tests.onebot_bringup.viewer_support import (
 
 SECOND = 10**9
 KIND = "trajectory_msgs/msg/JointTrajectory"
-LIMIT = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
-# A lift, two links of 1 m that turn about z, a tool behind them, and a finger in two parts.
-LIFTED = f"""<robot name="lifted">
-  <link name="base"/><link name="column"/><link name="upper"/><link name="fore"/>
-  <link name="camera"/><link name="flange"/><link name="tool"/><link name="finger"/>
-  <link name="pad"/>
-  <joint name="lift" type="prismatic"><parent link="base"/><child link="column"/>
-    <axis xyz="0 0 1"/><limit lower="0.2" upper="0.8" effort="1" velocity="1"/></joint>
-  <joint name="shoulder" type="revolute"><parent link="column"/><child link="upper"/>
-    <axis xyz="0 0 1"/>{LIMIT}</joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
-    <origin xyz="1 0 0"/><axis xyz="0 0 1"/>{LIMIT}</joint>
-  <joint name="to_camera" type="fixed"><parent link="fore"/><child link="camera"/></joint>
-  <joint name="to_flange" type="fixed"><parent link="fore"/><child link="flange"/>
-    <origin xyz="0.9 0 0"/></joint>
-  <joint name="to_tool" type="fixed"><parent link="flange"/><child link="tool"/>
-    <origin xyz="0.1 0 0"/></joint>
-  <joint name="grasp" type="prismatic"><parent link="tool"/><child link="finger"/>
-    <axis xyz="0 1 0"/>{LIMIT}</joint>
-  <joint name="press" type="prismatic"><parent link="finger"/><child link="pad"/>
-    <axis xyz="0 1 0"/>{LIMIT}<mimic joint="grasp"/></joint>
-</robot>"""
+LIFTED = Path(__file__).with_name("lifted.urdf").read_text()
 REST = 0.5  # the middle of the lift's range, m
 ARM_JOINTS = ("shoulder", "elbow")
 BENDS = [(0.0, 0.0), (1.0, -0.5), (1.0, 2.0)]

@@ -1,7 +1,5 @@
 """Markers: what Rerun shows of each type, of actions, of lifetimes and of frames."""
 
-import time
-
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
@@ -22,7 +20,6 @@ from tests.onebot_bringup.viewer_support import (
     take_tf,
     transforms,
 )
-from tests.support import assert_time_grows_with_size
 
 ONE, ARRAY = MarkerDrawing.message_types
 SECOND = 10**9
@@ -87,18 +84,6 @@ def times(file, layer, topic="marks"):
 def flat(value):
     """All numbers of a row."""
     return np.array(value, float).ravel().tolist()
-
-
-def test_time_grows_with_the_number_of_markers(tmp_path):
-    """Each in a namespace of its own."""
-
-    def seconds(count: int) -> float:
-        shown, markers = Shown(tmp_path), [marker(ns=f"n{number}") for number in range(count)]
-        start = time.process_time()
-        shown.send(*markers)
-        return time.process_time() - start
-
-    assert_time_grows_with_size(seconds, 2000)
 
 
 def test_cubes_of_a_namespace_are_one_row(tmp_path):
@@ -538,7 +523,7 @@ def _model(state, markers):
             state[each.ns, each.id] = each.type, each.pose.position.x
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_any_sequence_of_arrays_ends_as_in_rviz(tmp_path, seed):
     """Of many adds, changes of type and deletions: the last rows have what a simple model has."""
     random = np.random.default_rng(seed)

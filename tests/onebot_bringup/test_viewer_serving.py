@@ -290,22 +290,6 @@ def test_the_page_responds_by_the_rules_of_http():
         assert b"Rerun's server does not answer" in caught.value.read()
 
 
-def test_browsers_that_hold_connections_do_not_keep_the_page_from_stopping(capfd):
-    """One idles, one does not read what it asked for: both connections are closed, silently."""
-    with socket.socket() as idle, socket.socket() as slow:
-        with page_of(*NO_SERVER) as page:
-            for browser, path in ((idle, "/re_viewer.js"), (slow, "/re_viewer_bg.wasm")):
-                browser.settimeout(PATIENCE)
-                browser.connect(("127.0.0.1", page.port))
-                browser.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
-                assert browser.recv(12).startswith(b"HTTP/1.1 ")
-        for browser in (idle, slow):
-            with contextlib.suppress(ConnectionResetError):
-                while browser.recv(1 << 20):
-                    pass
-    assert capfd.readouterr().err == ""
-
-
 @pytest.mark.parametrize(
     ("module", "library"),
     [

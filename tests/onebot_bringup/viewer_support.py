@@ -22,23 +22,7 @@ BLUE = (26, 76, 230)
 START_NS = 1_700_000_000_000_000_000
 
 # A blue box, and an orange cylinder one metre beside it; each with a larger collision shape.
-ARM = """<robot name="arm">
-  <material name="orange"><color rgba="1 .42 .04 1"/></material>
-  <link name="base">
-    <visual><geometry><box size=".6 .6 .6"/></geometry>
-      <material name="blue"><color rgba=".1 .3 .9 1"/></material></visual>
-    <collision><geometry><box size=".8 .8 .8"/></geometry></collision>
-  </link>
-  <link name="tip">
-    <visual><origin xyz="0 0 .1"/><geometry><cylinder radius=".3" length=".6"/></geometry>
-      <material name="orange"/></visual>
-    <collision><geometry><sphere radius=".5"/></geometry></collision>
-  </link>
-  <joint name="slide" type="prismatic">
-    <parent link="base"/><child link="tip"/><axis xyz="0 1 0"/>
-    <limit lower="0" upper="2" effort="1" velocity="1"/>
-  </joint>
-</robot>"""
+ARM = Path(__file__).with_name("arm.urdf").read_text().strip()
 
 # Looking along -x: +y is to the right in the picture.
 VIEW = """
