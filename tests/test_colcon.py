@@ -26,7 +26,7 @@ RUN = {
     "mrm_description/mrm_bringup": (["--show-args"], "joint_states:=true"),
 }
 # All of the fast tests take minutes; it takes long to import the others, too.
-SOME_TESTS = "test_mrm_model* test_speed_limiter* test_message_text* test_robot_model*".split()
+SOME_TESTS = "test_mrm_model* test_speed_limiter* test_rates* test_poses*".split()
 # The report of a Python that has what the workspace needs, but not this project itself.
 DOCTOR = """
 from importlib import metadata

@@ -28,18 +28,7 @@ STORES = bool(os.environ.get("STORE_NOTEBOOKS"))
 FOLDERS = ("/home", "/root", "/tmp", "/work", str(CHECKOUT))
 _NOT_STORED = "|".join((*FOLDERS, "stderr", "widget-view", "asset"))
 NOTEBOOKS = sorted((CHECKOUT / "onebot_bringup/notebooks").glob("*.ipynb"))
-ARM = """<robot name="arm">
-  <link name="base"><visual><geometry><box size=".6 .6 .6"/></geometry></visual></link>
-  <link name="upper"/> <link name="lower"/> <link name="wheel"/> <link name="tool"/>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 0 1"/><limit lower="0.5" upper="1.5" effort="1" velocity="1"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
-    <mimic joint="shoulder" multiplier="-1"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-  <joint name="axle" type="continuous"><parent link="lower"/><child link="wheel"/></joint>
-  <joint name="fixed" type="fixed"><parent link="lower"/><child link="tool"/>
-    <origin xyz="1 2 3"/></joint>
-</robot>"""
+ARM = Path(__file__).with_name("notebook_arm.urdf").read_text()
 
 
 # --- the notebooks ------------------------------------------------------------------------------

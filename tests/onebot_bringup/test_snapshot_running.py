@@ -1,22 +1,16 @@
 """``onebot snapshot`` of a running robot, heard over real DDS."""
 
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 from onebot_description.elements.packages import use_environment_prefix
-from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_bringup.cli_support import onebot
 from tests.onebot_bringup.test_snapshot_pictures import drawn
 from tests.onebot_bringup.viewer_support import ARM, BLUE, ORANGE, VIEW
-from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
+from tests.ros_support import NodeProcess, Peer, ros_args
 from tests.support import wait_for
 from tests.support_rendering import colored, require_renderer
 
@@ -34,38 +28,12 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@contextmanager
-def published(messages: Sequence[tuple[Publisher, object]]) -> Iterator[None]:
-    """Publish messages some times a second meanwhile."""
-    done = threading.Event()
-
-    def run() -> None:
-        while not done.wait(0.05):
-            for publisher, message in messages:
-                publisher.publish(message)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join()
-
-
-def joint(peer: Peer, position: float) -> AbstractContextManager[None]:
-    """Publish where the joint stands."""
+def publish_joint(peer: Peer, position: float) -> None:
+    """Publish where the joint stands, some times a second from now on."""
     message = JointState(name=["slide"], position=[position])
     message.header.stamp = peer.node.get_clock().now().to_msg()
-    return published([(peer.publisher(JointState, "joint_states"), message)])
-
-
-def garbage(peer: Peer) -> AbstractContextManager[None]:
-    """Publish what is no message on the topics of a snapshot."""
-    topics = (TFMessage, "/tf", 10), (JointState, "joint_states", 10)
-    latched = (String, "robot_description", LATCHED)
-    data = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"
-    return published([(peer.node.create_publisher(*topic), data) for topic in (*topics, latched)])
+    publisher = peer.publisher(JointState, "joint_states")
+    peer.node.create_timer(0.05, lambda: publisher.publish(message))
 
 
 def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
@@ -77,7 +45,8 @@ def test_it_looks_as_its_description_does_at_these_positions(arm, ros_domain):
     # The prefix of its frames is what its publisher has.
     parameters = ros_args(ignore_timestamp=True, frame_prefix="left/")
     with NodeProcess(PUBLISHER, str(arm / "arm.urdf"), *parameters):
-        with Peer(ros_domain) as peer, joint(peer, 0.75), garbage(peer):
+        with Peer(ros_domain) as peer:
+            publish_joint(peer, 0.75)
             np.testing.assert_array_equal(drawn(arm, *view, name="live.png"), posed)
 
 

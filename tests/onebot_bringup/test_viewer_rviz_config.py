@@ -36,18 +36,7 @@ def test_what_rviz_shows_is_shown(tmp_path):
 
 def test_groups_of_properties(tmp_path):
     """Those of a shape are the display's; a covariance has colours of its own."""
-    display = """
-    - Class: rviz_default_plugins/PoseWithCovariance
-      Color: 1; 2; 3
-      Covariance: {Position: {Alpha: 0.3, Color: 204; 51; 204, Value: true}, Value: false}
-      Shape: Axes
-      Topic: {Value: /amcl_pose}
-    - Class: rviz_default_plugins/Odometry
-      Keep: 7
-      Shape: {Alpha: 0.5, Axes Length: 0.3, Color: 4; 5; 6, Value: Axes}
-      Topic: {Value: /odom}
-"""
-    view, notices = _loaded(tmp_path, FILE.replace("  Displays:\n", f"  Displays:{display}", 1))
+    view, notices = _loaded(tmp_path)
     pose, odometry = view.pose_with_covariance.topics["/amcl_pose"], view.odometry.topics["/odom"]
     assert (pose.shape, pose.color, pose.covariance) == ("Axes", (1, 2, 3), False)
     assert (odometry.shape, odometry.color) == ("Axes", (4, 5, 6))
@@ -72,12 +61,7 @@ def test_displays_of_sensors_have_the_same_settings(tmp_path):
 
 def test_namespaces_of_markers_are_hidden_as_in_rviz(tmp_path):
     """Whatever their names; of arrays, too."""
-    display = """
-    - Class: rviz_default_plugins/MarkerArray
-      Namespaces: {walls: true, noise: false, visible: false, 1: false}
-      Topic: {Value: /marks}
-    - Class: rviz_common/Group"""
-    view, _ = _loaded(tmp_path, FILE.replace("\n    - Class: rviz_common/Group", display, 1))
+    view, _ = _loaded(tmp_path)
     assert view.marker.topics["/marks"].visible
     assert view.marker.topics["/marks"].hidden_namespaces == ("noise", "visible", "1")
 
