@@ -245,8 +245,9 @@ def test_a_callback_that_blocks_is_an_error(ros: Lockstep[Simulation]) -> None:
         with pytest.raises(OneBotError, match=expected.replace("ticker", block.__name__)):
             ros.add(node)  # a timer of a time that has passed is called at once
             ros.simulation.run(1.0)
-        node.destroy_node()
+        node.timer.cancel()
         ros.simulation.run(0.05)
+        node.destroy_node()
 
 
 def test_nothing_sleeps_on_simulated_time_where_it_passes(ros: Lockstep[Simulation]) -> None:
