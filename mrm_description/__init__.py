@@ -5,5 +5,5 @@ import onebot_description
 TYPE_CHECKING = False  # typing's constant; typing is slow to import
 __version__: str
 
-if not TYPE_CHECKING:  # else any name would be one of the package
+if not TYPE_CHECKING:  # otherwise type checkers accept any name
     __getattr__ = onebot_description.lazy(globals(), {})

@@ -16,10 +16,10 @@ What the package exports:
 - ``SimulatedRobot``: One robot: takes commands, and returns its true state and measurements.
 - ``SimulatedNavigation``: Drives a robot to goals; ``robot.navigation`` returns it.
 - ``RobotPose``, ``PlanarVelocity``: True pose and velocity of a robot.
-- ``OdometryReading``: Pose and velocity by the wheels.
+- ``OdometryReading``: Pose and velocity from wheel odometry.
 - ``JointState``: Measured state of one joint.
 - ``Scan``, ``ImuReading``: Measurements of a lidar and of an IMU; other sensors return arrays.
-- ``Contact``: A place where something touches a robot.
+- ``Contact``: A contact point between a robot and something else.
 - ``OccupancyGrid``: The true map; ``simulation.occupancy_grid`` returns it.
 - ``Moment``: The poses and joints of all robots at one time, from ``simulation.moments``.
 - ``Lockstep``: Runs ROS nodes in lockstep; ``simulation.ros`` returns it. It needs ROS.
@@ -33,7 +33,7 @@ To run the ROS node: ``python -m onebot_control.velocity_controller``.
 
 import onebot_description
 
-TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+TYPE_CHECKING = not __name__  # false; jedi skips blocks under a literal False; typing is slow
 __version__: str
 
 __docformat__ = "google"

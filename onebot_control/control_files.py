@@ -1,7 +1,7 @@
-"""Reads control files, in ros2_control's form: the parameters of several nodes in one file.
+"""Reads control files, in ros2_control's format: the parameters of several nodes in one file.
 
-What ros2_control would not run, or not declare, is skipped with a warning: controllers of other
-types or of other command interfaces, sections of other nodes, and unknown parameters.
+Entries that cannot be used are skipped with a warning: controllers of other types or with other
+command interfaces, sections of other nodes, and unknown parameters.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 BROADCASTER_TYPE = "joint_state_broadcaster/JointStateBroadcaster"
 _OTHER_DRIVES = "swerve_drive_controller", "four_wheel_steering_controller"
 _TYPE, _FILE = ".type", ".params_file"
-# Suffixes of the parameters that controller_manager has for each controller.
+# Suffixes of controller_manager's parameters for each controller.
 _OF_CONTROLLERS = (_TYPE, _FILE, ".fallback_controllers", ".node_options_args")
 # Parameters of controller_manager, or their first words, that have no effect in a simulation.
 _WITHOUT_EFFECT = {
@@ -107,15 +107,15 @@ def unknown_by_node(
     files: Sequence[Path] = (),
     robots: "Mapping[str, Description | None]" = MappingProxyType({"/": None}),
 ) -> dict[str, Unknown]:
-    """Return the nodes that control files are for, each with a check for unknown parameters.
+    """Return the nodes of control files, each with a check for unknown parameters.
 
     Args:
         controller: as for ``ControlFiles``.
         files: control files; the joint controllers that they name are included.
-        robots: namespaces of the nodes, each with the description of its robot, if that is known.
+        robots: namespaces of the nodes, each with the description of its robot, if known.
 
     Returns:
-        The checks by the nodes' names; that of ``controller`` has its namespace.
+        The checks by the nodes' names; the name of ``controller`` includes its namespace.
     """
     kinds: dict[str, type[JointFollower]] = {DEFAULT_JOINT_CONTROLLER: TrajectoryFollower}
     drives = dict[str, Unknown]()
@@ -136,8 +136,8 @@ class ControlFiles:
     """Control files, and the controllers that they name, for the nodes of one robot.
 
     Attributes:
-        types: type, and file and line, of each controller, by its name; in the files' order.
-        kinds: kind of each joint controller, by its name; the default one if there is none.
+        types: type, and file and line, of each controller by name, in the files' order.
+        kinds: kind of each joint controller by name; the default controller if there is none.
         broadcaster: name of the first joint_state_broadcaster.
     """
 
@@ -148,14 +148,14 @@ class ControlFiles:
         controller: str = MANAGER,
         found: type[SimulationConfig] = ControlConfig,
     ) -> None:
-        """Read which controllers they name.
+        """Read the names and types of the controllers.
 
         Args:
             files: YAML files; later ones override earlier ones.
             namespace: namespace of the nodes, such as "/".
             controller: name of the drive's node, such as "velocity_controller"; controller_manager
-                for a robot that stands.
-            found: parameters of the robot's drive, unless the files name its type.
+                for a robot with a fixed base.
+            found: dataclass of the drive's parameters, unless the files name the drive's type.
 
         Raises:
             ConfigError: a file is broken.
@@ -201,7 +201,7 @@ class ControlFiles:
     def parameters(self) -> Parameters:
         """Return the parameters of the robot's node, the simulation and the broadcaster.
 
-        Those of the broadcaster begin with ``joint_state_broadcaster.``.
+        Names of the broadcaster's parameters begin with ``joint_state_broadcaster.``.
 
         Raises:
             ConfigError: values are wrong, or the robot has another kind of drive; it names file and
@@ -230,7 +230,7 @@ class ControlFiles:
         """Return the joint controllers that run here; the default one if the files name none.
 
         Raises:
-            ConfigError: values are wrong; it names all in a section, with their lines.
+            ConfigError: values are wrong; it names all of them in a section, with their lines.
         """
         enforced = self._manager.values.get(_ENFORCED)
         controllers, places, warnings = [], dict[str, str](), self._skipped()
@@ -251,19 +251,19 @@ class ControlFiles:
             if "position" in interfaces:
                 controllers.append(described)
             else:
-                text = f"commands {listing(interfaces)}, which cannot be simulated yet"
+                text = f"commands {listing(interfaces)}, which is not simulated yet"
                 warnings.append(self._skips(name, text))
         return JointControllers(controllers or [DEFAULT_CONTROLLER], places, warnings)
 
     def foreign_sections(self) -> dict[tuple[Path, str], str]:
-        """Return a warning for each section for none of the nodes, by file and section."""
+        """Return a warning for each section that matches no node, by file and section."""
         names = {MANAGER, self._controller, self.broadcaster, *self.types, *self.kinds}
         nodes = [f"{self._space}/{name}" for name in names]
         warnings = {}
         for file, section, parameters in self._sections():
             if not any(section_matches(section, node) for node in nodes):
                 place = next(iter(parameters.places.values()), str(file))
-                text = f'section "{section}" is for none of the nodes, so it is skipped'
+                text = f'section "{section}" matches no node, so it is skipped'
                 hint = did_you_mean(section, nodes, "nodes")
                 warnings[file, section] = f"{place}: {text}{hint}"
         return warnings
@@ -286,7 +286,7 @@ class ControlFiles:
 
     @property
     def _manager(self) -> Parameters:
-        """controller_manager's parameters, of which those that only it has are checked."""
+        """controller_manager's parameters; those that no other node has are checked."""
         manager = self._section(MANAGER, _unknown_of_manager)
         own_values = {n: v for n, v in manager.values.items() if is_parameter(ManagerConfig, n)}
         read(ManagerConfig, own_values, manager.places)
@@ -297,11 +297,11 @@ class ControlFiles:
         kinds = {kind for kind, _ in self.types.values()}
         for name, (kind, place) in self.types.items():
             if kind.partition("/")[0] in _OTHER_DRIVES and kinds.isdisjoint(DRIVES):
-                text = f"{kind} cannot be simulated yet, and as another drive the robot would move "
-                text += f"wrongly; those that can are {listing(DRIVES)}"
+                text = f"{kind} cannot be simulated yet, and another drive would move the robot "
+                text += f"incorrectly; supported types are {listing(DRIVES)}"
                 raise ConfigError([Problem(f"{name}{_TYPE}", text)], {f"{name}{_TYPE}": place})
         if self.types.get(self._controller, (DEFAULT_DRIVE,))[0] not in DRIVES:
-            return Parameters()  # the section is another controller's
+            return Parameters()  # the section belongs to another controller
         return self._section(self._controller, partial(unknown_parameters, self.declared))
 
     def _skipped(self) -> list[str]:
@@ -314,12 +314,12 @@ class ControlFiles:
         ]
 
     def _skips(self, name: str, reason: str) -> str:
-        """Return the warning that a controller does not run, for this reason."""
+        """Return the warning that a controller does not run, with its reason."""
         _, place = self.types.get(name, ("", ""))
         return ": ".join(filter(None, (place, name, f"{reason}, so it is skipped")))
 
     def _parameters(self, node: str) -> Parameters:
-        """Return all parameters of a node, including those in the file that its type comes with."""
+        """Return all parameters of a node, including those in its own params_file."""
         parameters = Parameters()
         texts = {**self._texts}
         if node != MANAGER:
@@ -339,11 +339,11 @@ def _is_own(file: Path) -> bool:
 
 
 def _reason(kind: str) -> str:
-    """Return why a controller of a type does not run, beside those that do."""
+    """Return why a controller of a type does not run."""
     if kind in DRIVES:
-        return f"is a further {kind.partition('/')[0]}, or the robot stands"
+        return f"is a second {kind.partition('/')[0]}, or the robot has a fixed base"
     if kind == BROADCASTER_TYPE:
-        return "is a further joint_state_broadcaster"
+        return "is a second joint_state_broadcaster"
     halves = {*kind.split("/")}
     alike = [name for name in JOINT_CONTROLLERS if not halves.isdisjoint(name.split("/"))]
     return f"{kind} does not run here" + (f" (did you mean {alike[0]}?)" if alike else "")
@@ -361,6 +361,6 @@ def _unknown_of_drive(
     description: "Description | None",
     names: Iterable[str],
 ) -> list[Problem]:
-    """Return a problem for each name that the drive of a robot, as described, does not declare."""
+    """Return a problem for each name that the drive of the described robot does not declare."""
     kind = found_drive(description) if description and names else ControlConfig
     return unknown_parameters(ControlFiles(files, namespace, controller, kind).declared, names)

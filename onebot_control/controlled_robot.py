@@ -1,4 +1,4 @@
-"""One simulated robot with its controllers, in control cycles. No ROS here."""
+"""One simulated robot with its controllers, which run in control cycles. No ROS here."""
 
 import math
 from collections import deque
@@ -19,27 +19,27 @@ from onebot_description.errors import OneBotError, did_you_mean, unknown_names
 from onebot_description.geometry.poses import PlanarPose, Transform, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
 
-_DRIFT_PERIOD = 0.1  # s between comparisons of odometry and truth
-_WINDOW = 10  # cycles over which the pace of a robot that stands is averaged
+_DRIFT_PERIOD = 0.1  # s between comparisons of odometry and ground truth
+_WINDOW = 10  # cycles over which the pace of a robot with a fixed base is averaged
 
 
 class Snapshot(NamedTuple):
     """The state of a robot in one control cycle.
 
     Velocities are per second of the clock of the stamps, except where stated. If the simulation is
-    slower than that clock, they are lower than in simulated time.
+    slower than this clock, they are lower than in simulated time.
     """
 
     tick: int  # cycles done before this one
-    joints: JointStates  # all joints that move, in the simulation's own time
+    joints: JointStates  # all moving joints, in simulated time
     pose: Transform  # true pose of the root link in the world
-    mass_velocity: MassVelocity  # true velocity, in the simulation's own time
+    mass_velocity: MassVelocity  # true velocity, in simulated time
     pace: float  # simulated seconds per second of the clock
     drive: DriveState | None  # None if it has no wheels to drive on
 
     @property
     def joint_states(self) -> JointStates:
-        """The states of all joints that move."""
+        """The states of all moving joints."""
         return self.joints._replace(
             velocities=tuple([speed * self.pace for speed in self.joints.velocities])
         )
@@ -52,7 +52,7 @@ class Snapshot(NamedTuple):
 
 
 class JointStateBroadcaster:
-    """Chooses the joints and interfaces that a JointState message holds, as ros2_control's does."""
+    """Chooses the joints and interfaces of JointState messages, as in ros2_control."""
 
     def __init__(
         self,
@@ -64,11 +64,11 @@ class JointStateBroadcaster:
 
         Args:
             config: joint_state_broadcaster's parameters.
-            joints: names of the joints whose states ``values`` gets, in that order.
+            joints: names of the joints whose states are passed to ``values``, in that order.
             held: joints that do not move, with their positions, rad or m.
 
         Raises:
-            ConfigError: a joint that the parameters name is not among these.
+            ConfigError: a joint that the parameters name is not among them.
         """
         joints = (*joints, *held)
         chosen = config.joints or joints
@@ -102,7 +102,7 @@ class JointStateBroadcaster:
 
 
 class CyclePace:
-    """Time of the cycles divided by the time that passed: 1, or less if cycles were late.
+    """Duration of the cycles divided by the elapsed time: 1, or less if cycles were late.
 
     A velocity times the pace is the change of position per change of stamp.
 
@@ -112,7 +112,7 @@ class CyclePace:
 
     def __init__(self, window: int) -> None:
         """Average over ``window`` cycles."""
-        # Pairs: seconds of a cycle, and seconds that passed (as many, or more).
+        # Pairs: duration of a cycle, and elapsed time (equal or longer), s.
         self._passed: deque[tuple[float, float]] = deque(maxlen=window)
         self.value, self._stalled = 1.0, 0.0
 
@@ -126,7 +126,7 @@ class CyclePace:
         self._stalled = 0.0
 
     def wait(self, seconds: float, *, stalled: bool = False) -> None:
-        """Record that ``seconds`` passed without a cycle; those of a stall are the next cycle's."""
+        """Record ``seconds`` without a cycle; the time of a stall counts for the next cycle."""
         if stalled:
             self._stalled += seconds
         else:
@@ -144,13 +144,13 @@ class ControlledRobot:
 
     Attributes:
         description: the robot as read, before it was prepared.
-        config: the parameters in force.
-        drive: drives it on its wheels; None if its base stands still.
+        config: the current parameters.
+        drive: the drive of its wheels; None if its base is fixed.
         pace: the pace of its cycles.
         body: the simulated robot.
-        followers: they move joints, by the names of their controllers.
-        joints: names of the moving joints: the body's, then those that mimic them.
-        held: positions of the joints that are held still, by name.
+        followers: the followers that move joints, by the names of their controllers.
+        joints: names of the moving joints: the body's, then the joints that mimic them.
+        held: positions of the joints that do not move, by name.
         finished: goals that have ended, as (controller, outcome); the reader empties it.
         ticks: number of control cycles done.
         period: duration of a control cycle, s.
@@ -207,7 +207,7 @@ class ControlledRobot:
     def move_into(self, body: RobotBody) -> None:
         """Control the same robot in another world from now on."""
         self.body = body
-        self._motor_limits: dict[str, MotorLimits] = {}  # those that the body has, by controller
+        self._motor_limits: dict[str, MotorLimits] = {}  # limits set on the body, by controller
 
     def _follower(self, controller: JointController[Any]) -> JointFollower:
         """Return the follower that moves a controller's joints from their start positions."""
@@ -233,8 +233,8 @@ class ControlledRobot:
         """Check ``config``, and return the broadcaster that it gives this robot.
 
         Raises:
-            OneBotError: the parameters do not suit the drive, or a joint to publish is not among
-                the robot's.
+            OneBotError: the parameters do not match the drive, or a joint to publish is not among
+                the robot's joints.
         """
         if self.drive and config.drive:
             config.drive.fitted(self.drive.wheels)
@@ -244,7 +244,7 @@ class ControlledRobot:
         """Apply changed parameters, from the next cycle on.
 
         Raises:
-            OneBotError: they do not suit the robot; then nothing has changed.
+            OneBotError: they do not match the robot; nothing has changed.
         """
         self.broadcaster = self.fitted(config)
         if self.drive and config.drive:
@@ -259,7 +259,7 @@ class ControlledRobot:
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
     ) -> str | None:
-        """Command a velocity; see ``Drive.accept``. A robot that stands does nothing."""
+        """Command a velocity; see ``Drive.accept``. A robot with a fixed base ignores it."""
         refused: str | None = self._base.accept(linear, angular, age, lateral=lateral)
         return refused
 
@@ -292,7 +292,7 @@ class ControlledRobot:
         return self.snapshot()
 
     def observe(self) -> None:
-        """Read the robot's state and update the odometry, unless done already in this cycle."""
+        """Read the robot's state and update the odometry, once per cycle."""
         if self._observed == self.ticks:
             return
         self._observed = self.ticks
@@ -300,7 +300,7 @@ class ControlledRobot:
         self._base.observe(self._joints.positions, self._joints.velocities, self.period)
 
     def turn(self) -> None:
-        """Set the wheel velocities that ``begin`` decided on, for the world's next step."""
+        """Set the wheel velocities that ``begin`` has computed, for the world's next step."""
         self.body.turn(self._base.velocities)
         if self.followers or self._base.steering:
             self.body.follow([self._reference(ahead) for ahead in self.body.ends(self.period)])
@@ -312,7 +312,7 @@ class ControlledRobot:
             self.finish(name, [follower.reset([self._starts[joint] for joint in follower.names])])
 
     def stop(self, text: str) -> None:
-        """Brake, and hold the joints, with ``text`` as the reason for which goals end."""
+        """Brake, and hold the joints, with ``text`` as the reason why goals end."""
         self.accept(0.0, 0.0)
         self.hold_joints(text)
 
@@ -327,7 +327,7 @@ class ControlledRobot:
         self.followers[controller.name].configure(controller.config)
 
     def finish(self, controller: str, outcomes: Iterable[Outcome | None]) -> None:
-        """Report how goals of a controller ended; None is no goal."""
+        """Report how goals of a controller ended; None entries are ignored."""
         self.finished += [(controller, outcome) for outcome in outcomes if outcome is not None]
 
     def states(self, controller: str) -> JointStates:
@@ -336,7 +336,7 @@ class ControlledRobot:
         return JointStates(*(tuple([field[index] for index in indices]) for field in self._joints))
 
     def _reference(self, ahead: float) -> list[float]:
-        """Return the commanded positions, ``ahead`` seconds after the cycle's beginning."""
+        """Return the commanded positions, ``ahead`` seconds after the start of the cycle."""
         positions = [
             position
             for follower in self.followers.values()
@@ -356,7 +356,7 @@ class ControlledRobot:
         self.begin_at_rest()
 
     def begin_at_rest(self) -> None:
-        """Begin with odometry at zero where the body was placed at rest, as after ``reset``."""
+        """Start with odometry at zero where the body was placed at rest, as after ``reset``."""
         self._reset_followers()
         self._begin_here()
         self.place_odometry(PlanarPose())
@@ -367,7 +367,7 @@ class ControlledRobot:
         self._begin_here()
 
     def _begin_here(self) -> None:
-        """Stop the drive, also what it has decided for ``turn``, where the body was placed."""
+        """Stop the drive where the body was placed, and discard velocities for ``turn``."""
         self._base.moved()
         self._read_state()
         self._observed = -1
@@ -375,12 +375,12 @@ class ControlledRobot:
     def set_joints(self, positions: Mapping[str, float]) -> None:
         """Set positions of joints, rad or m, at rest; controllers hold them there.
 
-        Joints that mimic them follow. Other joints and the base go on; a goal of a controller
+        Joints that mimic them follow. Other joints and the base continue; a goal of a controller
         whose joints are set ends.
 
         Raises:
             OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
-                limits, or the robot would be in something there; then nothing has changed.
+                limits, or the robot would overlap something; nothing has changed.
         """
         moving = {joint.name: joint for joint in self.description.moving_joints}
         settable = [name for name in self.body.joints if name not in self.body.spawn.gears]
@@ -420,10 +420,10 @@ class ControlledRobot:
 
     @property
     def odom_in_world(self) -> PlanarPose:
-        """The pose of the odometry frame in the world; of a robot that stands, the world's origin.
+        """The pose of the odometry frame in the world; zero for a robot with a fixed base.
 
         On bare ground it changes only when the odometry is set; in a scene, where wheels slip, it
-        changes all the time.
+        changes continuously.
         """
         if self.drive is None:
             return PlanarPose()

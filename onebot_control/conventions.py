@@ -22,7 +22,7 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
         frame: the name without prefix.
         enabled: the parameter tf_frame_prefix_enable.
         prefix: the parameter tf_frame_prefix; if empty or "~", the namespace is the prefix.
-        namespace: the node's.
+        namespace: the node's namespace.
     """
     if not enabled:
         return frame
@@ -31,12 +31,12 @@ def prefixed(frame: str, enabled: bool, prefix: str, namespace: str) -> str:
 
 
 def namespace_prefix(namespace: str) -> str:
-    """Return what a namespace puts before frames by default: "robot1/" for "/robot1"."""
+    """Return the default frame prefix of a namespace: "robot1/" for "/robot1"."""
     return prefixed("", True, "", namespace)
 
 
 class DriveNode(NamedTuple):
-    """The node of a drive, as control files name it."""
+    """The node of a drive, as named in control files."""
 
     name: str = DRIVE_CONTROLLER
     command: str = "cmd_vel"  # its topic of commands

@@ -31,7 +31,7 @@ class ControlConfig(DiffDriveParameters, SimulationConfig):
             values: values by their dotted ROS names, such as ``linear.x.max_velocity``.
 
         Raises:
-            ConfigError: values are wrong; it names each of them, and what would be right.
+            ConfigError: values are wrong; it names each of them, and what to write.
         """
         return read(cls, values)
 
@@ -63,7 +63,7 @@ DRIVES: Mapping[str, type[SimulationConfig]] = {
 
 
 def found_drive(description: "Description") -> type[SimulationConfig]:
-    """Return the parameters of the drive that a robot has by its description; in doubt OneBot's.
+    """Return the parameters of a robot's drive, from its description; the default in doubt.
 
     Raises:
         OneBotError: the mesh of a collision shape cannot be read.
@@ -76,15 +76,15 @@ def found_drive(description: "Description") -> type[SimulationConfig]:
 
 
 def topics_of(declared: type[SimulationConfig]) -> tuple[str, str]:
-    """Return the names that a drive's controller gives to its topics of commands and odometry."""
+    """Return the names of the command topic and the odometry topic of a drive's controller."""
     assert issubclass(declared, DriveParameters)
     return declared.topics
 
 
 def named_drive(values: Mapping[str, Any]) -> type[SimulationConfig] | None:
-    """Return the parameters of the first drive of whose joints ``values`` name some; None if none.
+    """Return the parameters of the first drive with joint names in ``values``; None if none.
 
-    Of a drive's own parameters, only those that name joints are read-only.
+    The read-only ones among a drive's own parameters are those that name joints.
     """
     simulated = {leaf.name for leaf in leaves(SimulationConfig)}
     named = {name for name, value in values.items() if value} - simulated
@@ -95,15 +95,15 @@ def named_drive(values: Mapping[str, Any]) -> type[SimulationConfig] | None:
 
 
 def standing(config: SimulationConfig) -> SimulationConfig:
-    """Return a config without the drive's parameters, for a robot that stands."""
+    """Return a config without the drive's parameters, for a robot with a fixed base."""
     names = [field.name for field in fields(SimulationConfig)]
     return SimulationConfig(**{name: getattr(config, name) for name in names})
 
 
 def suited(values: Mapping[str, T], declared: type[SimulationConfig]) -> dict[str, T]:
-    """Return what OneBot's file has for another drive: the parameters that it has, too.
+    """Return the values from OneBot's file that another drive has, too.
 
-    Limits of driving sideways are those of driving forward.
+    Limits of driving sideways are copied from those of driving forward.
     """
     sideways = {
         name.replace("linear.x.", "linear.y."): value

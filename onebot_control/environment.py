@@ -1,9 +1,8 @@
 """OneBot as a Gymnasium environment for reinforcement learning.
 
 It needs ``pip install 'onebot-robots[gym]'``. Importing this module registers ``OneBot-v0`` and
-``OneBot-Maze-v0``; so does the id ``onebot_control.environment:OneBot-Maze-v0``, for
-``gymnasium.make_vec`` with several environments in their own processes (vectorization_mode
-"async"), too.
+``OneBot-Maze-v0``. Use the id ``onebot_control.environment:OneBot-Maze-v0`` for
+``gymnasium.make_vec`` with environments in several processes (vectorization_mode "async").
 
 Example:
     >>> import numpy as np
@@ -31,8 +30,8 @@ from onebot_description.parameters.arguments import ArgumentError, checked_metho
 from onebot_description.parameters.reader import Problem
 from onebot_description.parameters.values import Rule, ValueType
 
-_FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; OneBot's limiter allows no more
-_NEAR = 0.05  # m: the episode ends when something is closer to the robot's front than this
+_FASTEST = np.array([1.0, 3.0], np.float32)  # m/s, rad/s; the maximum of OneBot's limiter
+_NEAR = 0.05  # m; the episode ends when something is closer to the robot's front
 _FRONT = 0.25  # m, maximum distance from the lidar to the robot's outline
 # m, rad, m/s, rad/s; a space has to be finite, and odometry beyond it is clipped.
 _ODOMETRY = np.array([1e4, 1e4, math.pi, 10.0, 100.0], np.float32)
@@ -46,20 +45,20 @@ Observation = dict[str, NDArray[np.float32]]
 class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """A Gymnasium environment of a robot with wheels and a lidar.
 
-    Velocity commands go in, scan and odometry come out. Override ``reward`` and ``is_over``, which
-    are called after each step, for a task. By default, metres driven forward are rewarded, and an
-    episode is over when the robot is near an obstacle. For an arm, write a ``gymnasium.Env`` around
-    ``Simulation``.
+    Actions are velocity commands, observations are scan and odometry. Override ``reward`` and
+    ``is_over``, which are called after each step, to define a task. By default, the reward is the
+    distance driven forward, and an episode is over when the robot is near an obstacle. For an arm,
+    write a ``gymnasium.Env`` around ``Simulation``.
 
     Attributes:
         simulation: the simulation; its ``robot`` is the one that acts.
         action_space: (2,), -1 to 1: fractions of 1 m/s forward and of 3 rad/s to the left.
-        observation_space: "scan" (N,): ranges in m, 0 where something is too near, and the maximum
-            range where nothing is in range; "odometry" (5,): x, y (m), yaw (rad), linear (m/s) and
+        observation_space: "scan" (N,): ranges in m, 0 if something is too near, and the maximum
+            range if nothing is in range; "odometry" (5,): x, y (m), yaw (rad), linear (m/s) and
             angular velocity (rad/s).
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - it is the base class's
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as in the base class
         "render_modes": ["rgb_array"],
         "render_fps": 10,
     }
@@ -75,7 +74,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Build the simulation.
 
         Args:
-            render_mode: None, or "rgb_array" for what the camera sees.
+            render_mode: None, or "rgb_array" for the camera's image.
             seconds: simulated seconds per step.
             max_steps: steps after which an episode is truncated.
             simulation: arguments of ``Simulation``, such as ``world="maze"``.
@@ -123,7 +122,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Apply an action for one step.
 
         Args:
-            action: (2,), as in ``action_space``; the controller clips what is faster.
+            action: (2,), as in ``action_space``; the controller limits faster commands.
 
         Returns:
             Observation, reward, terminated, truncated, and an empty dict.
@@ -168,7 +167,7 @@ gymnasium.register("OneBot-Maze-v0", f"{__name__}:{OneBotEnv.__name__}", kwargs=
 
 
 def _distance_forward(start: RobotPose, end: RobotPose) -> float:
-    """Return how far a robot has moved along its heading in the middle of two poses, m."""
+    """Return how far a robot has moved along its mean heading between two poses, m."""
     heading = start.yaw + math.remainder(end.yaw - start.yaw, math.tau) / 2.0
     dx, dy = end.x - start.x, end.y - start.y
     return dx * math.cos(heading) + dy * math.sin(heading)

@@ -27,9 +27,9 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.timing import NS_PER_S
 
-# Solver iterations for robots whose linkage fingers must move as one, and for standing arms: with
-# 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it is exact;
-# an arm on a moving base would take three times as long.
+# Solver iterations for robots whose linkage fingers must move as one, and for arms with a fixed
+# base: with 200, Panda is off by 5e-5 rad on its way to some poses. The solver stops as soon as it
+# is exact; an arm on a moving base would take three times as long.
 _ARM_ITERATIONS = 1000
 
 
@@ -39,8 +39,8 @@ class Fleet(AbstractContextManager["Fleet"]):
     A single robot is a fleet, too.
 
     Attributes:
-        robots: take commands and parameters, in the order of the members.
-        world: the physics they share.
+        robots: the robots, which take commands and parameters, in the order of the members.
+        world: the physics that they share.
     """
 
     def __init__(self, robots: Sequence[ControlledRobot], world: World) -> None:
@@ -55,11 +55,11 @@ class Fleet(AbstractContextManager["Fleet"]):
 
         Args:
             members: the robots, one or more.
-            scene: what stands around the robots; None for bare ground.
+            scene: the world around the robots; None for bare ground.
 
         Raises:
-            OneBotError: config and description of a robot do not suit each other, it cannot be
-                simulated, two robots start in the same place, or differ in their update_rate.
+            OneBotError: config and description of a robot do not match, it cannot be simulated, two
+                robots start in the same place, or their update_rates differ.
         """
         _check_rates(members)
         prepared_robots = [_prepared(member) for member in members]
@@ -91,7 +91,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         return round((self.ticks + 1) * NS_PER_S / self.rate)
 
     def cycle(self) -> list[Snapshot]:
-        """Run one control cycle of all robots; return their states at its beginning."""
+        """Run one control cycle of all robots; return their states at its start."""
         snapshots = self.begin()
         self.finish()
         return snapshots
@@ -100,7 +100,7 @@ class Fleet(AbstractContextManager["Fleet"]):
         """Read the robots' states and update the controllers with them.
 
         Args:
-            stamp: time of the cycle, ns, by which trajectories are timed; None for simulated time.
+            stamp: time of the cycle for trajectories, ns; None for simulated time.
 
         Returns:
             The states, in the order of ``robots``.
@@ -109,10 +109,10 @@ class Fleet(AbstractContextManager["Fleet"]):
         return [robot.begin(now) for robot in self.robots]
 
     def finish(self, *, recorded: bool | None = False) -> None:
-        """Move all robots for one control period, as their controllers have decided.
+        """Move all robots for one control period, as commanded by their controllers.
 
         Args:
-            recorded: record the contacts of the world, too; see ``World.step``.
+            recorded: also record the contacts of the world; see ``World.step``.
         """
         for robot in self.robots:
             robot.turn()
@@ -122,12 +122,12 @@ class Fleet(AbstractContextManager["Fleet"]):
         """Go back to the start, to the same state as a new fleet of these robots.
 
         Args:
-            configs: new parameters of all robots, with where they start; of those that are read at
-                the start only, the pose has an effect. Empty for the present ones.
+            configs: new parameters of all robots, including start poses; other parameters that are
+                read only at the start have no effect. Empty to keep the current ones.
 
         Raises:
-            OneBotError: they cannot stand there together, as after ``replace``, or a parameter does
-                not suit its robot; then nothing has changed.
+            OneBotError: their start poses overlap, for example after ``replace``, or a parameter
+                does not match its robot; nothing has changed.
         """
         for robot, config in zip(self.robots, configs, strict=False):
             robot.fitted(config)
@@ -138,10 +138,10 @@ class Fleet(AbstractContextManager["Fleet"]):
             robot.start(config)
 
     def reset(self) -> None:
-        """Move all robots back to their starts at once; time and parameters stay.
+        """Move all robots back to their starts; time and parameters stay.
 
         Raises:
-            OneBotError: they cannot stand there together, as after ``replace``; then nothing has
+            OneBotError: their start poses overlap, for example after ``replace``; nothing has
                 changed.
         """
         self.world.reset()
@@ -161,8 +161,8 @@ class Fleet(AbstractContextManager["Fleet"]):
             description: the new one.
 
         Raises:
-            OneBotError: the description does not suit the parameters, cannot be simulated, or
-                another robot is in the way; then nothing has changed.
+            OneBotError: the description does not match the parameters, cannot be simulated, or
+                another robot is in the way; nothing has changed.
         """
         old = self.robots[row]
         controllers = [*old.joint_controllers.values()]
@@ -209,8 +209,8 @@ def _check_rates(members: Sequence[Member]) -> None:
     for member in members:
         rate, same = member.config.update_rate, first.config.update_rate
         if rate != same:
-            text = f"{member.name}: update_rate is {rate:g} Hz, but {same:g} Hz of {first.name}"
-            raise OneBotError(f"{text}; it is the same for all robots of a world")
+            text = f"{member.name}: update_rate is {rate:g} Hz, but {first.name} has {same:g} Hz"
+            raise OneBotError(f"{text}; it must be the same for all robots of a world")
 
 
 def _controlled(prepared: PreparedRobot, body: RobotBody) -> ControlledRobot:

@@ -47,7 +47,7 @@ JOINT_CONTROLLERS: Mapping[str, type[JointFollower]] = {
 
 
 DEFAULT_CONTROLLER = JointController(TrajectoryFollower, DEFAULT_JOINT_CONTROLLER)
-"""The controller of joints that is used if the control file names none."""
+"""The joint controller that is used if the control file names none."""
 
 
 @contextmanager

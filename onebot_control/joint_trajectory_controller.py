@@ -3,20 +3,20 @@
 
 Run it alone with ``python -m onebot_control.joint_trajectory_controller [FILE] --ros-args ...``;
 FILE is a URDF or xacro file. Without it, the description is the parameter or the topic
-robot_description. The robot's base stands still: at the world's origin if its root link is
-``world``, otherwise on the ground. Gravity acts on the joints; their motors have the velocity and
-effort of <limit>.
+robot_description. The robot's base is fixed: at the world's origin if its root link is ``world``,
+otherwise on the ground. Gravity acts on the joints; their motors have the velocity and effort of
+<limit>.
 
 The nodes are controller_manager, which has the simulation's parameters, and
 joint_trajectory_controller, or else the controllers that the section controller_manager of a
-parameter file names with one of the types below. velocity_controller runs the same controllers for
-a robot that drives.
+parameter file lists with one of the types below. velocity_controller runs the same controllers for
+mobile robots.
 
 joint_trajectory_controller/JointTrajectoryController moves the joints in its parameter joints; if
 that is empty, those with a position command interface in <ros2_control>; if there are none, all
-joints that do not mimic another one:
+joints that do not mimic another:
     ~/joint_trajectory (trajectory_msgs/msg/JointTrajectory, subscribed to, best effort): a
-        trajectory, which replaces the one being followed, and aborts its goal.
+        trajectory, which replaces the current one, and aborts its goal.
     ~/follow_joint_trajectory (control_msgs/action/FollowJointTrajectory): the same, with feedback
         at action_monitor_rate, tolerances and a result.
     ~/controller_state (control_msgs/msg/JointTrajectoryControllerState, published, reliable,
@@ -36,9 +36,9 @@ parallel_gripper_action_controller/GripperActionController:
         joint stalls.
 
 position_controllers/GripperActionController:
-    ~/gripper_cmd (control_msgs/action/GripperCommand): the same, as older grippers have it.
+    ~/gripper_cmd (control_msgs/action/GripperCommand): the same, with the older action type.
 
-Controllers of other types are skipped, and of several that move one joint the first is active.
+Controllers of other types are skipped. If several move the same joint, the first is active.
 
 controller_manager has joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
 the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and rejects goals),

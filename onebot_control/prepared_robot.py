@@ -1,4 +1,4 @@
-"""A robot before it enters a world: what is simulated of it, and which joints controllers move."""
+"""A robot before it enters a world: its simulated model, and the joints of its controllers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,16 +21,16 @@ from onebot_description.parameters.reader import ConfigError, Problem
 
 
 class Member(NamedTuple):
-    """One robot of a fleet: what it is and how it is controlled.
+    """One robot of a fleet: its description, parameters and controllers.
 
     It starts at the x, y and yaw of its config.
     """
 
     description: Description
-    config: SimulationConfig  # if it has a drive, the drive's parameters, too
+    config: SimulationConfig  # includes the drive's parameters, if it has a drive
     name: str = ""  # prefix of error messages; empty if there is no other robot
     places: Mapping[str, str] = MappingProxyType({})  # file and line of each of its parameters
-    controllers: Sequence[JointController[Any]] = ()  # default: for all but wheels
+    controllers: Sequence[JointController[Any]] = ()  # default: one for all joints but wheels
 
     @contextmanager
     def located(self) -> Iterator[None]:
@@ -45,12 +45,12 @@ class Member(NamedTuple):
 
 
 class PreparedRobot:
-    """What to simulate and to control of a robot.
+    """The parts of a robot to simulate and to control.
 
     Attributes:
         member: the robot as given.
-        wheels: its wheels; None: its base stands still.
-        spawn: what the world loads.
+        wheels: its wheels; None if its base is fixed.
+        spawn: the model that the world loads.
         controllers: the active controllers of its other joints, by name.
         controlled: joints of each controller, by the controller's name.
         ignored: controllers that are inactive, and parameters without effect.
@@ -60,7 +60,7 @@ class PreparedRobot:
         """Prepare a robot for a world.
 
         Raises:
-            OneBotError: config and description do not suit each other.
+            OneBotError: config and description do not match.
         """
         self.member, config = member, member.config
         description, interfaces = member.description, member.description.interfaces
@@ -115,7 +115,7 @@ def _inactive(
 ) -> list[Problem]:
     """Return why controllers are inactive.
 
-    The robot has none of their joints, other controllers move them, or they follow other joints.
+    The robot has none of their joints, or other controllers or joints move them.
 
     Raises:
         ConfigError: only some joints of a controller move, or it is the only one and none moves.
@@ -136,11 +136,11 @@ def _inactive(
             ]
             continue
         if missing:
-            reason = f"no joint of the robot is {listing(names)}"
+            reason = f"the robot has no joint {listing(names)}"
         elif shared:
-            reason = f"{owners[shared[0]]}, which comes first, moves {listing(shared)}"
+            reason = f"{owners[shared[0]]} comes first, and moves {listing(shared)}"
         elif following and len(controllers) > 1:
-            reason = f"by <mimic>, another joint moves {listing(following)}"
+            reason = f"<mimic> moves {listing(following)}"
         else:
             owners.update(dict.fromkeys(names, controller.name))
             continue

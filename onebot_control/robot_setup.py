@@ -1,4 +1,4 @@
-"""What robots a Simulation has, and how models, worlds and parameters are read for it."""
+"""The robots of a Simulation; reads their models, worlds and parameters."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -61,7 +61,7 @@ def read_robot_and_scene(
     *,
     optional: bool,
 ) -> tuple[Description, Description | None]:
-    """Return the robot and its scene; two files are read at once, as xacro runs in processes.
+    """Return the robot and its scene; their files are read in parallel, by two processes.
 
     Args:
         model: the robot.
@@ -116,7 +116,7 @@ def fleet_members(
 def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
     """Return the parameters of the drive that a robot's parameters name; None if they name none.
 
-    They do so by ``type``, which is taken out, or as ``named_drive`` finds it.
+    The drive is given by ``type``, which is removed, or found by ``named_drive``.
 
     Raises:
         ConfigError: there is no such type.
@@ -124,7 +124,7 @@ def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:
     if "type" in given:
         kind = given.pop("type")
         if kind not in DRIVES:
-            text = f'no drive is of the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
+            text = f'no drive has the type "{kind}"{did_you_mean(str(kind), DRIVES)}'
             raise ConfigError([Problem("type", text)])
         return DRIVES[kind]
     return named_drive(given)
@@ -144,7 +144,7 @@ def given_parameters(
     """
     _refuse(
         [name for name in parameters if name in _WITHOUT_EFFECT],
-        "has no effect here; Simulation has arguments for what can be chosen",
+        "has no effect here; use the arguments of Simulation",
     )
     if running:
         fixed = {leaf.name for leaf in leaves(running) if leaf.type.rule.read_only}
@@ -194,22 +194,22 @@ _kept: dict[tuple[object, ...], tuple[Description | None, Sequence[tuple[int, in
 
 
 def _read_once(read: Callable[[], Description], *key: str) -> Description:
-    """Return what ``read`` returns; what it has read before, as long as no file has changed.
+    """Return the result of ``read``, cached while no file changes.
 
-    To expand xacro takes longer than to build the world. The environment can have an effect on it.
+    Expanding xacro takes longer than building the world. It can depend on the environment.
     """
     source = (*key, os.getcwd(), *os.environ.items())
     description, stamps = _kept.pop(source, (None, ()))
     if description is None or stamps != _stamps(description):
         description = read()
         stamps = _stamps(description)
-    _kept[source] = description, stamps  # the last one used is the last one dropped
+    _kept[source] = description, stamps  # the least recently used is dropped first
     for oldest in [*_kept][:-_KEPT]:
         del _kept[oldest]
     return description
 
 
 def _stamps(description: Description) -> list[tuple[int, int]]:
-    """Return times of change, ns, and sizes of the files of a description; 0 if one is gone."""
+    """Return modification times, ns, and sizes of a description's files; 0 for missing files."""
     stats = [file.stat() if file.exists() else None for file in description.files]
     return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in stats]

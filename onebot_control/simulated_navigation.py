@@ -1,4 +1,4 @@
-"""Drives a robot of a ``Simulation`` to goals, by its own scans, odometry and IMU."""
+"""Drives a robot of a ``Simulation`` to goals, using its own scans, odometry and IMU."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,16 +24,16 @@ if TYPE_CHECKING:  # the first goal imports the modules that need scipy
     from onebot_control.navigation.grid import LevelScan
     from onebot_control.navigation.navigator import Navigator
 
-_FEWEST_RAYS = 30  # minimum rays of a lidar that can map
+_MIN_RAYS = 30  # of a lidar that can build a map
 
 
 @checked_methods(before=lambda self: self._core.require_open())
 class SimulatedNavigation:
-    """Drives one robot of a simulation; ``robot.navigation`` is the robot's.
+    """Drives one robot of a simulation to goals; use it as ``robot.navigation``.
 
-    It sees the world by the robot's lidar, and knows where it is by matching its scans, from the
-    wheels' odometry and the turning that the IMU measures, if there is one. It does not know the
-    true pose, but that at the start, or where the robot was last teleported to.
+    It sees the world with the robot's lidar, and localizes the robot by matching scans, starting
+    from wheel odometry and the rotation that the IMU measures, if there is one. It knows the true
+    pose only at the start, and after a teleport.
     """
 
     def __init__(self, core: Callable[[], SimulatedWorld], row: int) -> None:
@@ -48,14 +48,14 @@ class SimulatedNavigation:
     def _begin(self) -> None:
         core = self._core
         values = core.parameters[self._row]
-        # Where the odometry's frame was in the world when the robot was last put somewhere.
+        # The pose of the odometry frame in the world when the robot was last placed.
         self._origin = PlanarPose(*(float(values.get(name, 0.0)) for name in ("x", "y", "yaw")))
         self._began = core, core.starts
         self._made: Navigator | None = None
 
     @property
     def _navigator(self) -> "Navigator | None":
-        """The navigator; None if there was no goal since the simulation's start."""
+        """The navigator; None if there was no goal since the start of the simulation."""
         if self._began != (self._core, self._core.starts):
             self._begin()
         return self._made
@@ -67,7 +67,7 @@ class SimulatedNavigation:
 
     @property
     def reason(self) -> str:
-        """One sentence on the status; "" if there is nothing to say."""
+        """One sentence about the status; may be empty."""
         return self._navigator.reason if self._navigator else ""
 
     @property
@@ -87,11 +87,11 @@ class SimulatedNavigation:
 
     @property
     def path(self) -> Floats:
-        """Points of the way to the goal, (N, 2), in the world, m; N = 0 without a goal."""
+        """Points of the path to the goal, (N, 2), in the world, m; N = 0 without a goal."""
         return self._navigator.path if self._navigator else np.zeros((0, 2))
 
     def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
-        """Drive to a point in the world, m, and a heading there, rad; None: any.
+        """Drive to a point in the world, m, with a heading there, rad; None for any heading.
 
         Raises:
             OneBotError: see ``navigator``.
@@ -106,7 +106,7 @@ class SimulatedNavigation:
             self._finish()
 
     def place(self, pose: PlanarPose) -> None:
-        """Take the robot to be at a pose in the world, where it was put."""
+        """Accept that the robot was placed at a pose in the world."""
         odometry, _ = self._odometry()
         if self._navigator is not None:
             self._navigator.place(pose)
@@ -122,7 +122,7 @@ class SimulatedNavigation:
             raise OneBotError(f"{robot.description.source}: the robot has no wheels to drive on")
         self._lidar, self._mount = self._level_lidar(robot.description)
         imus = [item for item in core.instruments[row] if isinstance(item, ImuInstrument)]
-        # Wheels that do not skid know better than an IMU how far the robot has turned.
+        # Wheels that do not skid measure rotation more exactly than an IMU.
         self._imu = imus[0] if imus and robot.drive.wheels.skids else None
         model = RobotModel.from_description(robot.description).link_matrices({})
         self._imu_axes = (
@@ -132,8 +132,8 @@ class SimulatedNavigation:
         )
         limits = ControllerLimits.from_parameters("", values_of(robot.drive.config))
         assert limits is not None
-        least_radius = getattr(robot.drive.geometry, "least_radius", 0.0)
-        vehicle = vehicle_of(robot.description, [replace(limits, least_radius=least_radius)])
+        minimum_radius = getattr(robot.drive.geometry, "minimum_radius", 0.0)
+        vehicle = vehicle_of(robot.description, [replace(limits, minimum_radius=minimum_radius)])
         odometry, _ = self._odometry()
         navigator = Navigator(vehicle, self._origin.compose(odometry))
         rate = core.fleet.rate
@@ -153,15 +153,13 @@ class SimulatedNavigation:
         links = RobotModel.from_description(description).link_matrices({})
         found = []
         for item in self._core.instruments[self._row]:
-            if isinstance(item, LidarInstrument) and (
-                item.model.horizontal.samples >= _FEWEST_RAYS
-            ):
+            if isinstance(item, LidarInstrument) and (item.model.horizontal.samples >= _MIN_RAYS):
                 pose = links[item.sensor.link] @ matrices.of_origin(item.sensor.origin)
                 if is_level(pose):
                     fan = item.model.horizontal
-                    found.append((fan.greatest - fan.least, item, pose))
+                    found.append((fan.upper - fan.lower, item, pose))
         if not found:
-            text = "the robot has no level lidar, by which it could find its way"
+            text = "the robot has no level lidar, which navigation needs"
             if not self._core.instruments[self._row]:
                 text += "; Simulation(sensors=True) gives OneBot its sensors"
             raise OneBotError(f"{description.source}: {text}")
@@ -181,11 +179,11 @@ class SimulatedNavigation:
 
         fan = self._lidar.model.horizontal
         ranges: Any = self._lidar.measure(self._core.sensed(), {"scan"})["scan"]
-        step = (fan.greatest - fan.least) / (fan.samples - 1)
-        return LevelScan.mounted(ranges, fan.least, step, self._lidar.model.greatest, self._mount)
+        step = (fan.upper - fan.lower) / (fan.samples - 1)
+        return LevelScan.mounted(ranges, fan.lower, step, self._lidar.model.range_max, self._mount)
 
     def _step(self) -> None:
-        """Take measurements after a control cycle, and command the next ones."""
+        """Take measurements after a control cycle, and command the next cycles."""
         core, navigator = self._core, self._navigator
         if navigator is None:  # the simulation was reset
             core.after_cycle.pop(self, None)
@@ -207,7 +205,7 @@ class SimulatedNavigation:
             self._finish()
 
     def _finish(self) -> None:
-        """Brake; from then on others may command the robot."""
+        """Brake, and release the robot for other commands."""
         self._core.after_cycle.pop(self, None)
         self._core.commands[self._row] = None
         self._core.fleet.robots[self._row].accept(0.0, 0.0)

@@ -1,4 +1,4 @@
-"""One robot of a ``Simulation``: its commands, its state and what its sensors measure."""
+"""One robot of a ``Simulation``: its commands, state and measurements."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -58,17 +58,17 @@ class SimulatedRobot:
     def drive(self, linear: float, angular: float = 0.0, *, lateral: float = 0.0) -> None:
         """Command a velocity; it holds until the next call, as if sent in every cycle.
 
-        From then on, commands of ROS nodes in lockstep have no effect. The controller limits speed
-        and acceleration: OneBot's accelerates by 0.5 m/s^2, so it takes 1 s to reach 0.5 m/s.
+        From then on, commands from ROS nodes in lockstep have no effect. The controller limits
+        speed and acceleration: OneBot accelerates by 0.5 m/s^2, so it takes 1 s to reach 0.5 m/s.
 
         Args:
             linear: forward, m/s.
-            angular: velocity of turning to the left, rad/s.
-            lateral: to the left, m/s, of a drive by mecanum or omni wheels.
+            angular: turning to the left, rad/s.
+            lateral: to the left, m/s, for mecanum and omni drives.
 
         Raises:
             ValueError: a velocity is not finite.
-            OneBotError: the robot has no wheels, or these do not drive it sideways.
+            OneBotError: the robot has no wheels, or cannot move sideways.
         """
         if lateral and not self._drive.moves_sideways:
             raise OneBotError("the robot's drive does not move sideways: leave lateral out")
@@ -77,13 +77,12 @@ class SimulatedRobot:
             self._core.commands[self._row] = linear, lateral, angular
 
     def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
-        """Drive to a point in the world, around what is in the way, while the simulation runs.
+        """Drive to a point in the world, around obstacles, while the simulation runs.
 
-        The robot finds its way by its own scans, its odometry and its IMU, if it has one; it maps
-        what it sees, and knows of the world only where it started. ``navigating`` is true until the
-        goal has ended: reached within 5 cm, or given up; then ``navigation.status`` is "arrived" or
-        "failed", and ``navigation.reason`` says why. ``drive`` cancels the goal; another call
-        replaces it.
+        The robot navigates with its own scans, odometry and IMU, if it has one; it builds a map,
+        and knows only where it started. ``navigating`` is true until the goal is reached within
+        5 cm, or given up; then ``navigation.status`` is "arrived" or "failed", and
+        ``navigation.reason`` says why. ``drive`` cancels the goal; another call replaces it.
 
         Args:
             x: x coordinate of the root link in the world, m.
@@ -104,12 +103,12 @@ class SimulatedRobot:
 
     @property
     def navigation(self) -> SimulatedNavigation:
-        """What drives the robot to goals: its status, and the map that it makes."""
+        """The navigation that drives the robot to goals, with its status and its map."""
         return self._navigation
 
     @property
     def path(self) -> NDArray[np.float64]:
-        """The way to the goal of ``go_to`` that is planned now.
+        """The current path to the goal of ``go_to``.
 
         Returns:
             (N, 2), points in the world, m, from the robot to the goal; N = 0 without a goal.
@@ -121,17 +120,17 @@ class SimulatedRobot:
 
         They start in the next control cycle and follow a quintic polynomial that begins with their
         current velocity; another call replaces it. Other joints hold their commanded positions, so
-        fingers that grip something keep gripping it. Joints that are too slow for it arrive later:
-        ``moving`` is true until they are there, or cannot get there; see ``stalled``.
+        fingers that grip something keep gripping it. Joints that are too slow arrive later:
+        ``moving`` is true until they arrive, or cannot arrive; see ``stalled``.
 
         Args:
-            positions: target by joint name, rad (m for prismatic joints); a continuous joint makes
-                whole turns to it.
+            positions: target by joint name, rad (m for prismatic joints); a continuous joint may
+                make whole turns.
             seconds: simulated duration, above 0.
 
         Raises:
             OneBotError: no controller commands a joint, or a position is not finite or beyond the
-                joint's limits; then nothing moves.
+                joint's limits; nothing moves.
         """
         stamp = self._core.fleet.stamp
         followers = self._trajectories
@@ -158,16 +157,16 @@ class SimulatedRobot:
     def moving(self) -> bool:
         """Whether joints are still moving to a goal of ``move_to`` or of a ROS node.
 
-        A joint arrives within 1e-4 rad or m, at rest. It cannot get there if, after the end of the
-        motion, it stands still elsewhere for a second, or comes no nearer for five.
+        A joint has arrived when it rests within 1e-4 rad or m. It cannot arrive if, after the end
+        of the motion, it rests elsewhere for a second, or comes no nearer for five seconds.
         """
         return any(follower.moving for follower in self._trajectories.values())
 
     @property
     def stalled(self) -> Sequence[str]:
-        """The joints that could not get to their last goal: blocked, or too weak; see ``moving``.
+        """The joints that could not reach their last goal: blocked, or too weak; see ``moving``.
 
-        A finger that grips something is one of them.
+        Fingers that grip something are among them.
         """
         return [name for follower in self._trajectories.values() for name in follower.stalled]
 
@@ -189,7 +188,7 @@ class SimulatedRobot:
             yaw: heading in the world, rad.
 
         Raises:
-            OneBotError: something is in the way, or a value not finite; then nothing has changed.
+            OneBotError: something is in the way, or a value is not finite; nothing has changed.
         """
         self._controlled.teleport(PlanarPose(x, y, yaw))
         self._core.moved(self._row)
@@ -197,19 +196,19 @@ class SimulatedRobot:
 
     @property
     def contacts(self) -> Sequence[Contact]:
-        """What touched the robot in the last control cycle, in any of its physics steps.
+        """The contacts of the robot in the last control cycle, in any of its physics steps.
 
-        It is empty after a reset or a teleport, until the next cycle. Of two links that touch, all
-        points are listed, where they were last; the sum of their forces is the mean over the cycle.
+        It is empty after a reset or a teleport, until the next cycle. All contact points of two
+        links are listed, at their last positions; their forces add up to the mean over the cycle.
         """
         return self._core.contacts(self._row)
 
     @property
     def collided(self) -> bool:
-        """Whether it has touched anything but what it stands on since it was placed.
+        """Whether it has touched anything but its support since it was placed.
 
-        It was placed at the start, by a reset, a teleport. It stands on what carries its base,
-        wheels and casters from below; for links that arms move, the ground is an obstacle, too.
+        The start, a reset and a teleport place it. Its support is whatever carries its base, wheels
+        and casters from below; for links that arms move, the ground is also an obstacle.
         """
         return self._core.fleet.world.contacts.collided[self._row]
 
@@ -227,13 +226,13 @@ class SimulatedRobot:
             force: (3,), in the world's axes, N.
             seconds: simulated duration, rounded to whole physics steps; a reset or a teleport of
                 the robot ends it.
-            link: what is pushed; "" for the root link.
-            point: (3,), where, in the link's frame, m; None for the centre of mass of the link and
-                all that is fixed to it.
+            link: the link to push; "" for the root link.
+            point: (3,), point of application in the link's frame, m; None for the centre of mass of
+                the link and the links fixed to it.
 
         Raises:
             ValueError: a number is not finite, or the duration is negative.
-            OneBotError: there is no such link, or it stands still.
+            OneBotError: there is no such link, or it is fixed.
         """
         at = None if point is None else np.array(point, float)
         link = link or self.description.root_link
@@ -241,17 +240,17 @@ class SimulatedRobot:
         world.push(self._controlled.body, link, at, np.array(force, float), seconds)
 
     def set_joints(self, positions: _Positions) -> None:
-        """Set joints to ``positions`` at once, at rest; their controllers hold them there.
+        """Set joints to ``positions`` instantly, at rest; their controllers hold them there.
 
-        Joints that mimic them follow; other joints and the base go on. Use ``move_to`` to move
-        joints by their motors.
+        Joints that mimic them follow; other joints and the base continue. Use ``move_to`` to move
+        joints with their motors.
 
         Args:
             positions: position by joint name, rad (m for prismatic joints).
 
         Raises:
             OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
-                limits, or the robot would be in something there; then nothing has changed.
+                limits, or the robot would overlap something; nothing has changed.
         """
         self._controlled.set_joints(positions)
         self._core.moved(self._row)
@@ -263,7 +262,7 @@ class SimulatedRobot:
             parameters: values by their ROS names, such as ``linear.x.max_velocity``.
 
         Raises:
-            ConfigError: a value is wrong, or is read at the start only; then nothing has changed.
+            ConfigError: a value is wrong, or is read only at the start; nothing has changed.
             OneBotError: ROS nodes are in lockstep: the robot's node has the parameters.
         """
         core = self._core
@@ -280,15 +279,15 @@ class SimulatedRobot:
 
     @property
     def has_wheels(self) -> bool:
-        """Whether the robot drives on wheels; otherwise its base stands still."""
+        """Whether the robot drives on wheels; otherwise its base is fixed."""
         return self._controlled.drive is not None
 
     @property
     def wheel_separation(self) -> float:
-        """Distance between the wheels of a differential drive, m: the parameter, or by the URDF.
+        """Distance between the wheels of a differential drive, m: the parameter, or from the URDF.
 
         Raises:
-            OneBotError: the robot has no wheels, or another drive.
+            OneBotError: the robot has no wheels, or another kind of drive.
         """
         geometry = self._drive.geometry
         if not isinstance(geometry, WheelGeometry):
@@ -313,7 +312,7 @@ class SimulatedRobot:
 
     @property
     def odometry(self) -> OdometryReading:
-        """Pose and velocity by the wheels' odometry."""
+        """Pose and velocity from wheel odometry."""
         (x, y, yaw), covariances, (linear, lateral, angular), *_ = self._drive.state(
             self._controlled.pace.value
         )
@@ -341,7 +340,7 @@ class SimulatedRobot:
             sensor: name of the lidar; may be left out if there is only one.
 
         Returns:
-            The ranges in the lidar's plane, in the lidar's frame; of a 3D lidar, those of its
+            The ranges in the lidar's plane, in the lidar's frame; for a 3D lidar, those of its
             middle row.
 
         Raises:
@@ -349,7 +348,7 @@ class SimulatedRobot:
         """
         lidar = self._instrument("scan", sensor).model
         ranges = self._measured("scan", sensor)
-        return Scan(ranges, angles(lidar.horizontal), lidar.least, lidar.greatest)
+        return Scan(ranges, angles(lidar.horizontal), lidar.range_min, lidar.range_max)
 
     def range(self, sensor: str = "") -> float:
         """Measure with a range sensor now, whatever its rate.
@@ -431,8 +430,8 @@ class SimulatedRobot:
     def distance_ahead(self) -> float:
         """Return the exact distance to the first thing ahead, m; infinite if there is none.
 
-        It is measured along the x axis of the lidar, or of the root link if there is no lidar. The
-        robot itself is not hit. There is no noise and no maximum range.
+        It is measured along the x axis of the lidar, or of the root link if there is no lidar. It
+        ignores the robot itself, and has no noise and no maximum range.
         """
         placed = self._core.sensed().placed
         instruments = self._core.instruments[self._row]
@@ -451,14 +450,14 @@ class SimulatedRobot:
 
     @property
     def _drive(self) -> Drive:
-        """The robot's drive; a robot that stands raises OneBotError."""
+        """The robot's drive; raises OneBotError for a fixed base."""
         if (drive := self._controlled.drive) is None:
             raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
         return drive
 
     @property
     def _core(self) -> SimulatedWorld:
-        """The present world, which a reset may replace."""
+        """The current world, which a reset may replace."""
         return self._present_core()
 
     @property
@@ -484,7 +483,7 @@ class SimulatedRobot:
 
 
 def _goal(positions: Mapping[str, float], seconds: float) -> TrajectoryGoal:
-    """Return a goal for joints, at which they are at rest after ``seconds``."""
+    """Return a goal at which joints rest after ``seconds``."""
     zeros = (0.0,) * len(positions)
     point = Waypoint(seconds, tuple(map(float, positions.values())), zeros, zeros)
     return TrajectoryGoal(tuple(positions), (point,))

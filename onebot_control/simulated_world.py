@@ -1,7 +1,7 @@
 """The core that a ``Simulation``, its robots and the ROS nodes in lockstep with it share.
 
-It runs the control cycles of a fleet and keeps what belongs to a moment of simulated time: the
-state that sensors measure, the contacts and the recorded moments. No ROS here.
+It runs the control cycles of a fleet and keeps the data of the current simulated time: the state
+that sensors measure, the contacts and the recorded moments. No ROS here.
 """
 
 import math
@@ -28,8 +28,8 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform, Triple, to_rpy
 from onebot_description.parameters.reader import leaves, read
 
-_CLOSED = "this simulation has been closed; make a new one"
-_REACH = 1e4  # m; rays that go farther hit nothing
+_CLOSED = "this simulation has been closed; create a new one"
+_REACH = 1e4  # m; rays end here
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -38,7 +38,7 @@ class Moment(NamedTuple):
 
     Attributes:
         time: simulated time, s.
-        stamp: that time on ROS topics, ns: one control period later.
+        stamp: the same time on ROS topics, ns: one control period later.
         poses: the robots' root links in the world, in the order of ``Simulation.robots``.
         joints: joint positions by name for each robot, rad or m.
         boxes: poses in the world of movable boxes, by link.
@@ -59,9 +59,9 @@ class MomentLog:
         moments: the moments, oldest first.
     """
 
-    def __init__(self, every: int, most: int | None) -> None:
-        """Begin without moments; ``most`` is how many are kept, None for all."""
-        self.every, self.moments = every, deque[Moment](maxlen=most)
+    def __init__(self, every: int, limit: int | None) -> None:
+        """Start empty; ``limit`` is the maximum number of moments kept, None for all."""
+        self.every, self.moments = every, deque[Moment](maxlen=limit)
 
     def columns(self, robots: Sequence[str]) -> dict[str, Floats]:
         """Return the moments as arrays (N,), as described in ``Simulation.log``.
@@ -90,7 +90,7 @@ def _named(pose: Transform) -> Iterator[tuple[str, float]]:
 
 
 def _built_by(kind: type[SimulationConfig], parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the parameters by which a world is built, but for where robots start."""
+    """Return the parameters that the construction of a world depends on, except start poses."""
     changeable = {leaf.name for leaf in leaves(kind) if not leaf.type.rule.read_only}
     changeable |= {"x", "y", "yaw"}
     return {name: value for name, value in parameters.items() if name not in changeable}
@@ -101,20 +101,20 @@ class SimulatedWorld:
 
     Attributes:
         fleet: the robots with their controllers, in one physics world.
-        scene: what stands around them; None for bare ground.
+        scene: the world around them; None for bare ground.
         sensors: robots and surroundings as sensors see them.
         instruments: the sensors of each robot.
         sensor_file: the file that added sensors to the robots; "" for none.
         noise: whether the sensors are noisy.
-        seed: seed of that noise.
-        names: the robots' names, in the order of the fleet; that of a single one is "".
+        seed: seed of the noise.
+        names: the robots' names, in the order of the fleet; "" for a single robot.
         parameters: parameters of each robot's controller, by name.
         commands: the commanded velocity of each robot forward and to the left, m/s, and of turning
             to the left, rad/s, which is sent in every cycle; None if there was no command.
         after_cycle: functions that are called after each cycle, by any key.
-        starts: how often it has started, by a restart, too.
-        publish: publishes the states at the beginning of a cycle and their stamp, ns, to ROS nodes
-            in lockstep, and runs these; None if there are none.
+        starts: number of starts, including restarts.
+        publish: function that publishes the states at the start of a cycle and their stamp, ns, to
+            ROS nodes in lockstep, and runs these nodes; None if there are none.
     """
 
     def __init__(
@@ -132,10 +132,10 @@ class SimulatedWorld:
         Args:
             members: the robots.
             parameters: parameters of each robot's controller, by name.
-            scene: what stands around the robots; None for bare ground.
+            scene: the world around the robots; None for bare ground.
             sensor_file: a URDF or xacro file with further sensors; "" for none.
             noise: whether sensors have the noise that the URDF specifies.
-            seed: seed of that noise.
+            seed: seed of the noise.
 
         Raises:
             OneBotError: a robot, its sensors or the scene cannot be simulated.
@@ -153,7 +153,7 @@ class SimulatedWorld:
         self._begin()
 
     def _instruments(self, row: int) -> list[Instrument[Any]]:
-        """Return what measures with the sensors of a robot."""
+        """Return the instruments of a robot's sensors."""
         robot, rate = self.fleet.robots[row], self.fleet.rate
         self.sensors.enter(row, SensedRobot(robot.description, robot.joints, robot.held))
         sensors = list(robot.description.sensors)
@@ -186,7 +186,7 @@ class SimulatedWorld:
             raise OneBotError(_CLOSED)
 
     def close(self) -> None:
-        """Free the world; states that were last read remain."""
+        """Free the world; the states read last remain."""
         self.fleet.close()
         self._is_closed = True
 
@@ -195,11 +195,11 @@ class SimulatedWorld:
 
         Args:
             seed: seed of the sensors' noise.
-            parameters: new parameters of each robot's controller, with where it starts; those that
-                are read at the start only are as they were. None for those of the last start.
+            parameters: new parameters of each robot's controller, including its start pose; other
+                parameters that are read only at the start must not change. None to keep them.
 
         Raises:
-            OneBotError: a robot cannot start there, or a value is wrong; then nothing has changed.
+            OneBotError: a robot cannot start there, or a value is wrong; nothing has changed.
         """
         values = self._start_parameters if parameters is None else tuple(parameters)
         configs = [
@@ -232,23 +232,23 @@ class SimulatedWorld:
         """Set all parameters of a robot's controller, from the next cycle on.
 
         Raises:
-            OneBotError: a value is wrong; then nothing has changed.
+            OneBotError: a value is wrong; nothing has changed.
         """
         robot = self.fleet.robots[row]
         robot.configure(self._config(robot, parameters))
         self.parameters[row] = parameters
 
     def _config(self, robot: ControlledRobot, parameters: dict[str, Any]) -> SimulationConfig:
-        # A robot that stands has the parameters of a drive, too, which have no effect.
+        # The parameters of a robot with a fixed base include a drive's, which have no effect.
         config = read(type(robot.config) if robot.drive else ControlConfig, parameters)
         return config if robot.drive else standing(config)
 
     def cycle(self, *, last: bool) -> None:
-        """Run one control cycle; afterwards the robots' state is that at its end.
+        """Run one control cycle; afterwards, the robots' state is the one at its end.
 
         Args:
-            last: whether it is the last one before somebody can ask for its contacts. They are
-                recorded then, and in each cycle after somebody has asked for the first time.
+            last: whether it is the last cycle before its contacts can be read. They are recorded
+                then, and in every cycle after they have been read once.
         """
         fleet = self.fleet
         for robot, command in zip(fleet.robots, self.commands, strict=True):
@@ -259,7 +259,7 @@ class SimulatedWorld:
         try:
             if self.publish is not None:
                 self.publish(self._before, fleet.stamp)
-        finally:  # after an exception in a callback, the simulation can go on
+        finally:  # after an exception in a callback, the simulation can continue
             fleet.finish(recorded=last or None)
             fleet.observe()
             self._frame = None
@@ -274,7 +274,7 @@ class SimulatedWorld:
         self._frame = None
 
     def contacts(self, row: int) -> list[Contact]:
-        """Return the contacts of a robot in the last cycle; record them in each one from now on."""
+        """Return a robot's contacts in the last cycle; record them in every cycle from now on."""
         return self.fleet.world.contacts.contacts(row)
 
     def boxes(self) -> dict[str, Transform]:
@@ -283,7 +283,7 @@ class SimulatedWorld:
         return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
 
     def record(self, log: MomentLog) -> None:
-        """Record moments in ``log``, from the present one on."""
+        """Record moments in ``log``, beginning with the current one."""
         self._log = log
         log.moments.append(self._moment())
 
@@ -318,8 +318,8 @@ class SimulatedWorld:
 
         Args:
             pose: where the ray begins, in the world.
-            ray: a single one, in that frame.
-            skipped: indices of targets that it does not hit.
+            ray: a single ray, in this frame.
+            skipped: indices of targets to ignore.
         """
         placed = self.sensed().placed
         still, targets = placed.surroundings.still, placed.targets

@@ -53,7 +53,7 @@ ONEBOT = "package://onebot_description/urdf/onebot.urdf.xacro"
 """The default model of a Simulation: OneBot's xacro file."""
 
 observers: list[Callable[["Simulation"], object]] = []
-"""Functions that are called with each simulation of this process when it begins, also by reset."""
+"""Functions that are called with each simulation of this process at its start and on reset."""
 
 _World = Annotated[
     str | Path | Description,
@@ -101,16 +101,16 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         Args:
             model: the robot: a .urdf or .xacro file, ``package://name/path``, or a Description.
-            world: what stands around it: the name of an included world ("maze", "ramp"), a URDF or
+            world: the world around it: the name of an included world ("maze", "ramp"), a URDF or
                 xacro file, or a Description; "" for bare ground.
             x: start position, m.
             y: start position, m.
             yaw: start heading, rad.
             sensors: True to enable the optional sensors of a xacro file with the argument
-                ``sensors_enabled``, as OneBot's (a lidar, an IMU and a camera), or a URDF or xacro
-                file with further ones. The sensors in a URDF are always simulated.
+                ``sensors_enabled``, such as OneBot's (a lidar, an IMU and a camera), or a URDF or
+                xacro file with further sensors. The sensors in a URDF are always simulated.
             noise: whether sensors have the noise that the URDF specifies.
-            seed: seed of that noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
+            seed: seed of the noise, 0 to 2^64 - 1; ``velocity_controller`` uses 0.
             arguments: xacro arguments of the model, by name.
             parameters: parameters of the controller, by their ROS names, such as
                 ``linear.x.max_velocity``; they override OneBot's control.yaml.
@@ -118,7 +118,7 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         Raises:
             OneBotError: a robot, the world or a parameter cannot be used; the text names the file
-                or the parameter, and what would be right.
+                or the parameter, and what to write.
         """
         if robots and (x or y or yaw):
             raise OneBotError("x, y and yaw are for a single robot; give each RobotSetup its own")
@@ -139,7 +139,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self.robots: Mapping[str, SimulatedRobot] = MappingProxyType(
             ByName("no robot {}", zip(setups, own_robots, strict=True))
         )
-        """The robots by name, that of a single robot is ""; an unknown name raises OneBotError."""
+        """The robots by name, "" for a single robot; an unknown name raises OneBotError."""
         self._begun()
 
     @property
@@ -166,7 +166,7 @@ class Simulation(AbstractContextManager["Simulation"]):
 
     @property
     def world(self) -> Description | None:
-        """What stands around the robots; None for bare ground."""
+        """The world around the robots; None for bare ground."""
         return self._core.scene
 
     @property
@@ -213,7 +213,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             self._core.cycle(last=number == cycles - 1)
         if until is not None and not until():
             states = "; ".join(map(str, self.robots.values()))
-            text = f"until returned nothing true in {timeout:g} s of simulated time"
+            text = f"until did not return true in {timeout:g} s of simulated time"
             raise TimeoutError(f"{text}; at {self.time:g} s: {states}")
 
     def reset(
@@ -228,9 +228,9 @@ class Simulation(AbstractContextManager["Simulation"]):
     ) -> None:
         """Go back to the start; everything that follows is bit-identical to a new Simulation.
 
-        All arguments are as for a new one; None keeps the present value. Another world, or other
-        parameters that are read at the start, build the physics anew; nothing else takes longer
-        than a reset without arguments.
+        All arguments are as for a new one; None keeps the current value. Another world, or other
+        parameters that are read at the start, rebuild the physics; all other changes are as fast
+        as a reset without arguments.
 
         Args:
             seed: seed of the sensors' noise.
@@ -239,19 +239,19 @@ class Simulation(AbstractContextManager["Simulation"]):
             yaw: start heading of a single robot, rad.
             parameters: parameters of the controllers, by their ROS names, instead of those given
                 before; RobotSetups have their own.
-            world: what stands around the robots; "" for bare ground.
+            world: the world around the robots; "" for bare ground.
 
         Raises:
             OneBotError: ROS nodes are in lockstep with the simulation, a robot cannot start there,
-                or the world or a parameter cannot be used; then nothing has changed.
+                or the world or a parameter cannot be used; nothing has changed.
         """
         core = self._core
         if core.publish is not None:
             text = "ROS nodes are in lockstep with the simulation"
-            raise OneBotError(f"{text}: time cannot go back for them; begin anew")
+            raise OneBotError(f"{text}: time cannot go back for them; create a new Simulation")
         place = {n: v for n, v in (("x", x), ("y", y), ("yaw", yaw)) if v is not None}
         if place and "" not in self._setups:
-            raise OneBotError("x, y and yaw are for a single robot; its RobotSetup has a robot's")
+            raise OneBotError("x, y and yaw are for a single robot; others have RobotSetups")
         seed = core.seed if seed is None else seed
         if not place and parameters is None and world is None:
             core.restart(seed)
@@ -270,7 +270,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._begun()
 
     def _move_into(self, core: SimulatedWorld) -> None:
-        """Replace the world, with its robots, by another one."""
+        """Replace the world and its robots."""
         core.after_cycle = self._core.after_cycle
         self._core.close()
         self._core = core
@@ -295,12 +295,12 @@ class Simulation(AbstractContextManager["Simulation"]):
     def on_step(self, function: Callable[[], object]) -> Callable[[], None]:
         """Call a function after each control cycle from now on, without arguments.
 
-        The state is that at the cycle's end; what the function raises ends ``run`` there.
+        The state is the one at the end of the cycle; an exception in the function ends ``run``.
 
         Returns:
             A function that ends these calls.
         """
-        key = object()  # the same function may be there several times
+        key = object()  # the same function may be registered several times
         self._core.after_cycle[key] = function
 
         def end() -> None:
@@ -311,10 +311,10 @@ class Simulation(AbstractContextManager["Simulation"]):
     def record(self, seconds: Duration | None = None, rate: Positive | None = None) -> None:
         """Record poses and joints from now on, for ``log`` and ``moments``.
 
-        A reset begins the recording anew.
+        A reset restarts the recording.
 
         Args:
-            seconds: how many simulated seconds are kept, the last ones; None for all.
+            seconds: how many of the last simulated seconds to keep; None for all.
             rate: recorded moments per second, Hz; None for one in each control cycle.
 
         Raises:
@@ -322,8 +322,8 @@ class Simulation(AbstractContextManager["Simulation"]):
         """
         cycles = None if seconds is None else self._cycles(seconds)
         every = 1 if rate is None else max(1, round(self._core.fleet.rate / rate))
-        most = None if cycles is None else max(1, round(cycles / every))
-        self._log = MomentLog(every, most)
+        limit = None if cycles is None else max(1, round(cycles / every))
+        self._log = MomentLog(every, limit)
         self._core.record(self._log)
 
     @property
@@ -333,10 +333,10 @@ class Simulation(AbstractContextManager["Simulation"]):
 
     @property
     def log(self) -> dict[str, NDArray[np.float64]]:
-        """The recorded moments as arrays of one length, by name, as for ``pandas.DataFrame``.
+        """The recorded moments as arrays of equal length, by name, for example for pandas.
 
         They are ``time`` (s), the root link's true ``x``, ``y``, ``z`` (m), ``roll``, ``pitch``,
-        ``yaw`` (rad), ``joints.NAME`` (rad or m), and of a box ``boxes.NAME.x`` and so on; of
+        ``yaw`` (rad), ``joints.NAME`` (rad or m), and for boxes ``boxes.NAME.x`` and so on; with
         several robots ``ROBOT.x`` and so on. It is empty unless ``record`` was called.
         """
         return self._log.columns([*self.robots]) if self._log else {}
@@ -348,20 +348,20 @@ class Simulation(AbstractContextManager["Simulation"]):
         height: Positive = 0.1,
         bounds: _Bounds | None = None,
     ) -> OccupancyGrid:
-        """Return the true map of the world: what stands at some height, without the robots.
+        """Return the true map of the world at some height, without the robots.
 
-        A cell is occupied if a collision shape of the world, or of a box where it is now, reaches
-        into it at that height.
+        A cell is occupied if a collision shape of the world, or of a box at its current pose,
+        reaches into it at that height.
 
         Args:
             resolution: edge of a cell, m.
-            height: height above the ground, m; a ramp is there only where it is higher.
-            bounds: minimum x and y, maximum x and y of the map, m; None for what is there, with the
-                corners of cells at multiples of the resolution.
+            height: height above the ground, m; a ramp appears only where it is higher.
+            bounds: minimum x and y, maximum x and y of the map, m; None to include all obstacles,
+                with the corners of cells at multiples of the resolution.
 
         Raises:
             ValueError: a length is not above 0, or bounds are not minimum before maximum.
-            OneBotError: nothing is there, and there are no bounds; or there are too many cells.
+            OneBotError: there are neither obstacles nor bounds, or there are too many cells.
         """
         if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             text = "write bounds: minimum x, minimum y, maximum x, maximum y"
@@ -379,12 +379,12 @@ class Simulation(AbstractContextManager["Simulation"]):
     ) -> NDArray[np.uint8]:
         """Return a picture of the world and its robots, (height, width, 3), RGB.
 
-        It is painted as those of simulated cameras, without a display; ``robot.image()`` is what a
-        robot's own camera sees.
+        It is rendered like images of simulated cameras, without a display; ``robot.image()`` is the
+        image of a robot's own camera.
 
         Args:
-            eye: (3,), where it is seen from, in the world, m.
-            target: (3,), another point, in the middle of the picture, m.
+            eye: (3,), the viewpoint in the world, m.
+            target: (3,), another point, at the centre of the picture, m.
             width: pixels.
             height: pixels.
 
@@ -402,7 +402,7 @@ class Simulation(AbstractContextManager["Simulation"]):
     def ray(self, origin: Vector, direction: Vector) -> float:
         """Return the distance to the first thing on a ray, m; infinite if there is none.
 
-        The ray hits the ground and the visual shapes of world, boxes and robots, as sensors do.
+        The ray hits the ground and the visual shapes of world, boxes and robots, as for sensors.
 
         Args:
             origin: (3,), in the world, m.
@@ -411,11 +411,11 @@ class Simulation(AbstractContextManager["Simulation"]):
         Raises:
             ValueError: a number is not finite, or the direction is zero.
         """
-        start, way = np.array([origin, direction], float)
-        length = np.linalg.norm(way)
+        start, vector = np.array([origin, direction], float)
+        length = np.linalg.norm(vector)
         if not length:
             raise ArgumentError([Problem("direction", "is zero; write three finite numbers")])
-        ray = Rays((way / length).reshape(1, 3))
+        ray = Rays((vector / length).reshape(1, 3))
         return self._core.distance(LinkPose(np.eye(3), start), ray)
 
     def ros(
@@ -431,23 +431,23 @@ class Simulation(AbstractContextManager["Simulation"]):
         Args:
             domain_id: the ROS domain, 0 to 232; None for ROS_DOMAIN_ID, or the domain of rclpy's
                 default context if that is initialized.
-            remap: new names of topics and services by name, for nodes and robots, as ``-r`` on a
+            remap: new names of topics and services by name, for nodes and robots, like ``-r`` on a
                 command line: ``{"cmd_vel": "velocity_controller/cmd_vel"}``.
-            nav2_topics: whether the robots' topics are those that Nav2 expects, cmd_vel and odom.
-            callback_timeout: wall time that a callback may take, s; infinite for any. It ends
-                callbacks of the main thread only, and none while a debugger is attached.
+            nav2_topics: whether the robots use the topics that Nav2 expects, cmd_vel and odom.
+            callback_timeout: wall time that a callback may take, s; infinite for no limit. It ends
+                only callbacks of the main thread, and none while a debugger is attached.
 
         Returns:
             The ``Lockstep``, to which nodes can be added.
 
         Raises:
             OneBotError: an argument cannot be used, the robots of this or of another simulation are
-                on ROS topics already, or ROS 2 is missing.
+                already on ROS topics, or ROS 2 is missing.
         """
         from onebot_control.nodes.lockstep import Lockstep  # only this needs ROS
 
         if self._core.publish is not None:
-            raise OneBotError("the robots are on ROS topics already")
+            raise OneBotError("the robots are already on ROS topics")
         self._lockstep = Lockstep(
             self,
             self._core,
@@ -461,7 +461,7 @@ class Simulation(AbstractContextManager["Simulation"]):
     def close(self) -> None:
         """Free the world; a ``with`` block does so at its end.
 
-        Poses and other states that were last read remain; all methods raise OneBotError.
+        The poses and other states read last remain; all methods raise OneBotError.
         """
         if self._lockstep is not None:
             self._lockstep.close()

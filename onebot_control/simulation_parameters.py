@@ -1,4 +1,4 @@
-"""The parameters of the simulation, with joint_state_broadcaster's and controller_manager's."""
+"""The parameters of the simulation, of joint_state_broadcaster and of controller_manager."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import group, ignored, parameter
 
 INTERFACES = ("position", "velocity", "effort")
-_MOST_HERTZ = 10_000.0
-_LEAST_CYCLES, _MOST_CYCLES = 0.001, 1000.0  # update_rate, Hz
+_MAX_HERTZ = 10_000.0
+_MIN_RATE, _MAX_RATE = 0.001, 1000.0  # update_rate, Hz
 _NO_HARDWARE = "there are no other interfaces than these"
 
 
@@ -49,50 +49,50 @@ class BroadcasterConfig:
 
 @dataclass(frozen=True)
 class DescriptionConfig:
-    """The parameter by which a robot's drive, and so all other parameters, can be known."""
+    """The parameter that shows a robot's drive, and so determines all other parameters."""
 
     robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
 
 
 @dataclass(frozen=True)
 class SimulationConfig(DescriptionConfig):
-    """Parameters of the simulation and of joint_state_broadcaster, for driving and standing robots.
+    """Parameters of the simulation and of joint_state_broadcaster, for all robots.
 
-    The table in docs/drives.md explains them.
+    docs/drives.md has a table of them.
     """
 
-    x: float = parameter(0.0, "where it starts in the world, m", read_only=True)
-    y: float = parameter(0.0, "where it starts in the world, m", read_only=True)
-    yaw: float = parameter(0.0, "where it faces at the start, rad", read_only=True)
+    x: float = parameter(0.0, "start position in the world, m", read_only=True)
+    y: float = parameter(0.0, "start position in the world, m", read_only=True)
+    yaw: float = parameter(0.0, "start heading in the world, rad", read_only=True)
     initial_positions: Mapping[str, float] = parameter(
-        {}, "where joints are at the start, rad or m; they override <ros2_control>", read_only=True
+        {}, "start positions of joints, rad or m; they override <ros2_control>", read_only=True
     )
     update_rate: float = parameter(
         100,
-        "control cycles a second, Hz",
-        at_least=_LEAST_CYCLES,
-        at_most=_MOST_CYCLES,
+        "control cycles per second, Hz",
+        at_least=_MIN_RATE,
+        at_most=_MAX_RATE,
         read_only=True,
     )
     real_time_factor: float = parameter(
-        1.0, "simulated seconds a second; 0: as fast as possible", at_least=0.0
+        1.0, "simulated seconds per second; 0: as fast as possible", at_least=0.0
     )
     paused: bool = parameter(
         False, "starts before its first cycle, and waits to be stepped or resumed", read_only=True
     )
     step_topics: tuple[str, ...] = parameter(
         (),
-        "topics of sensors: a step waits for a command with each message's stamp, or a later one",
+        "sensor topics: a step waits for a command with each message's stamp, or a later one",
         unique=True,
     )
     step_timeout: float = parameter(
         5.0,
-        "how long a step waits for such a command, s of the wall's time; of robots the longest",
+        "how long a step waits for such a command, s of wall-clock time; maximum of all robots",
         above=0.0,
     )
     world_frame_id: str = parameter(
         WORLD_FRAME,
-        "frame of ground truth and parent of odom; empty: odom, unless there is a world",
+        "frame of ground truth, parent of odom; empty: odom, unless there is a world",
     )
     ground_truth_tf: bool = parameter(
         True, "publish world_frame_id -> odom_frame_id on TF, unless another node localizes"
@@ -105,11 +105,11 @@ class SimulationConfig(DescriptionConfig):
     sensors: str = parameter(
         "", "URDF or xacro file with sensors that the robot's URDF lacks; reloaded when edited"
     )
-    sensor_noise: bool = parameter(True, "sensors have the noise that their blocks have")
+    sensor_noise: bool = parameter(True, "simulate the noise in the sensors' blocks")
     tf_frame_prefix_enable: bool = parameter(True, "prepend a prefix to the frames")
-    tf_frame_prefix: str = parameter("", "that prefix; empty or ~: the node's namespace")
+    tf_frame_prefix: str = parameter("", "the prefix; empty or ~: the node's namespace")
     publish_rate: float = parameter(
-        50.0, "odometry and transforms, Hz", above=0.0, at_most=_MOST_HERTZ
+        50.0, "rate of odometry and transforms, Hz", above=0.0, at_most=_MAX_HERTZ
     )
     broadcaster: BroadcasterConfig = group(BroadcasterConfig, BROADCASTER)
 
@@ -124,7 +124,7 @@ class SimulationConfig(DescriptionConfig):
         return self if isinstance(self, DriveParameters) else None
 
     def world_frame(self, *, in_scene: bool) -> str:
-        """Return the frame of true poses; "" for the odometry's. In a scene there always is one."""
+        """Return the frame of true poses; "" for the odometry frame, which no scene uses."""
         return self.world_frame_id or (WORLD_FRAME if in_scene else "")
 
 

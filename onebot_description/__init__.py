@@ -14,7 +14,7 @@ What the package exports:
 - ``parse_description``: Read and check URDF text; xacro is not expanded.
 - ``Description``: A robot, or a world, as read from URDF.
 - ``RobotModel``: Forward kinematics of a robot with M moving joints, independent of ROS.
-- ``DescriptionError``: A robot description that cannot be used; lists every problem with its line.
+- ``DescriptionError``: An unusable robot description; lists every problem with its line.
 - ``OneBotError``: A mistake that a user can fix.
 
 To run the nodes: ``python -m onebot_description.robot_state_publisher`` and
@@ -23,15 +23,15 @@ To run the nodes: ``python -m onebot_description.robot_state_publisher`` and
 
 import sys
 
-if sys.argv[:1] == ["-m"]:  # python -m looks for a module of ours; done first: imports take long
+if sys.argv[:1] == ["-m"]:  # python -m looks for one of our modules; first, as imports are slow
     from onebot_description.ros.process_start import find_silently
 
     find_silently()
 
 import onebot_description.ros.packages  # noqa: F401  (installs the finder of packages)
 
-TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
-__version__: str  # version of the installed distribution, which has all packages
+TYPE_CHECKING = not __name__  # false; jedi skips blocks under a literal False; typing is slow
+__version__: str  # of the installed distribution, which contains all packages
 
 __docformat__ = "google"
 
@@ -65,7 +65,7 @@ def lazy(
     The package's ``__dir__`` lists the names, so that ``help`` shows them.
 
     Args:
-        package: the package's ``globals()``, which get each name with its first use.
+        package: the package's ``globals()``; each name is added on its first use.
         modules: for each module to import from, the names in it. "__version__" is always added.
     """
     homes = {name: module for module, names in modules.items() for name in names}
@@ -99,7 +99,7 @@ if TYPE_CHECKING:
     from onebot_description.description import Description, load_description, parse_description
     from onebot_description.errors import DescriptionError, OneBotError
     from onebot_description.model import RobotModel
-else:  # any name would be one of the package
+else:  # type checkers would accept any name
     __getattr__ = lazy(
         globals(),
         {

@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file in one step; an existing file is replaced, and its mode kept; links stay.
+    """Write a file atomically; an existing file is replaced and keeps its mode; links stay links.
 
     Raises:
-        OSError: it cannot be written; then nothing has changed.
+        OSError: the file cannot be written; nothing has changed.
     """
     path = path.resolve()
     new = path.with_name(f".{path.name}-{os.getpid()}")
@@ -25,8 +25,8 @@ def write_whole(path: Path, data: bytes) -> None:
 def refuse_unwritable(path: Path, *, folder: bool = False) -> None:
     """Raise the OSError that creating a file, or a new ``folder``, at a path would raise.
 
-    It tries to create it, because permissions alone do not decide, for example for root or on a
-    read-only file system. An existing file does not change.
+    It tries, because permissions alone do not decide, for example for root or on a read-only file
+    system. An existing file does not change.
     """
     is_new = not path.exists()
     if folder:

@@ -35,7 +35,7 @@ class Source(NamedTuple):
 def load_followed(
     model: str, arguments: Mapping[str, str] | None = None
 ) -> tuple[Description, Source]:
-    """Load a description, and return its source, with which edits can be followed."""
+    """Load a description; return it with its source, which is needed to follow edits."""
     read_ns = time.time_ns()
     description = load_description(model, arguments)
     files = tuple(map(str, description.files))
@@ -64,7 +64,7 @@ class DescriptionFiles(Reloader[Description]):
         except OneBotError:
             from onebot_description.description.xacro import included_files
 
-            # The mistake may be in a file that was included only just now.
+            # The mistake may be in a file that this very edit includes.
             self.watched.watch((*self.watched.files, *included_files(self.model)))
             raise
         if description is not None:

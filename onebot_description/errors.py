@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 
 _MAX_LISTED = 12
 _MAX_COMPARED = 1000  # names; comparing with all of them takes some hundredths of a second
-_MAX_ALIKE = 20  # messages of one kind; of more, only the first is shown
+_MAX_ALIKE = 20  # messages of one kind; if there are more, only the first is shown
 _MAX_SUGGESTED = 3
 _MAX_LENGTH = 2000  # characters of one message
 # Messages of one kind differ in names, numbers and hints.
@@ -25,7 +25,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 
 def alike(name: str, candidates: Iterable[str]) -> list[str]:
-    """Return up to three candidates whose last word is the one most similar to that of ``name``.
+    """Return up to three candidates with the last word that is most similar to that of ``name``.
 
     For example, ``/odm`` finds ``/robot1/odom``. Those in the namespace of ``name`` come first.
     """
@@ -67,9 +67,9 @@ def did_you_mean(name: str, candidates: Iterable[str], what: str = "known") -> s
 def unknown_names(
     names: Iterable[str], candidates: Collection[str], what: str = "known"
 ) -> Iterator[tuple[str, str]]:
-    """Yield those of ``names`` that are not among ``candidates``, with ``did_you_mean``'s hint.
+    """Yield the ``names`` that are not among ``candidates``, with the hint of ``did_you_mean``.
 
-    Only the first few have a hint: of the many names of a message, comparing all takes too long.
+    Only the first few have a hint: comparing all the names of a large message takes too long.
     """
     known_names = {*candidates}
     unknown = [name for name in names if name not in known_names]
@@ -78,7 +78,7 @@ def unknown_names(
 
 
 def printable(text: str) -> str:
-    r"""Return ``text`` with all that is not printable escaped, such as ``\x1b`` and ``\n``."""
+    r"""Return ``text`` with unprintable characters escaped, such as ``\x1b`` and ``\n``."""
     if text.isprintable():
         return text
     return "".join(
@@ -103,7 +103,7 @@ def condensed(messages: Sequence[str]) -> tuple[str, ...]:
 
 
 def first_of(messages: Sequence[str], most: int = 5) -> str:
-    """Return the first few messages, one a line, and how many further ones there are."""
+    """Return the first few messages, one per line, and the number of further ones."""
     more = [f"and {len(messages) - most} more"] if len(messages) > most else []
     return "\n".join([*map(clipped, messages[:most]), *more])
 
@@ -134,8 +134,8 @@ class DescriptionError(OneBotError):
     """A robot description that cannot be used.
 
     Attributes:
-        problems: everything that is wrong, each with file, line, element and remedy.
-        warnings: further findings, which alone would not prevent its use.
+        problems: everything that is wrong, each with file, line, element and how to fix it.
+        warnings: further findings that alone would not prevent its use.
     """
 
     def __init__(self, problems: Iterable[str], warnings: Iterable[str] = ()) -> None:

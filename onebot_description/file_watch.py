@@ -1,9 +1,9 @@
-"""Detects that files were saved and are complete, and reads them in the background.
+"""Detects that files were saved completely, and reads them in the background.
 
 An editor may empty a file and then fill it, write a new one and rename it over the old one, or save
-several at once. Files are therefore polled by name, with one stat call each, and a change counts
-once all of them have not changed for a moment; for a longer moment if a file is empty or missing,
-as many are just before they are filled.
+several together. Files are therefore polled by name, with one stat call each. A change counts once
+no file has changed for a moment; for longer if a file is empty or missing, because it may be about
+to be filled.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def _states(files: Iterable[Path]) -> dict[Path, FileState]:
 def _state(file: Path) -> FileState:
     try:
         status = os.stat(file)
-    except (OSError, ValueError):  # the latter of a name with a null byte
+    except (OSError, ValueError):  # ValueError: a name with a null byte
         return None
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 class FileWatch:
-    """Reports which of the watched files have changed, once none of them changes any more."""
+    """Reports which watched files have changed, once all have stopped changing."""
 
     def __init__(
         self,
@@ -78,9 +78,9 @@ class FileWatch:
         self._last = {file: last[file] for file in names}
 
     def poll(self) -> list[Path]:
-        """Check the files; return those that were saved or removed since the last ones returned.
+        """Check the files; return those saved or removed since the last result.
 
-        They are returned only after all files have not changed for a moment.
+        The result is empty until no file has changed for a moment.
         """
         last, self._last, now = self._last, _states(self._known), self._clock()
         if self._last != last:
@@ -117,7 +117,7 @@ class Reloader(Generic[T]):
 
     @property
     def is_reading(self) -> bool:
-        """Whether files are being read, or are to be."""
+        """Whether files are being read, or will be at the next poll."""
         return self._is_due or self._reading is not None
 
     def read_soon(self) -> None:

@@ -64,7 +64,7 @@ from onebot_description.timing.throttled import Throttled
 class JointStateParameters:
     """The node's parameters: declared, read from files, and checked against each other."""
 
-    live: LiveParameters  # the files they come from
+    live: LiveParameters  # the files that they come from
     values: dict[str, Any]  # values at the start, by name
     config: JointsConfig  # the same values, checked
 
@@ -122,7 +122,7 @@ class JointStateParameters:
 
 @dataclass(frozen=True)
 class JointsState:
-    """Parameters and description; replaced as a whole, so that a refused change has no effect."""
+    """Parameters and description; replaced as a whole, so that a rejected change has no effect."""
 
     values: Mapping[str, Any]  # the parameters, by name
     config: JointsConfig  # the same parameters, checked
@@ -135,10 +135,10 @@ class JointsState:
 
         Args:
             description: the robot.
-            tolerant: ignore parameters that do not suit it, instead of raising.
+            tolerant: ignore parameters that do not match the robot, instead of raising.
 
         Raises:
-            ConfigError: parameters do not suit the robot.
+            ConfigError: parameters do not match the robot.
         """
         source = JointStateSource(
             description.joints, self.config, previous=self.source, tolerant=tolerant
@@ -169,7 +169,7 @@ class JointFiles:
         steady_timer(node, _POLL_EVERY, self._poll)
 
     def reread_refused(self) -> None:
-        """Read the parameter files again, if an edit of them was refused."""
+        """Read the parameter files again if their last edit was rejected."""
         if self.parameters.edited:
             self.parameters.read_soon()
 
@@ -330,7 +330,7 @@ class JointStatePublisher(Node):
             places: file and line of each, for errors.
 
         Raises:
-            OneBotError: a change is refused; then nothing has changed.
+            OneBotError: a change is rejected; nothing has changed.
         """
         if not changes:
             return
@@ -349,7 +349,7 @@ class JointStatePublisher(Node):
     # Applying parameters and descriptions ----------------------------------------------------
 
     def _use(self, description: Description) -> None:
-        """Start with ``description``; raise ConfigError if parameters do not suit it."""
+        """Start with ``description``; raise ConfigError if parameters do not match it."""
         try:
             self._apply(self.state.describing(description, tolerant=False))
         except ConfigError as error:
@@ -358,10 +358,10 @@ class JointStatePublisher(Node):
     def replace(self, description: Description) -> None:
         """Change to another description, as all other nodes do.
 
-        Parameters of joints that it does not have are reported and ignored.
+        Parameters of joints that it lacks are reported and ignored.
         """
         self._change(self.state.describing(description, tolerant=True))
-        self._files.reread_refused()  # they may suit this robot
+        self._files.reread_refused()  # they may match this robot
         self._report()
 
     def _apply(self, state: JointsState) -> None:
@@ -375,7 +375,7 @@ class JointStatePublisher(Node):
                 state.source.apply(state.plan)
             if state.source is not old.source:
                 assert state.description is not None
-                # robot_state_publisher logs the notices of what it publishes.
+                # robot_state_publisher logs the notices of descriptions that it publishes.
                 for notice in state.description.notices if state.description.files else ():
                     self.get_logger().warning(notice)
                 moved = listing(state.source.names) if state.source.names else ""
@@ -385,7 +385,7 @@ class JointStatePublisher(Node):
         self._subscribe(state.config.source_list)
 
     def _report(self) -> None:
-        """Log once which parameters exceed limits or do not suit the robot."""
+        """Log once which parameters exceed limits or do not match the robot."""
         state = self.state
         if state.source is None:
             return

@@ -3,25 +3,25 @@
 
 Run it alone with ``python -m onebot_description.robot_state_publisher [FILE] --ros-args ...``.
 FILE is a URDF or xacro file, which replaces the parameter robot_description; when it, or a file
-that it includes, is edited, the new description is published. An edit that cannot be used is
-reported, and the last good description stays. To publish several robots from one process:
+that it includes, is edited, the new description is published. An unusable edit is reported, and the
+last valid description stays. To publish several robots from one process:
 ``... --robot -r __ns:=/robot1 --robot -r __ns:=/robot2 --ros-args ...``; ROS arguments that follow
---robot are for one node. Their files are not watched.
+--robot apply to one node. Their files are not watched.
 
 Publishes:
     robot_description (std_msgs/msg/String, reliable, transient local, depth 1): the URDF.
     /tf (tf2_msgs/msg/TFMessage, reliable, depth 100): joints that move, stamped as their message.
-    /tf_static (tf2_msgs/msg/TFMessage, reliable, transient local, depth 1): those that do not.
+    /tf_static (tf2_msgs/msg/TFMessage, reliable, transient local, depth 1): all other joints.
 
 Subscribes:
     joint_states (sensor_msgs/msg/JointState, best effort, depth 5): positions in rad or m; a
-        message older than the last one of its joints is ignored, unless it is 10 s or more older:
-        then the clock was set back.
+        message older than the last one of its joints is ignored; if it is older by 10 s or more,
+        the clock is taken to have been set back.
 
 All parameters can be changed while it runs; an invalid change is rejected with the reason.
-JointState has no poses: planar joints are published at their origin, as static transforms, and
-floating ones only with hold_floating_joints, because usually another node, such as an odometry,
-publishes where they are.
+JointState has no poses: planar joints are published at their origin, as static transforms.
+Floating joints are published only with hold_floating_joints, because usually another node, such as
+an odometry node, publishes their transforms.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -117,7 +117,7 @@ class RobotStatePublisher(Node):
             steady_timer(self, _POLL_EVERY, self._follow_files)
 
     def _follow_files(self) -> None:
-        """Publish the robot again when its files are edited; unusable files change nothing."""
+        """Publish the robot again when its files are edited; ignore unusable edits."""
         logger = self.get_logger()
         try:
             description = self._files.poll()
@@ -129,7 +129,7 @@ class RobotStatePublisher(Node):
                 self._accepted = description, RobotModel.from_description(description)
                 self.set_parameters([Parameter("robot_description", value=description.urdf)])
         except OneBotError as error:
-            logger.error(f"{error}\nThe robot stays as it was until this is mended.")
+            logger.error(f"{error}\nThe robot stays as it was until this is fixed.")
             return
         # Log no more than this: every other node logs whether the new robot suits it.
         new_robot = "robot_state_publisher publishes the new robot"
@@ -160,7 +160,7 @@ class RobotStatePublisher(Node):
         if links and not self._settings.hold_floating_joints:
             self.get_logger().warning(
                 f"the transforms of floating joints are not published, because joint states have "
-                f"no poses: another node, such as an odometry, has to publish that of "
+                f"no poses: another node, such as an odometry node, has to publish that of "
                 f"{listing(links)}"
             )
         self._description.publish(String(data=description.urdf))

@@ -1,4 +1,4 @@
-"""The parameters of robot_state_publisher; some of them are launch arguments, too."""
+"""The parameters of robot_state_publisher; some are also launch arguments."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from onebot_description.parameters.reader import parameter
 
 @dataclass(frozen=True)
 class StateParameters:
-    """The parameters of robot_state_publisher; the table in README.md explains them."""
+    """The parameters of robot_state_publisher; README.md has a table of them."""
 
     robot_description: str = parameter("", "the URDF; required without FILE")
     publish_frequency: float = parameter(

@@ -120,10 +120,11 @@ def test_a_description_is_checked_without_any_ros(python, tmp_path):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("rclpy._rclpy_pybind11", "is made for another Python than this one"),
+        ("rclpy._rclpy_pybind11", "is built for another Python than this one"),
         (
             "nav_msgs",
-            'lacks the package "nav_msgs": install it, as in apt install ros-jazzy-nav-msgs',
+            'lacks the package "nav_msgs": install it, for example with'
+            " apt install ros-jazzy-nav-msgs",
         ),
     ],
 )

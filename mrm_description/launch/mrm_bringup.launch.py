@@ -7,5 +7,5 @@ from onebot_bringup.launch.ros2_launch import launch_description
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments of the script, and run it with those given."""
+    """Declare the script's arguments, and run it with the given values."""
     return launch_description(mrm_bringup)

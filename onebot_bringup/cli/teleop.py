@@ -329,7 +329,7 @@ class _Teleop:
         if self._publisher.get_subscription_count():
             ends = command_subscribers(self._session.node, self._topic)
             self._controllers.update(end.node for end in ends if end.node)
-            radius = max((c.least_radius for c in self._controllers.known), default=0.0)
+            radius = max((c.minimum_radius for c in self._controllers.known), default=0.0)
             return f"\tminimum radius {radius:.3g} m" if radius else ""
         types = self._session.subscribed_types(self._topic)
         hint = f", but of {', '.join(types)}: see --stamped" if types else " yet"

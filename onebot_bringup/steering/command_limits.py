@@ -98,7 +98,7 @@ def limits_of(controllers: Sequence[ControllerLimits], fixed: Velocity = _NONE) 
         _bound("linear", {c.node: c.linear for c in controllers}, "max_linear", fixed),
         _bound("angular", {c.node: c.angular for c in controllers}, "max_angular", fixed),
         _bound("lateral", lateral, "max_linear", fixed) if lateral else Limits.lateral,
-        max((c.least_radius for c in controllers), default=0.0),
+        max((c.minimum_radius for c in controllers), default=0.0),
     )
 
 

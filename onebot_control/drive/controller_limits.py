@@ -1,7 +1,7 @@
 """The limits of a controller of a drive, read from its parameters.
 
-They are named like those of diff_drive_controller and mecanum_drive_controller; what its drive can
-do follows from which parameters it has.
+They are named as in diff_drive_controller and mecanum_drive_controller; the set of parameters shows
+what the drive can do.
 """
 
 import dataclasses
@@ -34,13 +34,13 @@ class ControllerLimits:
     linear: SpeedLimits = SpeedLimits()
     angular: SpeedLimits = SpeedLimits()
     lateral: SpeedLimits | None = None  # None: it does not drive sideways
-    least_radius: float = 0.0  # m, of its curves; 0: it turns on the spot
+    minimum_radius: float = 0.0  # of curves, m; 0: it turns on the spot
 
     @classmethod
     def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "ControllerLimits | None":
-        """Return the controller with these parameters; None if they are not a controller's.
+        """Return the controller with these parameters; None if they do not belong to one.
 
-        An impossible limit, such as one of the wrong sign, is ignored.
+        An impossible limit, for example with the wrong sign, is ignored.
 
         Args:
             node: the node's full name.
@@ -48,7 +48,7 @@ class ControllerLimits:
         """
         limits = [_speed_limits(axis, values) for axis in _AXES]
         strafes = "linear.y.max_velocity" in values or values.keys() >= _OMNI
-        radius = _least_radius(values)
+        radius = _minimum_radius(values)
         if not (strafes or radius or any("max_velocity" in axis for axis in limits)):
             return None
         linear, angular, lateral = (SpeedLimits(**axis) for axis in limits)
@@ -65,7 +65,7 @@ def _speed_limits(axis: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return limits
 
 
-def _least_radius(values: Mapping[str, Any]) -> float:
+def _minimum_radius(values: Mapping[str, Any]) -> float:
     """Return the minimum radius of a steered drive, m; 0 for any other drive."""
     if values.keys().isdisjoint(_STEERING):
         return 0.0

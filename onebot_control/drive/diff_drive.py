@@ -1,4 +1,4 @@
-"""The differential drive: its parameters, as diff_drive_controller's, and its kinematics."""
+"""The differential drive: the parameters of diff_drive_controller, and the kinematics."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 class DiffDriveKinematics(Kinematics):
     """Converts between wheel and body motion of a differential drive.
 
-    The wheels of both sides are on one axle; the body's frame is in its middle, x forward, y left
+    The wheels of both sides are on one axle; the body's frame is at its centre, x forward, y left
     (REP-103). See Siegwart and Nourbakhsh, "Introduction to Autonomous Mobile Robots", section 3.2.
     """
 
     def __init__(self, separation: float, left_radius: float, right_radius: float) -> None:
-        """Take the lengths.
+        """Set the lengths.
 
         Args:
             separation: distance between the left and the right wheels, m.
@@ -91,11 +91,11 @@ class SideParameters:
         """Report sides with different numbers of wheels."""
         left, right = self.left_wheel_names, self.right_wheel_names
         if len(left) != len(right):
-            text = f"{len(right)} wheels, but left_wheel_names has {len(left)}; name as many"
+            text = f"{len(right)} wheels, but left_wheel_names has {len(left)}; name equally many"
             yield Problem("right_wheel_names", text)
 
 
-# The order of the bases is that of the parameters in tables, from the last one to the first.
+# The order of the bases, from last to first, is the order of parameters in tables.
 @dataclass(frozen=True)
 class DiffDriveParameters(DriveParameters["WheelGeometry"], SideParameters):
     """diff_drive_controller's parameters."""

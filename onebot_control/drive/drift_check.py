@@ -1,26 +1,26 @@
-"""Detects that odometry and truth of a simulated robot drift apart, and says why that may be."""
+"""Detects that odometry and ground truth of a simulated robot drift apart, and suggests causes."""
 
 import math
 from collections.abc import Callable
 
 from onebot_description.geometry.poses import PlanarPose
 
-_STRETCH = 1.0  # m or rad over which the two are compared
-_MOST = 0.1  # fraction of a stretch by which they may differ
+_DISTANCE = 1.0  # m or rad over which the two are compared
+_MAX_ERROR = 0.1  # fraction of the distance by which they may differ
 # The same for turns of skid-steer robots: their effective separation is an estimate for slow turns.
-_MOST_SKIDDING = 0.3
-_STILL = 1e-4  # m or rad per update; a robot that moves less counts as standing
+_MAX_SKIDDING = 0.3
+_STILL = 1e-4  # m or rad per update; a robot that moves less counts as stationary
 _SETTLING = 5  # updates after a push until the robot has stopped skidding
 
 _SLIP = (
     "the wheels slip, which a limit of acceleration prevents ({}.max_acceleration); another part "
-    "of the robot rests on the ground; "
+    "of the robot touches the ground; "
 )
-_WAY = _SLIP.format("linear.x") + "or wheel_radius is not that of the wheels"
+_WAY = _SLIP.format("linear.x") + "or wheel_radius is wrong"
 _TURN = (
-    "further wheels on the ground do not turn with the robot, as those of a car; "
+    "other wheels on the ground do not turn with the robot, as in a car; "
     + _SLIP.format("angular.z")
-    + "or wheel_separation is not that of the wheels"
+    + "or wheel_separation is wrong"
 )
 
 
@@ -32,9 +32,9 @@ class DriftCheck:
     """
 
     def __init__(self, *, skids: bool) -> None:
-        """Start without poses; ``skids`` allows for the wheels of skid steer in turns."""
+        """Start without poses; ``skids`` allows for skidding in turns."""
         self.warning = ""
-        self._most_turn = _MOST_SKIDDING if skids else _MOST
+        self._max_turn_error = _MAX_SKIDDING if skids else _MAX_ERROR
         self.restart()
 
     def restart(self) -> None:
@@ -48,9 +48,9 @@ class DriftCheck:
         """Compare the motion since the last call; call it several times a second.
 
         Args:
-            odometry: pose by the wheels, in any fixed frame.
+            odometry: pose from the wheels, in any fixed frame.
             truth: true pose, in any fixed frame.
-            obstructed: returns whether something holds the robot back; then slipping is expected.
+            obstructed: returns whether something holds the robot back, so that it may slip.
         """
         if self.warning:
             return
@@ -73,19 +73,19 @@ class DriftCheck:
         self._way = self._way[0] + way, self._way[1] + true_way
         self._turn = self._turn[0] + turn, self._turn[1] + true_turn
         self._driven, self._turned = self._driven + abs(way), self._turned + abs(turn)
-        if max(self._driven, self._turned) >= _STRETCH:
+        if max(self._driven, self._turned) >= _DISTANCE:
             self._compare()
             self.restart()
 
     def _compare(self) -> None:
-        for what, unit, reasons, most, total, (wheels, true) in (
-            ("drove", "m", _WAY, _MOST, self._driven, self._way),
-            ("turned", "rad", _TURN, self._most_turn, self._turned, self._turn),
+        for what, unit, reasons, limit, total, (wheels, true) in (
+            ("drove", "m", _WAY, _MAX_ERROR, self._driven, self._way),
+            ("turned", "rad", _TURN, self._max_turn_error, self._turned, self._turn),
         ):
-            if abs(wheels - true) > most * max(total, _STRETCH):
+            if abs(wheels - true) > limit * max(total, _DISTANCE):
                 self.warning = (
-                    f"odometry and truth drift apart: by its wheels the robot {what} "
-                    f"{wheels:.2f} {unit}, in truth {true:.2f} {unit}. Likely reasons: {reasons}"
+                    f"odometry and ground truth drift apart: by its wheels, the robot {what} "
+                    f"{wheels:.2f} {unit}, actually {true:.2f} {unit}. Likely reasons: {reasons}"
                 )
                 return
 

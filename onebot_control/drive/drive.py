@@ -1,7 +1,7 @@
-"""What every drive is: commands in, wheel velocities, steering and odometry out. No ROS here.
+"""Turns commands into wheel velocities, steering and odometry, for every drive. No ROS here.
 
-``Drive`` is the same class for all drives: it holds the last command until that times out, limits
-each of its axes, and integrates the odometry with its covariance. What one drive is differs in
+``Drive`` is the same class for all drives: it holds the last command until it times out, limits
+each of its axes, and integrates the odometry with its covariance. Drives differ in
 
 - its parameters, a ``DriveParameters``: they find its wheels (``wheels``), determine its lengths
   (``geometry``) and convert these to its kinematics (``kinematics``);
@@ -9,7 +9,7 @@ each of its axes, and integrates the odometry with its covariance. What one driv
   (``groups``), and joints that steer and are driven by position (``steering``);
 - its kinematics, a ``Kinematics``.
 
-These three are one file, as ``diff_drive.py``, and a row of ``drive_kinds.DRIVES``.
+Each drive is a file, such as ``diff_drive.py``, and a row of ``drive_kinds.DRIVES``.
 
 Example:
     >>> from onebot_control.drive.drive import Drive
@@ -45,33 +45,33 @@ _FASTEST = 1e6  # m/s or rad/s; faster commands are clamped, so that all results
 
 
 class DriveState(NamedTuple):
-    """What a drive knows of itself in one control cycle.
+    """The state of a drive in one control cycle.
 
     Velocities are per second of the clock of the stamps.
     """
 
-    odometry: PlanarPose  # pose by the wheels, in the odometry's frame
-    covariance: PoseCovariance  # covariance of that pose
-    twist: PlanarVelocity  # velocity by the wheels
+    odometry: PlanarPose  # pose from the wheels, in the odometry frame
+    covariance: PoseCovariance  # covariance of this pose
+    twist: PlanarVelocity  # velocity from the wheels
     command: DriveCommand
-    origin: PlanarPose  # the odometry's frame in the world, as long as the wheels do not slip
+    origin: PlanarPose  # the odometry frame in the world, as long as the wheels do not slip
 
 
 class Drive:
-    """Turns velocity commands into wheel velocities, as ros2_control's drives do.
+    """Turns velocity commands into wheel velocities, like the drives of ros2_control.
 
-    It reads no clock, so no jump of a clock can disturb it: commands age by the durations passed to
+    It reads no clock, so clock jumps cannot disturb it: commands age by the durations passed to
     ``decide`` and ``wait``.
 
     Attributes:
         wheels: the driven wheels.
-        config: the parameters in force.
-        geometry: the drive's lengths, before multipliers; its own type for each drive.
-        odometry: the robot's pose and twist by its wheels, in the time of the cycles.
-        command: the command in force.
-        origin: the odometry's frame in the world, as long as the wheels do not slip.
+        config: the current parameters.
+        geometry: the drive's lengths, before multipliers; each drive has its own type.
+        odometry: the robot's pose and twist from its wheels, in the time of the cycles.
+        command: the current command.
+        origin: the odometry frame in the world, as long as the wheels do not slip.
         drift: compares the odometry with the true pose.
-        notice: what the drive cannot do of a command, the last such; "" if there was none.
+        notice: message about the last command that the drive could not follow; "" if none.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Drive:
 
         Args:
             wheels: the driven wheels.
-            joints: names of the joints whose states ``observe`` gets, in that order.
+            joints: names of the joints whose states are passed to ``observe``, in that order.
             config: the parameters.
 
         Raises:
@@ -93,7 +93,7 @@ class Drive:
             [(joints.index(name), wheels.directions[name]) for name in names]
             for names in wheels.groups
         ]
-        # The index of each steering joint, and 1 if it steers to the left by positive positions.
+        # The index of each steering joint, and 1 if positive positions steer to the left.
         self._steering_indices = [
             (joints.index(name), math.copysign(1.0, wheels.axles[name].axis[2]))
             for name in wheels.steering
@@ -111,7 +111,7 @@ class Drive:
         """Apply changed parameters; pose, command and speed stay as they are.
 
         Raises:
-            OneBotError: see ``DriveParameters.fitted``; then nothing has changed.
+            OneBotError: see ``DriveParameters.fitted``; nothing has changed.
         """
         self.geometry, self.odometry.kinematics = config.fitted(self.wheels)
         feedback = self.config.open_loop, self.config.position_feedback
@@ -131,10 +131,10 @@ class Drive:
 
         Args:
             linear: forward, m/s; clamped to +-1e6.
-            angular: velocity of turning to the left, rad/s; clamped to +-1e6.
+            angular: turning to the left, rad/s; clamped to +-1e6.
             age: seconds since the command was given. None (unknown) and negative ages (the sender's
                 clock is ahead, or ours was set back) count as 0.
-            lateral: to the left, m/s; clamped to +-1e6; without effect on drives that cannot.
+            lateral: to the left, m/s; clamped to +-1e6; ignored if the drive cannot move sideways.
 
         Returns:
             Why the command is ignored; None if it is accepted.
@@ -143,7 +143,7 @@ class Drive:
             return f"not finite: linear.x {linear}, linear.y {lateral}, angular.z {angular}"
         age = max(0.0, age or 0.0)
         if self._timeout and age >= self._timeout:
-            return f"{age:.3f} s old, and cmd_vel_timeout is {self._timeout:g} s"
+            return f"{age:.3f} s old, but cmd_vel_timeout is {self._timeout:g} s"
         if lateral and not self.moves_sideways:
             self.notice = "linear.y is ignored: the drive does not move sideways"
         elif fault := self.odometry.kinematics.fault((linear, lateral, angular)):
@@ -186,13 +186,13 @@ class Drive:
 
     @property
     def velocities(self) -> list[float]:
-        """The velocity of each joint of ``wheels.names`` for the command in force, rad/s."""
+        """The velocity of each joint of ``wheels.names`` for the current command, rad/s."""
         pairs = zip(self._groups, self.command.wheels, strict=True)
         return [direction * speed for group, speed in pairs for _, direction in group]
 
     @property
     def steering(self) -> list[float]:
-        """The position of each joint of ``wheels.steering`` for the command in force, rad."""
+        """The position of each joint of ``wheels.steering`` for the current command, rad."""
         pairs = zip(self._steering_indices, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
 
@@ -205,7 +205,7 @@ class Drive:
         self._age += seconds
 
     def halt(self) -> None:
-        """Stop the wheels at once; the next command starts from rest."""
+        """Stop the wheels immediately; the next command starts from rest."""
         self._reference = self._last = self._before_last = _REST
         self._age, self._fresh = 0.0, True
         still = (0.0,) * len(self._groups)
@@ -228,19 +228,19 @@ class Drive:
         self.drift.restart()
 
     def moved(self) -> None:
-        """Stop, and go on from the present pose, after the robot was moved by a teleport."""
+        """Stop, and continue from the current pose, after a teleport."""
         self.halt()
         self.odometry.forget_wheels()
         self.drift.restart()
 
     def continue_from(self, other: "Drive") -> None:
-        """Take over the odometry of a drive that this one replaces."""
+        """Take over the odometry of the drive that this one replaces."""
         self.odometry.set_pose(*other.odometry.pose, other.odometry.covariance)
         self.origin = other.origin
         self.drift.restart()
 
     def state(self, pace: float) -> DriveState:
-        """Return the present state; ``pace`` is simulated seconds per second of the clock."""
+        """Return the current state; ``pace`` is simulated seconds per second of the clock."""
         odometry, twist = self.odometry, self.odometry.twist
         if pace != 1.0:
             twist = PlanarVelocity(*[component * pace for component in twist])
@@ -257,7 +257,7 @@ class Drive:
 
 
 class NoDrive:
-    """Takes the place of a ``Drive`` in a robot that stands: nothing moves it."""
+    """Replaces the ``Drive`` of a robot with a fixed base, and does nothing."""
 
     velocities: Sequence[float] = ()
     steering: Sequence[float] = ()

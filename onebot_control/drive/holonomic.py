@@ -1,4 +1,4 @@
-"""What drives by wheels with rollers have in common: they move in all directions of the plane."""
+"""The common parts of drives with rollers on their wheels, which move in all directions."""
 
 import math
 import operator
@@ -28,11 +28,11 @@ class HolonomicKinematics(Kinematics):
     """
 
     def __init__(self, radius: float, rows: Sequence[Triple], kind: str) -> None:
-        """Take the geometry.
+        """Set the geometry.
 
         Args:
-            radius: of the wheels, m.
-            rows: (N, 3), for each wheel its path, m, per metre forward, per metre to the left, and
+            radius: radius of the wheels, m.
+            rows: (N, 3), the path of each wheel, m, per metre forward, per metre to the left, and
                 per rad of turning to the left.
             kind: kind of the wheels.
 
@@ -47,19 +47,19 @@ class HolonomicKinematics(Kinematics):
         if len(self.rows) < 3:
             raise ValueError(f"it needs three wheels or more, not {len(self.rows)}")
         columns = list(zip(*self.rows, strict=True))
-        # The symmetric matrix A'A (3, 3), with the rows A. In floats: numpy's results differ in the
-        # last bits between processors.
+        # The symmetric matrix A'A (3, 3) of the rows A, in plain floats, because the last bits of
+        # numpy's results depend on the processor.
         x, y, turn = (
             (_dot(a, columns[0]), _dot(a, columns[1]), _dot(a, columns[2])) for a in columns
         )
         determinant = _dot(x, cross(y, turn))
-        most = math.prod(math.hypot(*row) for row in (x, y, turn))
-        if determinant <= _SINGULAR * most:
+        bound = math.prod(math.hypot(*row) for row in (x, y, turn))
+        if determinant <= _SINGULAR * bound:
             raise ValueError(
-                "the wheels do not move the robot forward, sideways and round independently; their "
-                "rollers must point in different directions"
+                "the wheels cannot move the robot forward, sideways and around independently; "
+                "their rollers must point in different directions"
             )
-        # The pseudo-inverse (A'A)^-1 A' (3, N): how much each wheel's path moves the body.
+        # The pseudo-inverse (A'A)^-1 A' (3, N): the motion of the body per path of each wheel.
         adjugate = cross(y, turn), cross(turn, x), cross(x, y)
         self._inverse = [[_dot(part, row) / determinant for row in self.rows] for part in adjugate]
         self.shares = [
@@ -77,13 +77,13 @@ class HolonomicKinematics(Kinematics):
     ) -> "HolonomicKinematics":
         """Return the kinematics of mecanum wheels at the corners of a rectangle.
 
-        The wheels are those at the front left, the front right, the rear right and the rear left.
+        Their order is front left, front right, rear right, rear left.
 
         Args:
-            radius: of the wheels, m.
+            radius: radius of the wheels, m.
             reach: half the distance between the axles plus half that between the sides, m.
             counts: number of wheels at each corner.
-            offset: the base's frame from the middle between the wheels, m and rad, as
+            offset: the base's frame relative to the centre of the wheels, m and rad, as in
                 mecanum_drive_controller's kinematics.base_frame_offset.
 
         Raises:
@@ -102,12 +102,12 @@ class HolonomicKinematics(Kinematics):
     def omni(
         cls, radius: float, robot_radius: float, count: int, wheel_offset: float = 0.0
     ) -> "HolonomicKinematics":
-        """Return the kinematics of omni wheels on a circle, whose axles point to its middle.
+        """Return the kinematics of omni wheels on a circle, whose axles point to its centre.
 
         Args:
-            radius: of the wheels, m.
-            robot_radius: of the circle, m.
-            count: of the wheels, which are counted anticlockwise.
+            radius: radius of the wheels, m.
+            robot_radius: radius of the circle, m.
+            count: number of wheels, which are ordered anticlockwise.
             wheel_offset: direction of the first wheel, rad to the left of forward.
 
         Raises:
@@ -126,7 +126,7 @@ class HolonomicKinematics(Kinematics):
         return DriveCommand(*twist, [path / self.radius for path in self.paths(twist)])
 
     def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:
-        """Return the motion of the body that fits best, by least squares, if wheels slipped."""
+        """Return the motion of the body; if wheels slipped, the least-squares fit."""
         forward, left, turn = self._inverse
         motion = _dot(forward, turned), _dot(left, turned), _dot(turn, turned)
         return scaled(motion, self.radius)
@@ -142,7 +142,7 @@ def _dot(first: Sequence[float], second: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class HolonomicParameters(AlikeWheelsParameters[HolonomicKinematics]):
-    """The parameters that all drives by wheels with rollers have."""
+    """The parameters of all drives with rollers on their wheels."""
 
     lateral: SpeedLimits = group(SpeedLimits, "linear.y")
 

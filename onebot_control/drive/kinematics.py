@@ -1,4 +1,4 @@
-"""What the kinematics of every drive is: between the motion of the body and that of its wheels."""
+"""The interface of kinematics, which convert between body motion and wheel motion."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,7 +9,7 @@ from onebot_description.geometry.poses import Triple
 
 
 class DriveCommand(NamedTuple):
-    """The command in force, within limits, and what the joints do for it."""
+    """The current command, within limits, and the corresponding joint commands."""
 
     linear: float  # forward, m/s
     lateral: float  # leftward, m/s
@@ -19,27 +19,27 @@ class DriveCommand(NamedTuple):
 
 
 class Share(NamedTuple):
-    """What one metre on the path of one wheel adds to the motion of the body."""
+    """The body motion per metre of one wheel's path."""
 
     forward: float  # m
     left: float  # m
-    lever: float  # m on the path for a turn of 1 rad to the left; infinite if it turns nothing
+    lever: float  # path for a turn of 1 rad to the left, m; infinite if it does not turn the body
 
 
 PathError = tuple[float, float, float, float]
-"""By how much x (m), y (m) and yaw (rad) change with 1 m on a wheel's path; its variance, m^2."""
+"""The change of x (m), y (m) and yaw (rad) per metre of a wheel's path, and its variance, m^2."""
 
 
 class Kinematics(ABC):
     """Converts between the motion of the body and that of its wheels.
 
     Wheels and steering joints have the order of ``Wheels.groups`` and ``Wheels.steering``; wheels
-    that turn as one count as one. All positive velocities drive forward. A motion of the body is
-    along an arc of constant velocity: forward and to the left, m, and turning to the left, rad;
-    per second, it is the components of a PlanarVelocity.
+    that turn together count as one. Positive velocities drive forward. A motion of the body is an
+    arc of constant velocity: forward and to the left, m, and turning to the left, rad; per second,
+    these are the components of a PlanarVelocity.
 
     Attributes:
-        shares: what each wheel contributes to the motion of the body.
+        shares: the contribution of each wheel to the motion of the body.
     """
 
     shares: Sequence[Share]
@@ -48,20 +48,20 @@ class Kinematics(ABC):
     def command(
         self, twist: Triple, steering: Sequence[float], dt: float = math.inf
     ) -> DriveCommand:
-        """Return what the joints do for a limited twist.
+        """Return the joint commands for a limited twist.
 
         Args:
-            twist: the wanted motion per second; the result leaves out what the drive cannot do.
+            twist: the desired motion per second; the result omits what the drive cannot do.
             steering: measured positions of the steering joints, rad.
-            dt: time until the next command, s, which steering needs.
+            dt: time until the next command, s; needed for steering.
         """
 
     def limited(self, command: DriveCommand, before: DriveCommand, dt: float) -> DriveCommand:
-        """Return a command within the limits of the wheels, ``dt`` seconds after another one."""
+        """Return a command within the limits of the wheels, ``dt`` seconds after ``before``."""
         return command
 
     def fault(self, twist: Triple) -> str:
-        """Return what of a wanted twist the drive cannot do, in the same words for all such."""
+        """Return why the drive cannot follow a twist, without particulars; "" if it can."""
         return ""
 
     @abstractmethod
@@ -83,12 +83,12 @@ class Kinematics(ABC):
     ) -> list[PathError]:
         """Return how errors of the wheels' paths move the body.
 
-        Each moves the end of the body's path, and turns that path by half of the heading's error.
+        Each error moves the end of the body's path, and rotates it by half of the heading error.
 
         Args:
             motion: the motion of the body.
             cos: cosine of the heading in the middle of the motion.
-            sin: likewise its sine.
+            sin: sine of the same heading.
             noise: variance of each wheel's path, m^2 per metre.
         """
         distance, aside, _ = motion
@@ -102,7 +102,7 @@ class Kinematics(ABC):
         return errors
 
 
-LEAST = 1e-6  # m; with shorter lengths, results might not be finite
+MIN_LENGTH = 1e-6  # m; with shorter lengths, results may not be finite
 
 
 def check_lengths(kinematics: Kinematics, *names: str) -> None:
@@ -113,5 +113,5 @@ def check_lengths(kinematics: Kinematics, *names: str) -> None:
     """
     for name in names:
         value = getattr(kinematics, name)
-        if not (math.isfinite(value) and value >= LEAST):
-            raise ValueError(f"{name} must be at least {LEAST:g} m, not {value:g} m")
+        if not (math.isfinite(value) and value >= MIN_LENGTH):
+            raise ValueError(f"{name} must be at least {MIN_LENGTH:g} m, not {value:g} m")

@@ -1,4 +1,4 @@
-"""The mecanum drive: its parameters, as mecanum_drive_controller's."""
+"""The mecanum drive, with the parameters of mecanum_drive_controller."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ def _multiplier(length: str) -> Any:
 class BaseFrameOffset:
     """mecanum_drive_controller's parameters ``kinematics.base_frame_offset.*``."""
 
-    x: float = parameter(0.0, "the base's frame from the middle between the wheels, m")
-    y: float = parameter(0.0, "the base's frame from the middle between the wheels, m")
-    theta: float = parameter(0.0, "the base's frame from forward by the wheels, rad")
+    x: float = parameter(0.0, "position of the base's frame relative to the wheels' centre, m")
+    y: float = parameter(0.0, "position of the base's frame relative to the wheels' centre, m")
+    theta: float = parameter(0.0, "heading of the base's frame relative to the wheels, rad")
 
 
 @dataclass(frozen=True)
@@ -84,14 +84,14 @@ class MecanumParameters(HolonomicParameters, ReferenceParameters[HolonomicKinema
         return next(filter(any, names_by_kind), names_by_kind[0])
 
     def check(self) -> Iterator[Problem]:
-        """Report wheels of which only some are named."""
+        """Report incomplete wheel names and separations."""
         if any(self._names):
             for corner, name in zip(CORNERS, self._names, strict=True):
                 if not name:
-                    text = "is missing; name the wheels of all four corners, or none"
+                    text = "is missing; name the wheels at all four corners, or none"
                     yield Problem(f"{corner}_wheel_command_joint_name", text)
         if bool(self.wheel_separation_x) != bool(self.wheel_separation_y):
-            text = "is given without the other one; write both, or none"
+            text = "is given without the other; write both, or none"
             yield Problem(f"wheel_separation_{'x' if self.wheel_separation_x else 'y'}", text)
 
     @classmethod

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# Variance of z, roll and pitch, which are zero on flat ground by definition: it only keeps
-# estimators from dividing by zero.
+# Variance of z, roll and pitch, which are zero on flat ground by definition; it keeps estimators
+# from dividing by zero.
 _FLAT = 1e-6
 
 
@@ -70,9 +70,9 @@ _EXACT = PoseCovariance()
 class Odometry:
     """Integrates wheel motion to pose, twist and covariance of a drive.
 
-    The pose is zero at the first wheel positions, whatever they are, and no clock is read: neither
-    wheels that start elsewhere nor a clock that is set back make it jump. What it gets is finite,
-    as the world checks after each step, and its times are above 0.
+    The pose is zero at the first wheel positions, and no clock is read, so neither initial wheel
+    positions nor a clock that is set back make it jump. Its inputs are finite, as the world checks
+    after each step, and its times are above 0.
 
     The covariance of the pose is propagated as in Siegwart and Nourbakhsh, "Introduction to
     Autonomous Mobile Robots", section 5.2.4: the errors of the wheels' distances are independent,
@@ -80,8 +80,8 @@ class Odometry:
 
     Attributes:
         kinematics: converts wheel to body motion.
-        x: position in the odometry's frame, m.
-        y: position in the odometry's frame, m.
+        x: position in the odometry frame, m.
+        y: position in the odometry frame, m.
         heading: rad, not wrapped.
         twist: velocity in the robot's own axes: the rolling mean, or in open loop the command.
         covariance: covariance of the pose.
@@ -97,7 +97,7 @@ class Odometry:
             kinematics: converts wheel to body motion.
             window: number of updates that the twist is averaged over
                 (velocity_rolling_window_size).
-            noise: variance of each wheel's distance, m^2 per metre; empty: they are exact.
+            noise: variance of each wheel's distance, m^2 per metre; empty if wheels are exact.
         """
         self.kinematics, self.noise = kinematics, noise or (0.0,) * len(kinematics.shares)
         self._wheels: Sequence[float] | None = None
@@ -107,7 +107,7 @@ class Odometry:
 
     @property
     def pose(self) -> PlanarPose:
-        """The pose, in the odometry's frame."""
+        """The pose, in the odometry frame."""
         return PlanarPose(self.x, self.y, self.heading)
 
     def set_pose(
@@ -118,7 +118,7 @@ class Odometry:
         self.covariance = covariance
 
     def rereference_wheels(self) -> None:
-        """Take the next wheel positions as those of the current pose; the twist stays."""
+        """Let the next wheel positions correspond to the current pose; the twist stays."""
         self._wheels = None
 
     def forget_wheels(self) -> None:
@@ -165,7 +165,7 @@ class Odometry:
         self.twist = PlanarVelocity(linear / count, lateral / count, angular / count)
 
     def _integrate(self, motion: Triple) -> None:
-        """Move along the arc that constant wheel velocities make.
+        """Move along the arc of constant wheel velocities.
 
         The chord has the heading in the middle of the arc, and the length 2 r sin(turn / 2) with
         r = distance / turn.
@@ -186,11 +186,11 @@ class Odometry:
     def _spread(self, motion: Triple, dx: float, dy: float, cos: float, sin: float) -> None:
         """Propagate the covariance over an arc: F P F' + G Q G'.
 
-        The columns of G are how an error of each wheel's distance moves the pose; ``cos`` and
-        ``sin`` are of the heading in the middle of the arc.
+        The columns of G are the effects of an error of each wheel's distance on the pose; ``cos``
+        and ``sin`` refer to the heading in the middle of the arc.
         """
         errors = self.kinematics.errors(motion, cos, sin, self.noise)
         covariance = self.covariance.moved(dx, dy, errors)
-        # If it overflows, nothing is known of the pose any more, and the covariance stays.
+        # If it overflows, the pose is unknown anyway, and the covariance stays.
         if math.isfinite(sum(covariance)):
             self.covariance = covariance

@@ -1,4 +1,4 @@
-"""The drive by omni wheels on a circle: its parameters, as omni_wheel_drive_controller's."""
+"""The omni drive, with the parameters of omni_wheel_drive_controller."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The parameters that every drive has."""
+"""The parameters of every drive."""
 
 import math
 from abc import ABC, abstractmethod
@@ -21,14 +21,14 @@ _NOISE = 0.005  # m after 1 m; typical of a wheel on a hard floor
 
 
 def variances(zeros: str = "", **rules: Any) -> Any:
-    """Return a field for the diagonal of a covariance; ``zeros`` says what zeros are for."""
+    """Return a field for the diagonal of a covariance; ``zeros`` explains zeros."""
     text = f"variances of x, y, z, roll, pitch, yaw{zeros}"
     return parameter((0.0,) * 6, text, at_least=0.0, **rules)
 
 
 def wheel_noise() -> Any:
     """Return a field for the error of a wheel's path."""
-    text = "standard deviation of the wheels' path after 1 m, m; grows with the root of the path"
+    text = "standard deviation of the wheels' path after 1 m, m; grows with the path's square root"
     return parameter(_NOISE, text, at_least=0.0, at_most=1.0)
 
 
@@ -42,13 +42,13 @@ _Six = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class DriveParameters(ABC, Generic[G]):
-    """The parameters that every drive has, and what else they determine.
+    """The parameters of every drive, and the wheels and kinematics that they determine.
 
-    G is the type of the drive's lengths, a NamedTuple whose text the log shows.
+    G is the type of the drive's lengths, a NamedTuple whose text is logged.
 
     Attributes:
-        topics: names of the topics of commands and of odometry, if a control file names the drive.
-        steers: whether it receives speeds and steering angles, too, as AckermannDriveStamped.
+        topics: names of the command and odometry topics, if a control file names the drive.
+        steers: whether it also receives AckermannDriveStamped (speed and steering angle).
     """
 
     topics: ClassVar[tuple[str, str]] = "cmd_vel", "odom"
@@ -60,11 +60,11 @@ class DriveParameters(ABC, Generic[G]):
     base_frame_id: str = parameter(
         "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
     )
-    pose_covariance_diagonal: _Six = variances("; zeros: they grow on the way")
+    pose_covariance_diagonal: _Six = variances("; zeros: they grow with the path")
     twist_covariance_diagonal: _Six = variances()
-    open_loop: bool = parameter(False, "odometry by the commands, not by the wheels")
-    position_feedback: bool = parameter(True, "odometry by the wheels' positions, not velocities")
-    enable_odom_tf: bool = parameter(True, "publish the odometry on /tf, too")
+    open_loop: bool = parameter(False, "odometry from the commands, not from the wheels")
+    position_feedback: bool = parameter(True, "odometry from wheel positions, not velocities")
+    enable_odom_tf: bool = parameter(True, "also publish the odometry on /tf")
     cmd_vel_timeout: float = parameter(
         0.5,
         "time without a command until the robot brakes, s; a stamp's age counts; 0: it never does",
@@ -85,12 +85,12 @@ class DriveParameters(ABC, Generic[G]):
 
     @classmethod
     def is_found(cls, gear: "RunningGear") -> bool:
-        """Return whether a robot has such a drive, by its description; no other is asked then."""
+        """Return whether a robot has such a drive, by its description; the first match counts."""
         return False
 
     @property
     def limits(self) -> Mapping[str, SpeedLimits]:
-        """The limits of each axis that the drive has: of linear.x, linear.y and angular.z."""
+        """The limits of each axis of the drive: linear.x, linear.y and angular.z."""
         return {"linear.x": self.linear, "angular.z": self.angular}
 
     @abstractmethod
@@ -102,7 +102,7 @@ class DriveParameters(ABC, Generic[G]):
         """Return the driven wheels: those that the parameters name, or those found in the URDF.
 
         Raises:
-            OneBotError: there are none, or those named are no wheels of such a drive.
+            OneBotError: there are none, or the named joints are not wheels of such a drive.
         """
 
     def fitted(self, wheels: Any) -> tuple[G, Kinematics]:
@@ -119,10 +119,10 @@ class DriveParameters(ABC, Generic[G]):
 
     @abstractmethod
     def geometry(self, wheels: Any) -> G:
-        """Return the lengths of the drive: parameters, or read from the description.
+        """Return the lengths of the drive, from the parameters or the description.
 
         Raises:
-            OneBotError: the description does not define one.
+            OneBotError: the description does not define a length.
             ValueError: a length is unusable.
         """
 
@@ -137,7 +137,7 @@ class DriveParameters(ABC, Generic[G]):
 
 @dataclass(frozen=True)
 class AlikeWheelsParameters(DriveParameters[G]):
-    """The parameters of drives whose wheels are as exact as each other."""
+    """The parameters of drives whose wheels all have the same noise."""
 
     wheel_noise: float = wheel_noise()
 
@@ -147,12 +147,12 @@ class AlikeWheelsParameters(DriveParameters[G]):
 
 @dataclass(frozen=True)
 class ReferenceParameters(DriveParameters[G]):
-    """What mecanum_drive_controller and the steering controllers name differently from others."""
+    """The names that only mecanum_drive_controller and the steering controllers use."""
 
     topics: ClassVar[tuple[str, str]] = "reference", "odometry"
 
     reference_timeout: float = parameter(
-        math.nan, "cmd_vel_timeout by its name there, s", at_least=0.0, nan="cmd_vel_timeout"
+        math.nan, "another name of cmd_vel_timeout, s", at_least=0.0, nan="cmd_vel_timeout"
     )
 
     @property

@@ -1,4 +1,4 @@
-"""Limits of velocity, acceleration and jerk, as ros2_control's diff_drive_controller has them."""
+"""Limits of velocity, acceleration and jerk, as in ros2_control's diff_drive_controller."""
 
 import math
 from dataclasses import dataclass
@@ -27,30 +27,29 @@ def _negative(description: str, unset: str) -> Any:
 
 
 def _switch(kind: str) -> Any:
-    return parameter(True, f"false: no limit of {kind}, as in older versions")
+    return parameter(True, f"false: no {kind} limit, as in older versions")
 
 
 @dataclass(frozen=True)
 class SpeedLimits:
     """Velocity, acceleration and jerk limits of linear.x or angular.z, in m or rad and s.
 
-    NaN is "not given". A stage whose ``max_...`` is not given does nothing. A minimum that is not
-    given is minus the maximum; a deceleration that is not given is the acceleration of the same
-    sign.
+    NaN means "not given". A stage without its ``max_...`` does nothing. A missing minimum is minus
+    the maximum; a missing deceleration is the acceleration of the same sign.
     """
 
-    min_velocity: float = _negative("the fastest reverse, m/s or rad/s", "minus max_velocity")
-    max_velocity: float = _positive("the fastest forward, m/s or rad/s")
+    min_velocity: float = _negative("maximum reverse velocity, m/s or rad/s", "minus max_velocity")
+    max_velocity: float = _positive("maximum forward velocity, m/s or rad/s")
     max_deceleration: float = _negative(
-        "slows down forward motion, m/s2 or rad/s2", "max_acceleration_reverse"
+        "deceleration of forward motion, m/s2 or rad/s2", "max_acceleration_reverse"
     )
-    max_acceleration: float = _positive("speeds up forward motion, m/s2 or rad/s2")
-    max_deceleration_reverse: float = _positive("slows down reverse motion, m/s2 or rad/s2")
+    max_acceleration: float = _positive("acceleration of forward motion, m/s2 or rad/s2")
+    max_deceleration_reverse: float = _positive("deceleration of reverse motion, m/s2 or rad/s2")
     max_acceleration_reverse: float = _negative(
-        "speeds up reverse motion, m/s2 or rad/s2", "minus max_acceleration"
+        "acceleration of reverse motion, m/s2 or rad/s2", "minus max_acceleration"
     )
-    min_jerk: float = _negative("the minimum jerk, m/s3 or rad/s3", "minus max_jerk")
-    max_jerk: float = _positive("the maximum jerk, m/s3 or rad/s3")
+    min_jerk: float = _negative("minimum jerk, m/s3 or rad/s3", "minus max_jerk")
+    max_jerk: float = _positive("maximum jerk, m/s3 or rad/s3")
 
     # Parameters of older versions.
     min_acceleration: float = _negative("older name of max_deceleration", "not given")
@@ -88,7 +87,7 @@ class SpeedLimiter:
 
     @property
     def deceleration(self) -> float:
-        """The guaranteed deceleration to rest: that of the weaker direction; NaN if unlimited."""
+        """The guaranteed deceleration to rest, the smaller of both directions; NaN if unlimited."""
         if not self._limits_acceleration:
             return math.nan
         return min(-self._forward[0], self._backward[1])
@@ -99,10 +98,10 @@ class SpeedLimiter:
         return min(-self._jerk[0], self._jerk[1]) if self._limits_jerk else math.nan
 
     def limit(self, command: float, last: float, before_last: float, dt: float) -> float:
-        """Return the nearest command that is within the limits.
+        """Return the closest command within the limits.
 
         Args:
-            command: the wanted velocity, m/s or rad/s.
+            command: the desired velocity, m/s or rad/s.
             last: the last limited command (never a measurement), m/s or rad/s.
             before_last: the limited command before that, m/s or rad/s.
             dt: seconds between two commands.

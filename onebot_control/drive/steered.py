@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
 
 _ACROSS = 1e-9  # cosine of the angle from which a steered wheel counts as standing across
-# A wheel this near to the point about which the robot turns, as a share of the radius, says
-# nothing of the robot's speed.
+# A wheel this close to the centre of rotation, as a share of the radius, carries no information
+# about the robot's speed.
 _PIVOT = 1e-3
-# How far the steering may be off before the wheels slow down, and where they slow down no more,
-# rad: as steering_controllers_library.
+# Steering errors at which the wheels begin to slow down, and slow down no further, rad, as in
+# steering_controllers_library.
 _FAR, _FARTHEST = math.pi / 6.0, 1.5608
 _QUARTER = math.pi / 2.0
-_ROUNDED = 1e-3  # rad; a limit this near to a quarter turn, such as 1.57, is one
+_ROUNDED = 1e-3  # rad; a limit this close to a quarter turn, such as 1.57, counts as one
 _ROUNDING = 1e-6  # relative, of a radius
 _UNLIMITED = SpeedLimits()
 
@@ -37,8 +37,8 @@ class SteeredKinematics(Kinematics):
     """Converts between wheel and body motion of a robot that steers its front wheels.
 
     The body's frame has x forward and y to the left (REP-103); the rear axle does not move
-    sideways. Where there are two wheels, the one on the right is the first. The steering angle is
-    that of a wheel in the middle of the front axle, rad to the left.
+    sideways. Of two wheels, the right one comes first. The steering angle is that of a virtual
+    wheel in the middle of the front axle, rad to the left.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class SteeredKinematics(Kinematics):
         waits: bool = False,
         traction: SpeedLimits = _UNLIMITED,
     ) -> None:
-        """Take the lengths.
+        """Set the lengths.
 
         Args:
             geometry: the lengths.
@@ -57,7 +57,7 @@ class SteeredKinematics(Kinematics):
             traction: limits of the driven wheels, rad/s.
 
         Raises:
-            ValueError: a length is not finite, too short, or of another drive.
+            ValueError: a length is not finite, too short, or for another drive.
         """
         self.wheelbase, self.radius, *tracks = geometry[:4]
         self.limit, self.front_driven, self.axle, self.speed = geometry[4:]
@@ -67,17 +67,17 @@ class SteeredKinematics(Kinematics):
         check_lengths(self, "wheelbase", "radius")
         if self.front_driven and any(tracks):
             raise ValueError("only a single wheel can be both steered and driven")
-        # The heading's errors are as if the wheels were on two sides, as far apart as the axles.
+        # Heading errors are like those of wheels on two sides, as far apart as the axles.
         self.shares = Share(0.5, 0.0, -self.wheelbase), Share(0.5, 0.0, self.wheelbase)
 
     def command(
         self, twist: Triple, steering: Sequence[float] = (), dt: float = math.inf
     ) -> DriveCommand:
-        """Return what the joints do for a twist.
+        """Return the joint commands for a twist.
 
         The robot drives as fast as commanded, and turns as far as it can; only a driven front wheel
-        that can be steered across turns it on the spot. Both wheels of an axle fit each other while
-        the steering moves, too.
+        that can be steered by 90 degrees turns it on the spot. The wheels of an axle stay
+        consistent while the steering moves.
         """
         linear, _, angular = twist
         target = self.steering_angle(linear, angular)
@@ -105,21 +105,21 @@ class SteeredKinematics(Kinematics):
         return DriveCommand(*motion, [speed], command.steering)
 
     def _reached(self, actual: float, wanted: float, dt: float) -> float:
-        """Return the steering angle after ``dt``, s, so that no wheel is turned too fast."""
+        """Return the steering angle after ``dt``, s, such that no wheel is steered too fast."""
         ends = (self._steering_positions(angle) for angle in (actual, wanted))
-        most = max(abs(end - start) for start, end in zip(*ends, strict=True))
-        share = self.speed * dt / most if most else 1.0
+        change = max(abs(end - start) for start, end in zip(*ends, strict=True))
+        share = self.speed * dt / change if change else 1.0
         return wanted if share >= 1.0 else actual + (wanted - actual) * share
 
     def fault(self, twist: Triple) -> str:
         linear, _, angular = twist
-        least = self.wheelbase / math.tan(self.limit)
+        radius = self.wheelbase / math.tan(self.limit)
         turns = self.limit >= _QUARTER and (self.front_driven or linear)
-        if turns or abs(linear) >= abs(angular) * least * (1.0 - _ROUNDING):
+        if turns or abs(linear) >= abs(angular) * radius * (1.0 - _ROUNDING):
             return ""
         return (
-            f"it turns less than commanded: the steering allows curves of {least:.3g} m radius "
-            "and more, and no turn on the spot"
+            f"it turns less than commanded: the steering allows curves of {radius:.3g} m radius "
+            "or more, and no turn on the spot"
         )
 
     def body_motion(self, turned: Sequence[float], steering: Sequence[float] = ()) -> Triple:
@@ -145,7 +145,7 @@ class SteeredKinematics(Kinematics):
 
         Args:
             linear: forward, m/s.
-            angular: velocity of turning to the left, rad/s.
+            angular: turning to the left, rad/s.
         """
         across = angular * self.wheelbase
         if not across:
@@ -167,7 +167,7 @@ class SteeredKinematics(Kinematics):
         return linear / cos if cos > _ACROSS else abs(angular) * self.wheelbase
 
     def _traction_shares(self, angle: float) -> list[float]:
-        """Return how fast each driven wheel turns, as a share of the speed of their middle."""
+        """Return the speed of each driven wheel, as a share of the speed of their middle."""
         return [
             1.0 + math.tan(angle) * offset / self.wheelbase if offset else 1.0
             for offset in self._traction_offsets
@@ -190,19 +190,19 @@ def _offsets(track: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
-    """The parameters that all drives with steered front wheels have."""
+    """The parameters of all drives with steered front wheels."""
 
     steers: ClassVar[bool] = True
 
     wheelbase: float = read_from_urdf("distance between the axles")
     steering_limit: float = parameter(
         0.0,
-        "the maximum steering angle, rad; 0: by the joints' limits",
+        "maximum steering angle, rad; 0: the joints' limits",
         at_least=0.0,
         at_most=_QUARTER,
     )
     minimum_turning_radius: float = parameter(
-        0.0, "the minimum radius of a curve, m, which the node sets; other values have no effect"
+        0.0, "minimum radius of a curve, m, set by the node; changes have no effect"
     )
 
     def _lengths(
@@ -210,18 +210,18 @@ class SteeredParameters(AlikeWheelsParameters["SteeredGeometry"]):
         wheels: "SteeredWheels",
         radius: float,
         tracks: tuple[float, float] = (0.0, 0.0),
-        most: float = _QUARTER,
+        max_angle: float = _QUARTER,
     ) -> "SteeredGeometry":
-        """Return the geometry of ``wheels``; lengths of 0 are those of the URDF.
+        """Return the geometry of ``wheels``; lengths of 0 are read from the URDF.
 
         Args:
             wheels: the wheels.
-            radius: of the driven wheels, m.
+            radius: radius of the driven wheels, m.
             tracks: distances of the driven and of the steered wheels, m.
-            most: the maximum steering angle, rad.
+            max_angle: maximum steering angle, rad.
         """
         geometry = wheels.geometry(radius, self.wheelbase, *tracks)
-        limit = self.steering_limit or min(geometry.limit, most)
+        limit = self.steering_limit or min(geometry.limit, max_angle)
         return geometry._replace(limit=_QUARTER if limit > _QUARTER - _ROUNDED else limit)
 
 
@@ -239,24 +239,24 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
 
     traction_joints_names: tuple[str, ...] = _joints("the driven wheels")
     steering_joints_names: tuple[str, ...] = _joints("the steering")
-    rear_wheels_names: tuple[str, ...] = _joints("the driven wheels, by an older name")
-    front_wheels_names: tuple[str, ...] = _joints("the steering, by an older name")
-    front_steering: bool = parameter(True, "the front wheels are steered; no others are here")
+    rear_wheels_names: tuple[str, ...] = _joints("the driven wheels (older name)")
+    front_wheels_names: tuple[str, ...] = _joints("the steering (older name)")
+    front_steering: bool = parameter(True, "the front wheels are steered; must be true")
     traction_joints_state_names: tuple[str, ...] = ignored((), _SAME)
     steering_joints_state_names: tuple[str, ...] = ignored((), _SAME)
     rear_wheels_state_names: tuple[str, ...] = ignored((), _SAME)
     front_wheels_state_names: tuple[str, ...] = ignored((), _SAME)
     traction_wheels_radius: float = read_from_urdf("radius of the driven wheels")
-    traction_wheel_radius: float = read_from_urdf("the same, of a bicycle")
-    rear_wheels_radius: float = read_from_urdf("the same, by an older name")
-    rear_wheel_radius: float = read_from_urdf("the same, by an older name")
+    traction_wheel_radius: float = read_from_urdf("the same for a bicycle")
+    rear_wheels_radius: float = read_from_urdf("the same (older name)")
+    rear_wheel_radius: float = read_from_urdf("the same (older name)")
     front_wheels_radius: float = ignored(0.0, "the front wheels are not driven")
     front_wheel_radius: float = ignored(0.0, "the front wheels are not driven")
     traction_track_width: float = read_from_urdf("distance between the driven wheels")
-    rear_wheel_track: float = read_from_urdf("the same, by an older name")
-    wheel_track: float = read_from_urdf("the same, by an older name")
+    rear_wheel_track: float = read_from_urdf("the same (older name)")
+    wheel_track: float = read_from_urdf("the same (older name)")
     steering_track_width: float = read_from_urdf("distance between the steered wheels")
-    front_wheel_track: float = read_from_urdf("the same, by an older name")
+    front_wheel_track: float = read_from_urdf("the same (older name)")
     reduce_wheel_speed_until_steering_reached: bool = parameter(
         False, "the wheels slow down while the steering is more than 30 degrees off"
     )
@@ -296,18 +296,16 @@ class SteeringLimits:
     """tricycle_controller's parameters ``steering.*``."""
 
     min_position: float = parameter(
-        0.0, "the farthest to the right, rad; 0: by the joint's limits", at_most=0.0
+        0.0, "limit to the right, rad; 0: the joint's limit", at_most=0.0
     )
     max_position: float = parameter(
-        0.0, "the farthest to the left, rad; 0: by the joint's limits", at_least=0.0
+        0.0, "limit to the left, rad; 0: the joint's limit", at_least=0.0
     )
-    max_velocity: float = parameter(
-        0.0, "the maximum speed, rad/s; 0: by the joint's limits", at_least=0.0
-    )
+    max_velocity: float = parameter(0.0, "maximum speed, rad/s; 0: the joint's limit", at_least=0.0)
 
 
-def _most(what: str) -> Any:
-    text = f"the maximum {what} of the driven wheel"
+def _maximum(what: str) -> Any:
+    text = f"maximum {what} of the driven wheel"
     return parameter(math.nan, text, at_least=0.0, nan="no limit")
 
 
@@ -315,13 +313,13 @@ def _most(what: str) -> Any:
 class TractionLimits:
     """tricycle_controller's parameters ``traction.*``, forward and in reverse."""
 
-    max_velocity: float = _most("speed, rad/s,")
-    max_acceleration: float = _most("acceleration, rad/s2,")
-    max_deceleration: float = _most("deceleration, rad/s2,")
+    max_velocity: float = _maximum("speed, rad/s,")
+    max_acceleration: float = _maximum("acceleration, rad/s2,")
+    max_deceleration: float = _maximum("deceleration, rad/s2,")
 
     @property
     def speed_limits(self) -> SpeedLimits:
-        """The same limits, as of an axis."""
+        """The same limits as SpeedLimits."""
         return SpeedLimits(
             max_velocity=self.max_velocity,
             max_acceleration=self.max_acceleration,
@@ -332,7 +330,7 @@ class TractionLimits:
 
 @dataclass(frozen=True)
 class TricycleParameters(SteeredParameters):
-    """tricycle_controller's parameters: of a tricycle whose steered wheel is driven."""
+    """tricycle_controller's parameters, for a tricycle with a driven steered wheel."""
 
     traction_joint_name: str = parameter(
         "", "joint of the driven wheel; empty: found in the URDF", read_only=True
@@ -346,7 +344,7 @@ class TricycleParameters(SteeredParameters):
     )
     traction: TractionLimits = group(TractionLimits)
     steering: SteeringLimits = group(SteeringLimits)
-    odom_only_twist: bool = ignored(False, "the odometry has its pose, too")
+    odom_only_twist: bool = ignored(False, "the odometry also has its pose")
     publish_ackermann_command: bool = ignored(False, "~/cmd_vel_out has the limited command")
 
     @property
@@ -366,8 +364,8 @@ class TricycleParameters(SteeredParameters):
 
     def geometry(self, wheels: "SteeredWheels") -> "SteeredGeometry":
         limits = self.steering
-        most = min(-limits.min_position or _QUARTER, limits.max_position or _QUARTER)
-        geometry = self._lengths(wheels, self.wheel_radius, most=most)
+        max_angle = min(-limits.min_position or _QUARTER, limits.max_position or _QUARTER)
+        geometry = self._lengths(wheels, self.wheel_radius, max_angle=max_angle)
         speed = limits.max_velocity or math.inf
         return geometry._replace(speed=min(geometry.speed, speed))
 

@@ -1,1 +1,1 @@
-"""Finds a robot's way: maps by scans, localizes, plans and follows, as a pure core without ROS."""
+"""Navigation: mapping with scans, localization, planning and path following, without ROS."""

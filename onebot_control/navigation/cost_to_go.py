@@ -1,4 +1,4 @@
-"""The price of the way from each cell to the goal, by Dijkstra's wave over the map's prices."""
+"""The cost of the path from each cell to the goal, by Dijkstra's algorithm on the map's costs."""
 
 import math
 
@@ -10,31 +10,31 @@ from onebot_description.arrays import Floats, Singles
 
 _STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _LENGTHS = np.array([1.0] * 4 + [math.sqrt(2.0)] * 4)
-_WIDTH = 2.0  # width of the fronts that are computed at once, in cells of free ground
+_WIDTH = 2.0  # width of the fronts that are computed together, in cells of free ground
 
 Cells = NDArray[np.intp]
 
 
 class CostToGo:
-    """A field over a map: the price of the cheapest way from each cell to the goal.
+    """A field over a map: the price of the cheapest path from each cell to the goal.
 
-    The wave goes out from the goal until it has passed the robot. When prices change, the field is
-    forgotten where the ways lead over the change, and the wave goes on from around that part.
+    The wave spreads from the goal until it has passed the robot. When prices change, the field is
+    reset where paths cross the change, and the wave continues from around that part.
 
     Attributes:
-        values: (rows, columns), price from the middle of a cell, m on free ground; infinite where
+        values: (rows, columns), price from the centre of a cell, m on free ground; infinite where
             the wave has not been.
         level: the price up to which the field is known.
-        aside: cells within which the robot leaves what is too near.
+        aside: number of cells within which the robot escapes from an obstacle that is too near.
     """
 
     aside = 4
 
     def __init__(self, prices: Singles, resolution: float, goals: Cells) -> None:
-        """Begin a wave.
+        """Start a wave.
 
         Args:
-            prices: (rows, columns), of 1 m in each cell; infinite: no way there.
+            prices: (rows, columns), price of 1 m in each cell; infinite if impassable.
             resolution: edge of a cell, m.
             goals: rows and columns (N, 2) of the cells of the goal.
         """
@@ -54,13 +54,13 @@ class CostToGo:
         return np.asarray((rows + 1) * self._width + columns + 1)
 
     def _once(self, cells: Cells) -> Cells:
-        """Return each of the cells once."""
+        """Return the cells without duplicates."""
         numbers = np.arange(cells.size)
         self._order[cells] = numbers
         return np.asarray(cells[self._order[cells] == numbers])
 
     def _from(self, cells: Cells) -> tuple[Cells, Floats]:
-        """Return the neighbours of cells, (N, 8), and the prices of the ways there over them."""
+        """Return the neighbours of cells, (N, 8), and the prices of the paths to them."""
         around = cells[:, None] + self._offsets
         costs = self._half[cells][:, None] + self._half[around]
         costs *= _LENGTHS
@@ -70,12 +70,12 @@ class CostToGo:
     def spread(
         self, cell: tuple[int, int] | None = None, beyond: float = 0.0, budget: float = math.inf
     ) -> bool:
-        """Let the wave go on until it has passed a cell; return whether it has.
+        """Advance the wave until it has passed a cell; return whether it has.
 
         Args:
-            cell: row and column; None: until all is known.
-            beyond: price by which it is to pass the cell.
-            budget: number of cells after which it stops, to go on another time.
+            cell: row and column; None: until everything is known.
+            beyond: price by which the wave should pass the cell.
+            budget: number of cells after which it stops, to continue later.
         """
         while cell is None or self.level < self.value(cell) + beyond:
             if not self._front.size:
@@ -87,7 +87,7 @@ class CostToGo:
         return True
 
     def _advance(self) -> int:
-        """Let one front of the wave go on, and return the number of its cells."""
+        """Advance one front of the wave, and return the number of its cells."""
         front, values = self._front, self._values
         reached = values[front]
         self.level = max(self.level, float(reached.min()))
@@ -101,10 +101,10 @@ class CostToGo:
         return int(now.size)
 
     def change(self, prices: Singles, part: Window) -> None:
-        """Take over changed prices of a part."""
+        """Apply changed prices of a part."""
         old = self._inner[part.cells]
         new = prices[part.cells].astype(float) * (self._resolution / 2.0)
-        # Small changes of price need not be known at once.
+        # Small changes of price can be ignored.
         with np.errstate(invalid="ignore"):
             changed = np.isinf(new) != np.isinf(old)
             changed |= np.abs(new - old) > 0.2 * np.minimum(new, old)
@@ -120,7 +120,7 @@ class CostToGo:
         self.level = float(min(self.level, self._values[near].min(initial=math.inf)))
 
     def _over(self, cells: Cells) -> Cells:
-        """Return cells that the wave has reached, and those whose ways lead over them."""
+        """Return the cells that the wave has reached, and cells whose paths cross them."""
         values, is_lost = self._values, np.zeros(self._values.size, np.bool_)
         found = [cells[np.isfinite(values[cells])]]
         while found[-1].size:
@@ -132,7 +132,7 @@ class CostToGo:
         return np.concatenate(found)
 
     def nearest(self, cell: tuple[int, int]) -> tuple[int, int]:
-        """Return the cell; the best one near it if the robot is too near to an obstacle there."""
+        """Return the cell, or the best cell near it if it is too near to an obstacle."""
         if math.isfinite(self.values[cell]):
             return cell
         window = Window.around(cell, self.aside, self.values.shape)
@@ -141,17 +141,17 @@ class CostToGo:
         return window.top + int(row), window.left + int(column)
 
     def value(self, cell: tuple[int, int]) -> float:
-        """Return the cost to go at a cell, or near it if the robot is too near to an obstacle."""
+        """Return the cost to go at a cell, or near it if it is too near to an obstacle."""
         return float(self.values[self.nearest(cell)])
 
-    def way(self, start: tuple[int, int], most: int = 100_000) -> Cells:
-        """Return rows and columns (N, 2) of the cells from a start to the goal; N = 0: no way."""
+    def path(self, start: tuple[int, int], limit: int = 100_000) -> Cells:
+        """Return rows and columns (N, 2) of the cells from a start to the goal; N = 0: no path."""
         at = (start[0] + 1) * self._width + start[1] + 1
         cells = [at]
         values = self._values
         if not math.isfinite(values[at]):
             return np.zeros((0, 2), np.intp)
-        while values[at] > 0.0 and len(cells) < most:
+        while values[at] > 0.0 and len(cells) < limit:
             around = at + self._offsets
             at = int(around[values[around].argmin()])
             if values[at] >= values[cells[-1]]:

@@ -1,4 +1,4 @@
-"""Where a robot may drive, and at what price: distances from obstacles and costs of cells."""
+"""Where a robot may drive, and at what price: distances from obstacles, and costs of cells."""
 
 import math
 
@@ -9,13 +9,13 @@ from onebot_control.navigation.grid import GridMap, Window
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Floats, Singles
 
-_REACH = 1.0  # m; distances are not computed beyond
-_NEAR = 8.0  # price of a cell right beside an obstacle, over one that is far from all
-_DECAY = 0.08  # m in which it falls to 1/e
-_UNKNOWN = 0.5  # further price of an unknown cell
-_FREED = -0.9  # log-odds below which a cell is no obstacle any more
-_OFF_PATH = 30.0  # further price 1 m off a path that is preferred
-_VISITED = 0.25  # further price for each second that the robot was near
+_REACH = 1.0  # m; maximum distance that is computed
+_NEAR = 8.0  # extra price of a cell right beside an obstacle
+_DECAY = 0.08  # m; distance in which it falls to 1/e
+_UNKNOWN = 0.5  # extra price of an unknown cell
+_FREED = -0.9  # log-odds below which a cell is no longer an obstacle
+_OFF_PATH = 30.0  # extra price 1 m off a preferred path
+_VISITED = 0.25  # extra price for each second that the robot was near
 
 # The costs of nav2_costmap_2d.
 _INSCRIBED, _LETHAL, _NO_INFORMATION = 253, 254, 255
@@ -23,18 +23,18 @@ _SCALING = 3.0  # cost_scaling_factor, 1/m
 
 
 class Costmap:
-    """Distances from obstacles, and the price of driving over cells, updated by parts.
+    """Distances from obstacles, and the price of driving over cells, updated in parts.
 
     Attributes:
-        distances: (rows, columns), from the middle of a cell to the nearest obstacle, m; at most
+        distances: (rows, columns), from the centre of a cell to the nearest obstacle, m; at most
             1 m.
-        fine: (2 rows, 2 columns), the same from the middles of the quarters of cells.
-        prices: (rows, columns), of driving 1 m there; infinite where the robot cannot be.
-        further: (rows, columns), by how much they are higher because of visits, or off a path.
+        fine: (2 rows, 2 columns), the same from the centres of the quarters of cells.
+        prices: (rows, columns), price of driving 1 m there; infinite where the robot cannot be.
+        further: (rows, columns), the part of the prices that is due to visits, or off a path.
     """
 
     def __init__(self, grid: GridMap, radius: float) -> None:
-        """Take the map, and the radius within which the robot touches obstacles for sure, m."""
+        """Use a map, and the radius within which the robot certainly touches obstacles, m."""
         self._grid, self._radius = grid, radius
         self._occupied = np.zeros((0, 0), np.bool_)
         self._origin = grid.origin
@@ -43,7 +43,7 @@ class Costmap:
         self.version = -1
 
     def update(self, window: Window) -> Window | None:
-        """Take over what has changed in a part of the map.
+        """Apply changes in a part of the map.
 
         Returns:
             The part of the prices that has changed; None if none has.
@@ -53,7 +53,7 @@ class Costmap:
             self._resize()
             return self._measure(Window(0, 0, *grid.shape))
         log_odds, was_occupied = grid.log_odds[window.cells], self._occupied[window.cells]
-        # Cells at edges of walls, which are hit and missed by turns, stay occupied.
+        # Cells at edges of walls, which are hit and missed alternately, stay occupied.
         occupied = (log_odds > 0.0) | (was_occupied & (log_odds > _FREED))
         changed = occupied != was_occupied
         if not changed.any():
@@ -80,7 +80,7 @@ class Costmap:
         self.version = grid.version
 
     def _measure(self, part: Window) -> Window:
-        """Compute distances and prices anew around a part whose obstacles have changed."""
+        """Recompute distances and prices around a part whose obstacles have changed."""
         resolution = self._grid.resolution
         reach = math.ceil(_REACH / resolution)
         inner, outer = (
@@ -93,8 +93,8 @@ class Costmap:
             rows, columns = distance_transform_edt(
                 ~occupied, return_distances=False, return_indices=True
             )
-            # To the mean end in the nearest occupied cell, which is nearer to the truth than its
-            # middle.
+            # Use the mean end point in the nearest occupied cell, which is more exact than its
+            # centre.
             number, x, y = self._grid.ends[outer.cells][rows, columns].transpose(2, 0, 1)
             number = np.maximum(number, 1.0) * np.float32(resolution)
             rows = rows + y / number - np.arange(occupied.shape[0], dtype=np.float32)[:, None]
@@ -110,7 +110,7 @@ class Costmap:
         return inner
 
     def price(self, part: Window) -> None:
-        """Compute the prices of a part anew."""
+        """Recompute the prices of a part."""
         distances = self.distances[part.cells]
         beyond = distances - np.float32(self._radius)
         prices = np.float32(1.0) + np.float32(_NEAR) * np.exp(beyond * np.float32(-1.0 / _DECAY))
@@ -120,13 +120,13 @@ class Costmap:
         self.prices[part.cells] = prices
 
     def visit(self, part: Window, seconds: float) -> Window:
-        """Remember that the robot was in a part, so that it prefers other ways, and return it."""
+        """Record that the robot was in a part, so that it prefers other paths; return the part."""
         self.further[part.cells] += np.float32(_VISITED * seconds)
         self.price(part)
         return part
 
     def prefer(self, points: Floats | None) -> None:
-        """Forget visits, and let ways be the dearer the farther off a path, (N, 2), they are."""
+        """Forget visits, and increase prices with the distance from a path, (N, 2)."""
         self.further[:] = 0.0
         if points is not None:
             grid, away = self._grid, np.ones(self._grid.shape, np.bool_)
@@ -139,7 +139,7 @@ class Costmap:
         self.price(Window(0, 0, *self.prices.shape))
 
     def costs(self) -> OccupancyGrid:
-        """Return the costs as Nav2's costmaps have them: 253 inscribed, 254 lethal, 255 unknown."""
+        """Return the costs as in Nav2's costmaps: 253 inscribed, 254 lethal, 255 unknown."""
         beyond = self.distances - self._radius
         costs = np.where(self.distances < _REACH, 252.0 * np.exp(-_SCALING * beyond), 0.0)
         costs[beyond <= 0.0] = _INSCRIBED
@@ -149,7 +149,7 @@ class Costmap:
 
 
 def quartered(values: Singles) -> Singles:
-    """Return what is interpolated at the middles of the quarters of cells, (2 rows, 2 columns)."""
+    """Return values interpolated at the centres of the quarters of cells, (2 rows, 2 columns)."""
     rows, columns = values.shape
     padded = np.pad(values, 1, "edge")
     inner = padded[1:-1] * np.float32(3.0)

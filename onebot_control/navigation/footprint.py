@@ -35,7 +35,7 @@ class Vehicle:
         turning: maximum velocity of turning, rad/s.
         acceleration: of ``forward`` and ``sideways``, m/s^2.
         turning_acceleration: rad/s^2.
-        least_radius: of its curves, m; 0: it can turn on the spot.
+        minimum_radius: of its curves, m; 0: it can turn on the spot.
     """
 
     footprint: Floats
@@ -45,7 +45,7 @@ class Vehicle:
     turning: float
     acceleration: float
     turning_acceleration: float
-    least_radius: float = 0.0
+    minimum_radius: float = 0.0
 
     @property
     def half_width(self) -> float:
@@ -106,7 +106,7 @@ def vehicle_of(description: "Description", controllers: Sequence[ControllerLimit
         min(turning, _FASTEST_TURN),
         acceleration,
         turning_acceleration,
-        max((limit.least_radius for limit in controllers), default=0.0),
+        max((limit.minimum_radius for limit in controllers), default=0.0),
     )
 
 

@@ -21,11 +21,11 @@ from onebot_description.geometry.poses import PlanarPose
 Mask = NDArray[np.bool_]
 
 _HIT, _MISS = 0.9, -0.4  # log-odds by which a ray's end fills a cell, and a ray clears it
-_LEAST, _MOST = -2.0, 3.5  # bounds that let a cell change within a second
+_MIN_LOG_ODDS, _MAX_LOG_ODDS = -2.0, 3.5  # bounds that let a cell change within a second
 _FULL = 30.0  # ends in a cell, after which its mean stays
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells before its end in which a ray clears nothing
-_MOST_CELLS = 16_000_000
+_MAX_CELLS = 16_000_000
 _LEVEL = math.cos(0.1)  # cosine of a lidar plane's maximum inclination
 
 
@@ -145,9 +145,9 @@ class GridMap:
         copy = cls(grid.resolution, reach)
         copy.origin = grid.origin
         data = grid.data
-        copy.log_odds = np.select([data == UNKNOWN, data > 50], [0.0, _MOST], _LEAST).astype(
-            np.float32
-        )
+        copy.log_odds = np.select(
+            [data == UNKNOWN, data > 50], [0.0, _MAX_LOG_ODDS], _MIN_LOG_ODDS
+        ).astype(np.float32)
         copy.ends = np.zeros((*data.shape, 3), np.float32)
         copy.ends[data > 50, 0] = 1.0
         return copy
@@ -198,7 +198,7 @@ class GridMap:
         chunks_before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
         behind = np.ceil(np.maximum(0.0, corners[1] - edges[1]) / chunk).astype(int) * _CHUNK
         rows, columns = (np.array(self.shape)[::-1] + chunks_before + behind)[::-1]
-        if rows * columns > _MOST_CELLS:
+        if rows * columns > _MAX_CELLS:
             raise ValueError(f"a map of {columns} x {rows} cells is too large")
         pads = ((chunks_before[1], behind[1]), (chunks_before[0], behind[0]))
         self.log_odds = np.pad(self.log_odds, pads)
@@ -271,7 +271,7 @@ class GridMap:
         ).all(axis=1)
         free[tuple(inside[within].T)] = False
         part = self.log_odds[window.cells]
-        part[free] = np.maximum(part[free] + np.float32(_MISS), np.float32(_LEAST))
+        part[free] = np.maximum(part[free] + np.float32(_MISS), np.float32(_MIN_LOG_ODDS))
         cleared = free & (part < 0.0)
         self.ends[window.cells][cleared] = 0.0
         return window
@@ -279,7 +279,7 @@ class GridMap:
     def _fill(self, cells: NDArray[np.intp], ends: Floats) -> None:
         index = tuple(cells.T)
         part = np.maximum(self.log_odds[index], np.float32(0.0))
-        self.log_odds[index] = np.minimum(part + np.float32(_HIT), np.float32(_MOST))
+        self.log_odds[index] = np.minimum(part + np.float32(_HIT), np.float32(_MAX_LOG_ODDS))
         # Walls that are well known stay where they are, so that the map does not drift.
         cells, ends = (part[self.ends[index][:, 0] < _FULL] for part in (cells, ends))
         index = tuple(cells.T)

@@ -24,7 +24,7 @@ _FINE = 0.2  # share of it that a third of the sequences has, for narrow places
 _BATCHES = 8  # sets of noise, which take turns
 _TURNS = 16  # directions to turn to, and then to drive
 _SOFT = 0.05  # m in which the price of being near falls to 1/e
-_LEAST = 0.005  # m, clearance that is kept from obstacles
+_MIN_CLEARANCE = 0.005  # m, clearance that is kept from obstacles
 _PER_SPEED = 0.04  # m of further clearance for each m/s of speed
 _FAST = 10.0  # price of being faster than that
 _FAR = 0.2  # m, clearance from which it does not matter how much it is
@@ -157,7 +157,7 @@ class LocalPlanner:
         """Return the sequences of a fixed kind, (steps, 3, N)."""
         vehicle, times = self.vehicle, np.arange(self._steps) * self._dt
         rows: list[tuple[Any, Any, Any]] = [(0.0, 0.0, 0.0)]
-        if not vehicle.least_radius:
+        if not vehicle.minimum_radius:
             # Turn by an angle as fast as the acceleration allows, then drive on.
             for angle in np.linspace(-math.pi, math.pi, _TURNS + 1):
                 top = min(vehicle.turning, math.sqrt(abs(angle) * vehicle.turning_acceleration))
@@ -217,8 +217,8 @@ class LocalPlanner:
             np.subtract(command, now, out=reached)
             np.clip(reached, -most, most, out=reached)
             reached += now
-            if self.vehicle.least_radius:
-                curve = np.abs(reached[0]) / np.float32(self.vehicle.least_radius)
+            if self.vehicle.minimum_radius:
+                curve = np.abs(reached[0]) / np.float32(self.vehicle.minimum_radius)
                 np.clip(reached[-1], -curve, curve, out=reached[-1])
             now = reached
         return self._driven(speeds, pose)
@@ -279,7 +279,7 @@ class LocalPlanner:
         weights /= weights.sum()
         best = np.argsort(prices, kind="stable")[:_TRIED]
         tried = np.concatenate(((commands @ weights)[..., None], commands[..., best]), axis=2)
-        safe = self._safe(around, tried[0], pose, speed, min(_LEAST, now - 0.002))
+        safe = self._safe(around, tried[0], pose, speed, min(_MIN_CLEARANCE, now - 0.002))
         if touching[best[0]] or not safe.any():
             self._plan[:] = 0.0
             return (0.0, 0.0, 0.0), False
@@ -311,13 +311,15 @@ class LocalPlanner:
         near = self.vehicle.half_width * 0.5
         away = np.square(paths.x - np.float32(goal[0])) + np.square(paths.y - np.float32(goal[1]))
         arrived = np.logical_or.accumulate(away < np.float32(near * near), axis=0)
-        hit = np.logical_or.accumulate((clearance < min(_LEAST, now - 0.01)) & ~arrived, axis=0)
+        hit = np.logical_or.accumulate(
+            (clearance < min(_MIN_CLEARANCE, now - 0.01)) & ~arrived, axis=0
+        )
         speeds = np.abs(paths.speeds[:, 0])
         if self.vehicle.sideways:
             speeds += np.abs(paths.speeds[:, 1])
         prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
         prices *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
-        fast = clearance < np.float32(_LEAST) + speeds * np.float32(_PER_SPEED)
+        fast = clearance < np.float32(_MIN_CLEARANCE) + speeds * np.float32(_PER_SPEED)
         speeds -= np.float32(_CREEP)
         prices += fast * np.maximum(speeds, 0.0) * np.float32(_FAST / scale)
         prices += np.float32(0.15)
@@ -362,6 +364,6 @@ class LocalPlanner:
 
         It keeps more clearance than on its way, as nothing makes it go there.
         """
-        least = min(3.0 * _LEAST, self.clearance(around, pose) - 0.002)
+        least = min(3.0 * _MIN_CLEARANCE, self.clearance(around, pose) - 0.002)
         commands = np.array([command], np.float32).T
         return bool(self._safe(around, commands, pose, speed, least)[0])

@@ -20,7 +20,7 @@ _SLIP, _SKID = 0.3, 0.4  # error of a way, m per m, and of a turn by the wheels,
 _GYRO_SKID = 0.01  # rad per rad, of an IMU
 _STILL = 0.004  # m and rad, error of each step
 _TRUSTED = 0.4  # share of a scan on walls from which a match counts
-_LEAST_RATIO, _MOST_RATIO = 0.7, 1.6  # bounds of a turn relative to the wheels' turn
+_MIN_RATIO, _MAX_RATIO = 0.7, 1.6  # bounds of a turn relative to the wheels' turn
 _LEARNT = 0.15  # rad; from such turns between matches it is learnt how wheels lie
 
 
@@ -138,5 +138,5 @@ class Localizer:
         if self._turned[0] > _LEARNT:
             ratio = self._turned[1] / self._turned[0]
             learnt = self.turn_ratio + 0.2 * (ratio - self.turn_ratio)
-            self.turn_ratio = clamp(learnt, _LEAST_RATIO, _MOST_RATIO)
+            self.turn_ratio = clamp(learnt, _MIN_RATIO, _MAX_RATIO)
             self._turned = np.zeros(2)

@@ -27,7 +27,7 @@ from onebot_description.parameters.reader import REQUIRED, ConfigError, paramete
 
 _BLACK, _GREY, _WHITE = 0, 205, 254  # occupied, unknown, free
 _FORMATS = {"pgm": "PPM", "png": "PNG"}
-_MOST_CELLS = 16_000_000
+_MAX_CELLS = 16_000_000
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,9 @@ def _picture(path: Path) -> Image.Image:
     """
     try:
         with Image.open(path) as picture:
-            if picture.width * picture.height > _MOST_CELLS:
+            if picture.width * picture.height > _MAX_CELLS:
                 text = f"{picture.width} x {picture.height} pixels are too many"
-                raise OneBotError(f"{path}: {text}; at most {_MOST_CELLS:,} are read")
+                raise OneBotError(f"{path}: {text}; at most {_MAX_CELLS:,} are read")
             picture.load()
             return picture.copy()
     except (UnidentifiedImageError, Image.DecompressionBombError):

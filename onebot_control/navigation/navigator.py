@@ -279,7 +279,7 @@ class Navigator:
         """
         if not math.isfinite(angle):
             raise ValueError(f"an angle is finite, not {angle}")
-        if self.vehicle.least_radius:
+        if self.vehicle.minimum_radius:
             raise ValueError("the robot cannot turn on the spot")
         self._begin(_Motion(angle, self.vehicle.turning, True), time_allowance)
 
@@ -421,7 +421,7 @@ class Navigator:
 
     def _way(self, field: CostToGo, cell: tuple[int, int], most: int = 100_000) -> Floats:
         """Return the points of the way in at most so many cells."""
-        cells = field.way(field.nearest(cell), most)
+        cells = field.path(field.nearest(cell), most)
         return self.map.middle(cells[:, 0], cells[:, 1])
 
     def plan(self, goal: PlanarPose, start: PlanarPose | None = None) -> Floats:
@@ -569,7 +569,7 @@ class Navigator:
         vehicle, parameters = self.vehicle, self.parameters
         x, y = goal.x - pose.x, goal.y - pose.y
         away = math.hypot(x, y)
-        if vehicle.least_radius:
+        if vehicle.minimum_radius:
             if away < max(parameters.xy_goal_tolerance, 2.0 * self.map.resolution):
                 self._end("arrived")
             return None

@@ -254,10 +254,10 @@ class CommandGate:
                 text = f"{self.topic} is ignored: {self.lock.reason}"
                 self._warn("locked", text, every=_LOCKED_EVERY)
             return
-        given = now - age.least
+        given = now - age.minimum
         if stamp and not loop.simulated:
             given = now - (time.time_ns() - stamp) / NS_PER_S
-        command = VelocityCommand(*velocity, stamp or 0, given, now - age.most)
+        command = VelocityCommand(*velocity, stamp or 0, given, now - age.maximum)
         self._slot.command(command, self._on_ignored)
 
     def _on_ignored(self, reason: str) -> None:

@@ -130,7 +130,7 @@ class ControllerNode(Generic[F]):
         sender = SenderClock()
 
         def receive(message: Any, info: Mapping[str, Any]) -> None:
-            sent = boot_time() - sender.age(Delivery.from_info(info), time.time_ns()).most
+            sent = boot_time() - sender.age(Delivery.from_info(info), time.time_ns()).maximum
             if (act := prepare(message)) is not None:
                 self.loop.post(lambda: act_on(sent, act))
 

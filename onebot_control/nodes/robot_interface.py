@@ -192,8 +192,8 @@ class RobotInterface:
             for warning in filter(None, (drive.drift.warning, drive.notice)):
                 self._warn.once(warning)
             radius = self.settings.values.get(_RADIUS)
-            if radius is not None and radius != drive.geometry.least_radius:
-                self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.least_radius)])
+            if radius is not None and radius != drive.geometry.minimum_radius:
+                self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.minimum_radius)])
         if self._controllers is not None and self.slot.running.paused:
             # No cycle passes on the goals that a lock or a reset has ended.
             self.slot.running.post(self._controllers.finish)

@@ -49,8 +49,8 @@ def _scan(header: Header, lidar: Lidar, rate: float, ranges: NDArray[np.float32]
         angle_max=last,
         angle_increment=(last - first) / steps if steps else 0.0,
         scan_time=1.0 / rate,
-        range_min=lidar.least,
-        range_max=lidar.greatest,
+        range_min=lidar.range_min,
+        range_max=lidar.range_max,
         ranges=array("f", ranges.tobytes()),
     )
 
@@ -60,8 +60,8 @@ def _range(header: Header, lidar: Lidar, rate: float, distance: np.float32) -> R
         header=header,
         radiation_type=RADIATIONS.index(lidar.radiation),
         field_of_view=lidar.field_of_view,
-        min_range=lidar.least,
-        max_range=lidar.greatest,
+        min_range=lidar.range_min,
+        max_range=lidar.range_max,
         range=float(distance),
     )
 

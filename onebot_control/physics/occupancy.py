@@ -20,7 +20,7 @@ _FLAT = 1e-4  # m, height of what the cells are probed with
 _INSIDE = 1e-6  # m; what only touches a cell's edge does not occupy it
 _EDGE = 1e-6  # the same, in cells
 _MARGIN = 0.001  # m by which PyBullet's bounding boxes are larger
-_MOST_CELLS = 100_000_000
+_MAX_CELLS = 100_000_000
 
 
 def occupancy_grid(
@@ -64,7 +64,7 @@ def occupancy_grid(
             max(1, math.ceil((most - least) / resolution - _EDGE))
             for least, most in zip(bounds[:2], bounds[2:], strict=True)
         )
-        if columns * rows > _MOST_CELLS:
+        if columns * rows > _MAX_CELLS:
             raise OneBotError(f"{columns} x {rows} cells are too many; take a larger resolution")
         data = np.zeros((rows, columns), np.int8)
         x, y = float(bounds[0]), float(bounds[1])

@@ -46,13 +46,13 @@ _GRAVITY = 9.81  # m/s^2
 # Least moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
 # solver's iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
-_LEAST_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is due to its own turning
+_MIN_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is due to its own turning
 # Least inertia behind each motor, as if of its rotor: a finger of 1 g would drop a box of 50 g,
 # because the solver's iterations do not reach the force of its motor.
-_LEAST_MASS, _LEAST_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
+_MIN_MASS, _MIN_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
 # Least moment of inertia per effort of the motor behind geared joints: as rotors, it grows with the
 # gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
-_LEAST_GEARED = 1e-4  # kg m^2 / (N m)
+_MIN_GEARED = 1e-4  # kg m^2 / (N m)
 _FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
@@ -399,7 +399,7 @@ def _with_rotors(
             "mass and inertia",
             rigid.source,
             listing(weightless),
-            _LEAST_MASS,
+            _MIN_MASS,
         )
     efforts = {joint.name: joint.effort or _UNLIMITED for joint in joints.values()}
     leaders = {name: mimic.joint for name, mimic in gears.items()}
@@ -407,7 +407,7 @@ def _with_rotors(
 
     def least(joint: str) -> float:
         effort = efforts[leaders[joint]] if joint in leaders else 0.0
-        return max(_LEAST_MOMENT, _LEAST_GEARED * effort if effort < _UNLIMITED else 0.0)
+        return max(_MIN_MOMENT, _MIN_GEARED * effort if effort < _UNLIMITED else 0.0)
 
     return [
         _with_rotor(link, joint, bodies[link.name], least(joint.name))
@@ -427,7 +427,7 @@ def _with_rotor(link: Link, joint: Joint, body: Body, least: float) -> Link:
     moment = float(axis @ body.inertia @ axis + body.mass * (arm @ arm))
     mass = 0.0
     if joint.kind == "prismatic" or body.mass <= 0.0:
-        mass = max(0.0, _LEAST_MASS - body.mass)
+        mass = max(0.0, _MIN_MASS - body.mass)
     missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else least - moment
     if mass == 0.0 and missing <= 0.0:
         return link
@@ -535,7 +535,7 @@ def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
     # The wheels slide on their axles, so their mass across does not resist the robot's turning.
-    yaw = max(yaw - mass * total(place[0] ** 2 for place in places.values()), _LEAST_TURNING * yaw)
+    yaw = max(yaw - mass * total(place[0] ** 2 for place in places.values()), _MIN_TURNING * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch
-    return float(tyre.radius**2 / max(sideways - base, _LEAST_TURNING * sideways))
+    return float(tyre.radius**2 / max(sideways - base, _MIN_TURNING * sideways))

@@ -15,7 +15,7 @@ from onebot_description.geometry.poses import Transform
 from onebot_description.timing.throttled import Throttled
 
 _REPORT = 60.0  # s between reports of dropped measurements
-_WINDOW, _LEAST_TIME = 100, 10.0  # due measurements that are judged together; seconds if slow
+_WINDOW, _MIN_TIME = 100, 10.0  # due measurements that are judged together; seconds if slow
 _ENOUGH = 0.95  # if a smaller fraction of them is made, it is reported
 _PATIENCE = 10.0  # s to wait for the end of the thread
 
@@ -61,7 +61,7 @@ class Channel:
     def warning(self) -> str:
         """Return a warning if too few of the last measurements were made; "" otherwise."""
         done, dropped = self.done - self._judged[0], self.dropped - self._judged[1]
-        if done + dropped < min(_WINDOW, _LEAST_TIME * self.instrument.rate):
+        if done + dropped < min(_WINDOW, _MIN_TIME * self.instrument.rate):
             return ""
         self._judged = self.done, self.dropped
         share = done / (done + dropped)

@@ -21,8 +21,8 @@ _MARGIN = 1e-4  # m; a range that rounding lifts above the maximum is still meas
 def angles(fan: Fan) -> Floats:
     """Return the angles (N,) of a fan's rays, rad."""
     if fan.samples == 1:
-        return np.array([fan.least])
-    return np.linspace(fan.least, fan.greatest, fan.samples)
+        return np.array([fan.lower])
+    return np.linspace(fan.lower, fan.upper, fan.samples)
 
 
 def lidar_rays(lidar: Lidar) -> Rays:
@@ -35,7 +35,7 @@ def lidar_rays(lidar: Lidar) -> Rays:
 
 def reach(lidar: Lidar) -> float:
     """Return how far the rays of a lidar are cast, m."""
-    return lidar.greatest + _MARGIN
+    return lidar.range_max + _MARGIN
 
 
 def ranges(
@@ -58,8 +58,8 @@ def ranges(
     if generator is not None:
         # Noise moves no range into or out of the sensor's range.
         measured = add_noise(measured, lidar.noise, offset, generator)
-        measured = np.clip(measured, np.float32(lidar.least), np.float32(lidar.greatest))
-    return hits.within(lidar.least, lidar.greatest, measured)
+        measured = np.clip(measured, np.float32(lidar.range_min), np.float32(lidar.range_max))
+    return hits.within(lidar.range_min, lidar.range_max, measured)
 
 
 POINT = point_layout(("intensity", "<f4", 16), ("ring", "<u2", 20))
@@ -97,7 +97,7 @@ class LidarInstrument(Instrument[Lidar]):
 
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
         lidar, pose, generator = self.model, self.pose(world.placed), self.generator(world.frame)
-        hits = self.hits(world, pose, self._rays, lidar.least, reach(lidar))
+        hits = self.hits(world, pose, self._rays, lidar.range_min, reach(lidar))
         measured = ranges(lidar, hits, self.offsets[0], generator)
         outputs = dict[str, Any]()
         if "scan" in wanted:

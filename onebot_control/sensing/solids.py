@@ -40,7 +40,7 @@ Integers = NDArray[np.int32]
 
 _PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
 _SECTIONS = 2200  # facets around a cylinder of radius 1 m
-_MOST_SECTIONS = {Cylinder: 4096, Capsule: 256}
+_MAX_SECTIONS = {Cylinder: 4096, Capsule: 256}
 _HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
 _ICOSAHEDRON = 0.292  # m, that height for an icosahedron of radius 1; each subdivision quarters it
 _LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
@@ -158,7 +158,7 @@ def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
         ball = creation.icosphere(min(subdivisions, _LARGEST_BALL))
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
         return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
-    sections = min(max(64, math.ceil(_SECTIONS * shape.radius)), _MOST_SECTIONS[type(shape)])
+    sections = min(max(64, math.ceil(_SECTIONS * shape.radius)), _MAX_SECTIONS[type(shape)])
     wider = 2.0 * shape.radius / (1.0 + np.cos(np.pi / sections))
     if isinstance(shape, Capsule):
         capsule = creation.capsule(shape.length, wider, count=[sections // 2, sections + 1])

@@ -26,7 +26,7 @@ C = TypeVar("C", bound="JointControllerConfig")
 
 _INTERFACES = ("position", "velocity", "acceleration", "effort")
 _NO_FEEDBACK = "of position interfaces there is no feedback"
-MOST_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
+MAX_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 
@@ -92,7 +92,7 @@ class SpeedScaling:
         1.0,
         "speed of trajectories until ~/speed_scaling_input sets it",
         at_least=0.0,
-        at_most=MOST_SCALING,
+        at_most=MAX_SCALING,
         read_only=True,
     )
     state_interface: str = ignored("", "no hardware scales the speed", read_only=True)

@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from onebot_control.trajectories.arrival import Arrival
 from onebot_control.trajectories.config import (
-    MOST_SCALING,
+    MAX_SCALING,
     JointControllerConfig,
     TrajectoryConfig,
 )
@@ -192,7 +192,7 @@ class TrajectoryFollower(JointFollower):
 
     @property
     def scaling(self) -> float:
-        """Trajectory seconds per second of cycles, from the next update on; 0 to MOST_SCALING.
+        """Trajectory seconds per second of cycles, from the next update on; 0 to MAX_SCALING.
 
         Setting another value raises OneBotError.
         """
@@ -200,8 +200,8 @@ class TrajectoryFollower(JointFollower):
 
     @scaling.setter
     def scaling(self, value: float) -> None:
-        if not 0.0 <= value <= MOST_SCALING:
-            text = f"a speed scaling of {value:g} is impossible; it is 0 to {MOST_SCALING:g}"
+        if not 0.0 <= value <= MAX_SCALING:
+            text = f"a speed scaling of {value:g} is impossible; it is 0 to {MAX_SCALING:g}"
             raise OneBotError(text)
         self._scaling = value
 

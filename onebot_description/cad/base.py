@@ -23,13 +23,13 @@ from onebot_description.model.rigid_bodies import Body
 
 _SECTION_POWER = 5.0  # a superellipse's: 2 is an ellipse, a high power a rectangle
 _LEAN = 0.07  # the sides lean inwards, by this share of the half width
-# How far from nose and tail the width, the top and the bottom begin to close (m), and how squarely
-# they do (the superellipse's power).
+# Distance from nose and tail where the width, the top and the bottom begin to close (m), and the
+# power of the superellipse along which they close.
 _NOSE = {"width": (0.115, 2.5), "top": (0.155, 2.3), "bottom": (0.06, 2.6)}
 _TAIL = {"width": (0.085, 2.8), "top": (0.085, 2.5), "bottom": (0.05, 2.4)}
 _RAMP = 0.028  # length of the rise from the bottom to the tail's
-_NOSE_HEIGHT = -0.027  # the foremost point's
-_TAIL_HEIGHT = 0.031
+_NOSE_HEIGHT = -0.027  # m, height of the foremost point
+_TAIL_HEIGHT = 0.031  # m
 _STATIONS = 35  # sections along the hull; one lies at either end of the ramp
 _FAR = 1.0  # m, beyond all parts, for cuts
 # The sensor's profiles, as shares of its radius and its height.
@@ -113,7 +113,7 @@ def _hollow(base: Section, seen: dict[str, Manifold]) -> list[tuple[str, Manifol
 
 
 def add_ballast(dimensions: Section, body: Body) -> None:
-    """Give a body the wanted mass and centre of mass, by a block.
+    """Add a block that gives a body the wanted mass and centre of mass.
 
     Raises OneBotError if its mass would be negative.
     """
@@ -130,12 +130,12 @@ def add_ballast(dimensions: Section, body: Body) -> None:
 
 
 def _above_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
-    """Cut off what is below the seam's plane, ``shift`` metres higher than its middle."""
+    """Cut off everything below the plane ``shift`` metres above the seam's middle."""
     return solid.trim_by_plane((-base.seam_slope, 0.0, 1.0), base.seam_height + shift)
 
 
 def _below_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
-    """Cut off what is above the seam's plane, ``shift`` metres higher than its middle."""
+    """Cut off everything above the plane ``shift`` metres above the seam's middle."""
     return solid.trim_by_plane((base.seam_slope, 0.0, -1.0), -base.seam_height - shift)
 
 
@@ -151,7 +151,7 @@ def _dome(base: Section, profile: Points) -> Manifold:
 
 
 def _mounts(dimensions: Section) -> Manifold:
-    """The stubs that carry the wheels and the caster's mount."""
+    """Return the stubs that carry the wheels and the caster's mount."""
     base, caster = dimensions.base, dimensions.caster
     low = caster.mount_height - dimensions.wheel.radius
     plinth = Manifold.cylinder(0.02 - low, 0.023, 0.027, 40).translate((caster.x, 0.0, low))
@@ -159,13 +159,13 @@ def _mounts(dimensions: Section) -> Manifold:
 
 
 def _deck(base: Section, margin: float) -> Manifold:
-    """The space of the plate for payloads."""
+    """Return the space of the payload plate."""
     shape = round_rectangle(0.165 + 2 * margin, 0.15 + 2 * margin, 0.018 + margin)
     return Manifold.extrude(shape, 0.058).translate((-0.165, 0.0, base.deck - 0.008))
 
 
 def _holes(base: Section) -> Manifold:
-    """A grid of threaded holes in the deck."""
+    """Return a grid of threaded holes in the deck."""
     hole = Manifold.cylinder(0.02, 0.0026, circular_segments=8).translate((0, 0, base.deck - 0.004))
     return union(
         hole.translate((-0.165 + x, y, 0.0)) for x in (-0.06, 0.0, 0.06) for y in (-0.05, 0.0, 0.05)
@@ -173,14 +173,14 @@ def _holes(base: Section) -> Manifold:
 
 
 def _vents(base: Section) -> Manifold:
-    """Slanted slots in both sides, behind the wheels."""
+    """Return slanted slots in both sides, behind the wheels."""
     slot = Manifold.cube((0.004, _FAR, 0.022), True).rotate((0.0, 24.0, 0.0))
     slots = [slot.translate((-0.1435 - 0.0095 * index, 0.0, 0.025)) for index in range(6)]
     return union(slots) - hull(base, -0.004)
 
 
 def _handle(base: Section) -> Manifold:
-    """A handle to carry the robot: an arch that leans backwards."""
+    """Return the carrying handle, an arch that leans backwards."""
     ball = Manifold.sphere(0.004, 12).scale((2.0, 1.0, 1.0))
     turn = np.linspace(0.0, np.pi, 13)
     across = 0.062 * np.sign(np.cos(turn)) * np.abs(np.cos(turn)) ** 0.45

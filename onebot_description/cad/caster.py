@@ -1,6 +1,6 @@
 """The caster: a fork that swivels about z below the base, and the wheel in it.
 
-The fork's frame is where the swivel axis meets the base; the wheel's is on its axle, which is y.
+The fork's frame is where the swivel axis meets the base; the wheel's y axis is its axle.
 """
 
 from manifold3d import CrossSection, Manifold
@@ -33,7 +33,7 @@ def make_caster_wheel(dimensions: Section) -> Part:
 def make_fork(dimensions: Section) -> Part:
     """Return the part "caster_base2"."""
     caster = dimensions.caster
-    # The legs are drawn about the wheel's axle: inner and outer face, the crown's low and high end.
+    # The legs are drawn about the wheel's axle: inner and outer face, lower and upper crown end.
     inner = caster.wheel.width / 2 + caster.gap
     outer = inner + caster.leg_thickness
     low = caster.wheel.radius + caster.crown_gap
@@ -55,5 +55,5 @@ def make_fork(dimensions: Section) -> Part:
 
 
 def axle_position(caster: Section) -> Triple:
-    """Return where the wheel's axle is in the fork's frame, with the wheel on the ground."""
+    """Return the position of the wheel's axle in the fork's frame, with the wheel on the ground."""
     return (-caster.trail, 0.0, caster.wheel.radius - caster.mount_height)

@@ -1,8 +1,8 @@
-"""Writing a part as Collada that every reader used here can read, with colours.
+"""Writes a part as Collada, with colours, for every reader used here.
 
-Metres, z up, triangles only, one geometry a material, and for each material a symbol equal to its
-id (some readers find the colour by the one, some by the other). Equal parts give equal bytes: there
-is no date in it that changes.
+The file is in metres with z up, and has triangles only, one geometry per material. The symbol of
+each material equals its id, because readers find the colour by either. Equal parts give equal
+bytes: the date is fixed.
 """
 
 import datetime
@@ -21,7 +21,7 @@ from onebot_description.cad.dimensions import Section
 from onebot_description.cad.solids import Part, skin
 
 _EDGE = math.radians(38.0)  # surfaces are shaded smoothly up to this angle between faces
-_TOLERANCE = 1e-4  # m, that a surface may move when points are removed
+_TOLERANCE = 1e-4  # m; a surface may move this far when points are removed
 _MIN_HEIGHT = 1e-5  # m; flatter triangles are numerical errors
 _LENGTH_DIGITS = 5  # 0.01 mm
 _NORMAL_DIGITS = 3

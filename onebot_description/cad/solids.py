@@ -1,4 +1,4 @@
-"""What the parts are made of: solids that take one line each (m, z up), and their mass."""
+"""Functions for the solids that parts are made of (m, z up), and for their mass."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Part:
 
 
 def weigh(solids: Iterable[tuple[str, Manifold]], densities: Section) -> Body:
-    """Return mass, centre and inertia of solids, each of its material's density, together."""
+    """Return the total mass, centre and inertia of solids, each with its material's density."""
     body = Body("")
     for material, solid in solids:
         mesh = skin(solid)
@@ -82,6 +82,6 @@ def union(solids: Iterable[Manifold]) -> Manifold:
 
 
 def around(solid: Manifold, count: int, start: float = 0.0) -> Manifold:
-    """Repeat a solid about z, from ``start`` on, which is a share of one step."""
+    """Repeat a solid about z, beginning at ``start``, a share of one step."""
     step = 360.0 / count
     return union(solid.rotate((0.0, 0.0, (start + index) * step)) for index in range(count))

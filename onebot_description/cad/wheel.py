@@ -1,6 +1,6 @@
-"""The driven wheel: a tyre with tread, a rim, spokes and a hub. Its axle is y, its face at +y.
+"""The driven wheel: a tyre with tread, a rim, spokes and a hub.
 
-It is drawn about z.
+Its axle is y, and its face is at +y. It is drawn about z, then turned.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ def make_wheel(dimensions: Section) -> Part:
 
 
 def _grooves(wheel: Section) -> Manifold:
-    """The slanted grooves of both shoulders, half a block apart."""
+    """Return the slanted grooves of both shoulders, half a block apart."""
     pitch = 2 * np.pi * wheel.radius / wheel.tread_blocks
     inner, outer = wheel.width * 0.13, wheel.width * 0.6
     slant, gap, floor = 0.55 * pitch, 0.15 * pitch, wheel.radius - wheel.tread_depth
@@ -45,7 +45,7 @@ def _grooves(wheel: Section) -> Manifold:
 
 
 def _spokes(wheel: Section) -> Manifold:
-    """Forked spokes, that bulge from the rim to the hub's face."""
+    """Return forked spokes that bulge from the rim to the hub's face."""
     half, hub, rim = wheel.width / 2, wheel.hub_radius * 0.8, wheel.rim_radius - 0.003
     near = box((hub, -0.0035, half * 0.42), (hub + 0.003, 0.0035, half * 0.86))
     far = box((rim - 0.001, -0.0023, half * 0.25), (rim, 0.0023, half * 0.6))

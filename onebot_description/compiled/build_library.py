@@ -11,7 +11,7 @@ import sys
 import zlib
 from pathlib import Path
 
-# Each node loads this module, to compare digests: what only a build takes is imported by it.
+# Each node loads this module to compare digests, so the functions of a build import what they need.
 
 _PACKAGE = Path(__file__).parents[1]
 _WIRE, _MODEL = _PACKAGE / "ros" / "wire", _PACKAGE / "model"
@@ -34,7 +34,7 @@ _ZIG_TARGETS = {
 _FLAGS = (
     "-std=c11 -O3 -ffp-contract=off -g0 -s -fPIC -shared -fexceptions -fvisibility=hidden".split()
 )
-if sys.platform == "darwin":  # its linker would look for Python's functions now
+if sys.platform == "darwin":  # its linker would look up Python's functions at build time
     _FLAGS += ["-undefined", "dynamic_lookup"]
 
 
@@ -43,16 +43,16 @@ class BuildError(Exception):
 
 
 def source_digest() -> str:
-    """Hash the sources; the library carries it, so that an outdated one is noticed.
+    """Return a hash of the sources; the library contains it, so that an outdated one is noticed.
 
-    A checksum is enough for that, and hashlib would load OpenSSL into each node: 3 MB and 3 ms.
+    A checksum is enough; hashlib would load OpenSSL into each node, which takes 3 MB and 3 ms.
     """
     texts = b"\0".join(source.read_bytes() for source in (*SOURCES, *_HEADERS))
     return f"{len(texts):x}-{zlib.crc32(texts):08x}"
 
 
 def find_system_compilers() -> list[list[str]]:
-    """List the commands of the C compilers on this machine, the preferred one first.
+    """Return the commands of the C compilers on this machine, the preferred one first.
 
     The environment variable ``CC`` (which may hold arguments) overrides the usual names.
     """
@@ -67,7 +67,7 @@ def find_system_compilers() -> list[list[str]]:
 
 
 def find_zig() -> list[list[str]]:
-    """List the command of the C compiler in the ``ziglang`` wheel, if there is one."""
+    """Return the command of the C compiler in the ``ziglang`` wheel; empty if not installed."""
     import importlib.util
     import platform
 
@@ -78,9 +78,9 @@ def find_zig() -> list[list[str]]:
 
 
 def build(target: Path) -> None:
-    """Compile the library, with the first compiler that can.
+    """Compile the library with the first compiler that succeeds.
 
-    ``target`` is replaced in one step: a process that has the old one loaded keeps it.
+    ``target`` is replaced atomically: a process that has loaded the old library keeps it.
     """
     import shlex
     import tempfile
@@ -107,7 +107,7 @@ def _compile(command: list[str], library: Path) -> str | None:
 
     digest = f'-DONEBOT_SOURCE_DIGEST="{source_digest()}"'
     arguments = [*command, *_FLAGS, digest, "-o", str(library), *map(str, SOURCES), "-lm"]
-    # Zig keeps what it built in a folder that would stay behind, or may be read-only.
+    # Zig's default cache folder may be read-only, and would stay behind.
     caches = {name: str(library.parent) for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
     environment = {**os.environ, **caches}
     try:

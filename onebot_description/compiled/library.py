@@ -28,6 +28,6 @@ def load_library() -> ctypes.PyDLL:
         built_from = ctypes.string_at(ctypes.addressof(digest)).decode()
         if built_from != build_library.source_digest():
             raise LibraryError(
-                f"The compiled library {path.name} is not built from the present source. {_REMEDY}"
+                f"The compiled library {path.name} does not match the source. {_REMEDY}"
             )
     return library

@@ -1,11 +1,11 @@
 """Runs a function in its own process, with limited memory and processor time.
 
-Forking takes some milliseconds, but is safe only in a process without other threads: nobody would
-release their locks in the child, such as the loader's. A process with threads (a node) starts an
-interpreter instead, which forks; that takes a tenth of a second. The answer is passed as JSON.
+Forking takes some milliseconds, but is safe only in a process without other threads, whose locks
+(such as the loader's) would never be released in the child. A process with threads (a node) starts
+an interpreter instead, which forks; that takes a tenth of a second. The answer is passed as JSON.
 
-macOS does not limit a process's memory. Windows neither forks nor limits: there the new interpreter
-runs the function itself, and is killed when the processor time has passed on the clock.
+macOS does not limit a process's memory. Windows can neither fork nor limit: there the new
+interpreter runs the function itself, and is killed after that time on the wall clock.
 """
 
 import importlib
@@ -25,8 +25,8 @@ try:
 except ModuleNotFoundError:  # on Windows
     resource = None  # type: ignore[assignment]
 
-# Isolated (-I), so that no file in the current folder is imported instead of a module. Without site
-# (-S), the prefix would be that of the interpreter of which the environment was made.
+# Isolated (-I), so that no file in the current folder is imported instead of a module. The prefix
+# is set because without site (-S) it would be that of the environment's base interpreter.
 _START = (
     "import sys; sys.path[:] = sys.argv[1].split('\\n'); sys.prefix = sys.argv[2];"
     "from onebot_description.description import bounded_process; bounded_process.main()"
@@ -43,7 +43,7 @@ class Bounds(NamedTuple):
 
 
 class BoundExceeded(Exception):
-    """The function was stopped because it met a bound, which the text names.
+    """The function was stopped because it exceeded a bound, which the text names.
 
     Attributes:
         place: what the function was working on.
@@ -94,7 +94,7 @@ def run_bounded(function: str, request: Any, bounds: Bounds) -> Any:
 def _is_single_threaded() -> bool:
     try:
         return len(os.listdir("/proc/self/task")) == 1
-    except OSError:  # only Linux tells
+    except OSError:  # only Linux has it
         return False
 
 

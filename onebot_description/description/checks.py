@@ -1,8 +1,8 @@
-"""Checks of a robot description beyond single values, which ``reading`` checks.
+"""Checks a robot description as a whole; ``reading`` checks single values.
 
-It checks names, the tree of links, mimic joints, masses, mesh files, materials, elements and
+It checks names, the tree of links, mimic joints, mesh files and materials, and finds elements and
 attributes that are not part of URDF, and xacro that is not expanded. ``unit_check`` finds lengths
-that are in millimetres.
+in millimetres.
 """
 
 import re
@@ -15,11 +15,11 @@ from onebot_description.elements.urdf import MOVING_KINDS, Joint, Material
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
 
-_VERSIONS = ("1.0", "1.1", "1.2")  # URDF's; a robot without one is of the first
+_VERSIONS = ("1.0", "1.1", "1.2")  # of URDF; the first is the default
 
 
 def check_root(findings: Findings) -> None:
-    """Check that the document is a robot with a name; if the robot is inside another, take it."""
+    """Check that the document is a robot with a name, or contains a robot, which is then used."""
     document = findings.document
     outer, root = document.root, document.root
     if outer.tag != "robot":
@@ -31,21 +31,21 @@ def check_root(findings: Findings) -> None:
         else:
             root = inner
             findings.document = replace(document, root=root)
-            findings.problem(root, f"lies in <{outer.tag}>; let <robot> be the outermost element")
+            findings.problem(root, f"is inside <{outer.tag}>; make <robot> the outermost element")
     name = root.get("name")
     if name is None or not name.strip():
         findings.problem(root, 'the robot has no name; write <robot name="...">')
     version = root.get("version", _VERSIONS[0])
     if version not in _VERSIONS:
         text = f'version="{version}" of URDF is not known ({", ".join(_VERSIONS)}), so other '
-        findings.warning(root, f"{text}programs refuse it; it is read as {_VERSIONS[-1]}")
+        findings.warning(root, f"{text}programs reject it; it is read as {_VERSIONS[-1]}")
         version = _VERSIONS[-1]
     major, minor = version.split(".")
     findings.version = int(major), int(minor)
 
 
 def named(findings: Findings, tag: str) -> dict[str, Element]:
-    """Return the robot's elements of a ``tag`` by name; bad and repeated names are reported."""
+    """Return the robot's elements with a ``tag`` by name; report bad and repeated names."""
     elements: dict[str, Element] = {}
     for element in findings.document.root.findall(tag):
         name = element.get("name")
@@ -53,11 +53,11 @@ def named(findings: Findings, tag: str) -> dict[str, Element]:
             findings.error(element, f'has no name; write <{tag} name="...">')
             continue
         if re.search(r"[\s/]", name):
-            text = f'the name "{name}" holds a space or slash, which TF dislikes'
+            text = f'the name "{name}" contains a space or slash, which breaks TF frame names'
             findings.warning(element, text)
         if name in elements:
             first = findings.document.places.get(elements[name], "above")
-            findings.error(element, f"there is a {tag} of that name already, at {first}; rename it")
+            findings.error(element, f"there already is a {tag} of that name, at {first}; rename it")
             continue
         elements[name] = element
     return elements
@@ -91,13 +91,13 @@ def check_tree(
             findings.error(
                 joints[joint],
                 f'link "{child}" has two parents: joint "{above[child]}" moves it already; '
-                "a link hangs on one joint",
+                "a link can have only one",
             )
         else:
             above[child] = joint
     parents = {child: ends[joint][0] for child, joint in above.items()}
     for loop in cycles(parents):
-        loop.reverse()  # parents are before their children now
+        loop.reverse()  # now parents come before their children
         names = " -> ".join([*loop, loop[0]])
         findings.error(
             joints[above[loop[0]]], f"the links {names} form a loop; remove one of its joints"
@@ -107,7 +107,7 @@ def check_tree(
     if len(roots) > 1 and len(ends) == len(findings.document.root.findall("joint")):
         findings.problem(
             links[roots[1]],
-            f"the robot falls into {len(roots)} parts, whose roots are {listing(roots)}; "
+            f"the robot is in {len(roots)} separate parts, with the roots {listing(roots)}; "
             f'connect each with a joint, so that only "{roots[0]}" has no parent',
         )
     return roots[0] if roots else ""
@@ -134,7 +134,7 @@ def check_mimics(
     """Check that each mimic joint follows, maybe via others, a joint that moves by itself.
 
     Returns:
-        The joints that follow a missing joint, themselves, a circle, or a joint without position.
+        The joints that follow a missing joint, themselves, a cycle, or a joint without position.
     """
     masters = {name: joint.mimic.joint for name, joint in joints.items() if joint.mimic}
     moving = [name for name, joint in joints.items() if joint.kind in MOVING_KINDS]
@@ -171,7 +171,7 @@ def check_meshes(findings: Findings) -> None:
 
 
 def check_materials(findings: Findings, materials: Mapping[Element, Material]) -> None:
-    """Check the names of the robot's materials, then of its visuals'."""
+    """Check the names of the robot's materials, and that each reference has a definition."""
     definitions: dict[str, Material] = {}
     for element, material in materials.items():
         if material.name is None:
@@ -200,7 +200,7 @@ _XACRO_LEFT = re.compile(r"\$\{[^}]*\}?|\$\([^)]*\)?")
 
 
 def check_schema(findings: Findings) -> None:
-    """Warn of elements that URDF does not have, and report xacro that is not expanded."""
+    """Warn about elements that URDF does not have, and report xacro that is not expanded."""
     leftovers: list[tuple[Element, str]] = []
     waiting = [findings.document.root]
     while waiting:
@@ -241,7 +241,7 @@ def _check_child(findings: Findings, element: Element, child: Element) -> None:
 def _check_attributes(
     findings: Findings, element: Element, leftovers: list[tuple[Element, str]]
 ) -> None:
-    """Warn of unknown attributes and collect xacro expressions."""
+    """Warn about unknown attributes, and collect xacro expressions."""
     content = ELEMENTS.get(element.tag)
     attributes = [*content.texts.split(), *content.numbers] if content else []
     for name, value in element.attrib.items():
@@ -254,10 +254,10 @@ def _check_attributes(
 
 
 def _check_repeats(findings: Findings, element: Element) -> None:
-    """Report second elements where only one makes sense; readers differ in which they take."""
+    """Report repeated elements where only one makes sense; readers differ in which one they use."""
     if element.tag not in ELEMENTS or element.tag == "robot":
         return
     for tag, count in Counter(child.tag for child in element).items():
         if count > 1 and tag in _SINGLE:
-            text = f"stands {count} times in {findings.label(element)}; leave one"
+            text = f"occurs {count} times in {findings.label(element)}; keep one"
             findings.problem(element.findall(tag)[1], text)

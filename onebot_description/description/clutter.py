@@ -1,7 +1,7 @@
-"""Generates cluttered worlds to find a way through, each from a seed.
+"""Generates cluttered worlds for navigation, each from a seed.
 
-A grid is filled by chance, and smoothed by a cellular automaton: a cell is filled if most of its
-neighbours are, and cleared if hardly any is. A grid that a robot could not cross is drawn anew
+A grid is filled at random and smoothed by a cellular automaton: a cell is filled if most of its
+neighbours are, and cleared if hardly any is. A grid that a robot could not cross is drawn again
 (Perille, Truong, Xiao and Stone, "Benchmarking Metric Ground Navigation", SSRR 2020).
 
 ``python -m onebot_description.description.clutter seed=7`` prints how difficult a world is.
@@ -26,24 +26,24 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import ConfigError, Problem, parameter, read
 
 NAME = "clutter"
-_CELL = 0.15  # m; a filled cell is a cylinder of that diameter
+_CELL = 0.15  # m; a filled cell is a cylinder of this diameter
 _HEIGHT = 0.6  # m
-_ROOM = 2.0  # m before and behind the field
-_STEP = 0.05  # m between the points among which a way is sought
+_ROOM = 2.0  # m of free space before and behind the field
+_STEP = 0.05  # m; resolution of the path search
 _SMOOTHED = 3  # times
-_FILLED, _CLEARED = 5, 1  # neighbours from which a cell is filled, and to which it is cleared
+_FILLED, _CLEARED = 5, 1  # at least so many filled neighbours fill a cell; at most so many clear it
 _TRIES = 30
 _WALL = 0.1  # m
 
 
 @dataclass(frozen=True)
 class ClutterParameters:
-    """What a cluttered world is like."""
+    """Parameters of a cluttered world."""
 
-    seed: int = parameter(0, "which of them", at_least=0, at_most=2**63 - 1)
-    density: float = parameter(0.25, "share of filled cells at first", at_least=0.0, at_most=0.4)
+    seed: int = parameter(0, "which world", at_least=0, at_most=2**63 - 1)
+    density: float = parameter(0.25, "initial share of filled cells", at_least=0.0, at_most=0.4)
     size: float = parameter(4.5, "edge of the field, m", at_least=1.5, at_most=30.0)
-    radius: float = parameter(0.25, "of a robot that can cross it, m", at_least=0.05, at_most=1.0)
+    radius: float = parameter(0.25, "robot radius that fits through, m", at_least=0.05, at_most=1.0)
 
 
 class Clutter(NamedTuple):
@@ -51,8 +51,8 @@ class Clutter(NamedTuple):
 
     urdf: str
     goal: tuple[float, float]  # beyond the field, m
-    length: float  # length of the shortest way there, m
-    clearance: float  # mean distance of that way's points to the nearest obstacle, m
+    length: float  # length of the shortest path to the goal, m
+    clearance: float  # mean distance of that path's points to the nearest obstacle, m
     cylinders: Floats  # (N, 2), their centres, m
 
     @property
@@ -60,7 +60,7 @@ class Clutter(NamedTuple):
         """How difficult it is, in words."""
         x, y = self.goal
         return (
-            f"{len(self.cylinders)} cylinders; the goal is at {x:g}, {y:g}; the shortest way is "
+            f"{len(self.cylinders)} cylinders; the goal is at {x:g}, {y:g}; the shortest path is "
             f"{self.length:.2f} m long, on average {self.clearance:.2f} m from obstacles"
         )
 
@@ -85,7 +85,7 @@ def clutter(parameters: ClutterParameters) -> Clutter:
     """Return the world.
 
     Raises:
-        OneBotError: it is so dense that no robot of the radius can cross it.
+        OneBotError: it is so dense that no robot of this radius can cross it.
     """
     cells = round(parameters.size / _CELL)
     for attempt in range(_TRIES):
@@ -105,18 +105,20 @@ def clutter(parameters: ClutterParameters) -> Clutter:
         x, y = _ROOM + (columns + 0.5) * _CELL, (rows + 0.5) * _CELL - half
         cylinders = np.stack((x, y), axis=1)
         end = cells * _CELL + 2.0 * _ROOM
-        way = _way(cylinders, end, half, parameters.radius)
-        if way is not None:
+        path = _shortest_path(cylinders, end, half, parameters.radius)
+        if path is not None:
             urdf = _urdf(parameters.seed, cylinders, end, half)
-            return Clutter(urdf, (end, 0.0), *way, cylinders)
+            return Clutter(urdf, (end, 0.0), *path, cylinders)
     raise OneBotError(
         f"{NAME}: no robot of radius {parameters.radius:g} m can cross such worlds; "
         "write a smaller density or radius"
     )
 
 
-def _way(cylinders: Floats, end: float, half: float, radius: float) -> tuple[float, float] | None:
-    """Return length and mean clearance, m, of the shortest way from 0, 0 to the goal, if any."""
+def _shortest_path(
+    cylinders: Floats, end: float, half: float, radius: float
+) -> tuple[float, float] | None:
+    """Return length and mean clearance, m, of the shortest path from 0, 0 to the goal, if any."""
     x, y = np.arange(0.0, end + _STEP / 2.0, _STEP), np.arange(-half, half + _STEP / 2.0, _STEP)
     free = half - np.abs(y)[:, None] + 0.0 * x
     for a, b in cylinders:

@@ -1,4 +1,4 @@
-"""Reads what ``<gazebo>`` says of a robot's drive: its plugin, and the rollers of its wheels."""
+"""Reads a robot's drive from ``<gazebo>``: its plugin, and the rollers of its wheels."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from onebot_description.elements.urdf import DriveKind, DrivePlugin, Joint
 from onebot_description.errors import shortened
 from onebot_description.geometry.poses import Triple, from_rpy, rotate
 
-# The names of plugins of each kind, and their elements that name joints, with the role as a group.
+# Patterns of each kind's plugin names, and of the elements that name joints (group: the role).
 # Gazebo moves the base of a "planar" robot as a whole, so its wheels may look like any others.
 _KINDS: dict[DriveKind, tuple[str, str]] = {
     "mecanum": (r"mec+anum.?drive", r"((?:front|back)_(?:left|right))_joint"),
@@ -20,12 +20,12 @@ _KINDS: dict[DriveKind, tuple[str, str]] = {
     ),
     "planar": (r"planar.?move|mec+anum|omni|(?<!joint)(?<!joint.)velocity.?control(?!ler)", ""),
 }
-_CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # its name may hold that of a controller
+_CONTROL = re.compile(r"ros2?_control", re.IGNORECASE)  # may be named after a controller
 _STEERING_LIMIT = "steering_limit", "max_steer"
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")  # some plugins write leftHingeJoint
 _DIRECTION, _FIRST, _SECOND = "fdir1", ("mu", "mu1"), ("mu2",)
 _FRICTION = (_DIRECTION, *_FIRST, *_SECOND)
-# The most friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
+# Maximum friction of an omni wheel along its axle, as a fraction of that in its rolling direction.
 _SLIDES = 0.2
 _OBLIQUE = math.sin(math.radians(5.0))  # sine of the minimum angle between oblique lines
 _ROUNDING = 1e-9  # rad
@@ -75,7 +75,7 @@ class Rollers(NamedTuple):
     """The rollers of wheels."""
 
     angles: Mapping[str, float]  # keys are links; see Description.rollers
-    elements: frozenset[Element]  # those that say so
+    elements: frozenset[Element]  # the elements that were read
 
 
 def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Joint]) -> Rollers:
@@ -109,7 +109,7 @@ def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Jo
         oblique = abs(math.cos(turn)) > _OBLIQUE
         slides = second < first and second <= (first if oblique else _SLIDES * first)
         slides = slides or (oblique and numbers == [None, None])
-        if slides and abs(math.sin(turn)) > _OBLIQUE:  # otherwise they turn as the wheel does
+        if slides and abs(math.sin(turn)) > _OBLIQUE:  # otherwise they turn like the wheel
             angles[link] = angle
             elements.update(parts)
     return Rollers(angles, frozenset(elements))
@@ -129,7 +129,7 @@ def _vector(findings: Findings, element: Element) -> Triple | None:
 def _frame(findings: Findings, direction: Element, links: Collection[str]) -> str:
     """Return the link in whose frame a direction is; "" for the base."""
     frames = (text for key, text in direction.items() if key.endswith("expressed_in"))
-    name = next(frames, "")  # The attribute's prefix is gz, ignition, or lost.
+    name = next(frames, "")  # the attribute's prefix is gz, ignition, or missing
     if not name or name in links:
         return name
     hint = findings.hint(name, links, "links")
@@ -149,7 +149,7 @@ def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
         above: the joint above each link.
     """
     seen = {""}
-    while link in above and link not in seen:  # The links may still form a loop.
+    while link in above and link not in seen:  # the links may still form a loop
         seen.add(link)
         joint = above[link]
         vector, link = rotate(from_rpy(joint.origin.rpy), vector), joint.parent

@@ -36,7 +36,7 @@ from onebot_description.errors import (
     shortened,
 )
 
-_MOST_PLACES = 4
+_MAX_PLACES = 4
 
 
 def expand_file(request: dict[str, Any], place: Place) -> dict[str, Any]:
@@ -73,8 +73,8 @@ def _result(document: minidom.Document, path: Path) -> dict[str, Any]:
     root = document.documentElement
     assert root is not None  # parsed documents have one
     text = root.toxml()
-    if len(text) > xml.MOST_BYTES:
-        most = xml.MOST_BYTES // 1_000_000
+    if len(text) > xml.MAX_BYTES:
+        most = xml.MAX_BYTES // 1_000_000
         raise DescriptionError([f"{shown_path(path)}: expands to more than {most} MB"])
     elements = [root, *root.getElementsByTagName("*")]
     return {"text": text, "places": [written_at(node) or shown_path(path) for node in elements]}
@@ -84,7 +84,7 @@ class _CopyPlaces:
     """Passes an element's places to its clones (a DOM UserDataHandler).
 
     The places of an element are where it was written and, in a macro, where the macro was called,
-    where the macro with that call was called, and so on.
+    where the macro that contains that call was called, and so on.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class _CopyPlaces:
 
     def handle(self, operation: int, key: str, data: Any, source: Any, clone: Any) -> None:
         """Called by minidom for each node cloned, children first."""
-        clone.setUserData(key, (data + self.call)[:_MOST_PLACES], self)
+        clone.setUserData(key, (data + self.call)[:_MAX_PLACES], self)
         if source.parentNode is None:
             self.call = ()  # the macro's whole body is cloned
 
@@ -134,9 +134,9 @@ class _Run:
         xacro.error = self.warning
         xacro.print_location = lambda *_: None  # places are in the messages already
         xacro.handle_macro_call = self.handle_macro_call
-        setattr(minidom, "NodeList", _Children)  # noqa: B010 (which elements are made with)
+        setattr(minidom, "NodeList", _Children)  # noqa: B010 (minidom creates elements with it)
         xacro.safe_eval = evaluate
-        # Private functions behind $(find ...) and $(eval ...), and the names that the latter knows.
+        # Private functions behind $(find ...) and $(eval ...), and the names known to $(eval ...).
         substitution_args._eval_find = self.find
         substitution_args._eval = self.eval
         names = substitution_args._eval_dict
@@ -178,7 +178,7 @@ class _Run:
         self.warnings.append(place + "xacro: " + " ".join(" ".join(map(str, words)).split()))
 
     def handle_macro_call(self, node: Any, macros: Any, symbols: Any) -> bool:
-        """Replace ``xacro.handle_macro_call``, which is called for every element: notes places."""
+        """Replace ``xacro.handle_macro_call``, which is called for every element; note places."""
         places = node.getUserData("places") or ()
         if places:
             self._place.note(places[0])
@@ -238,7 +238,7 @@ def _cause(chain: list[Exception], arguments: Collection[str]) -> str:
     if isinstance(inner, OneBotError):
         return str(inner)
     if isinstance(inner, RecursionError):
-        return "what is evaluated here is nested too deeply, or refers to itself without end"
+        return "this expression is nested too deeply, or refers to itself endlessly"
     if isinstance(inner, FileNotFoundError) and inner.filename:
         return missing_file(Path(str(inner.filename)))
     if type(inner).__name__ == "ArgException":

@@ -1,8 +1,8 @@
-"""Evaluates expressions of xacro files by simpleeval, with nothing that xacro does not document.
+"""Evaluates expressions of xacro files with simpleeval, limited to what xacro documents.
 
-Lambdas, f-strings and names with leading underscores are refused, a generator becomes a list, and
-only attributes of namespaces, loaded YAML and plain values can be read. The process that it runs in
-bounds its time and memory (see ``bounded_process``).
+Lambdas, f-strings and names with leading underscores are rejected, a generator becomes a list, and
+only attributes of namespaces, loaded YAML and plain values can be read. Its process has limited
+time and memory (see ``bounded_process``).
 """
 
 import ast
@@ -37,11 +37,11 @@ def evaluate(expression: str, names: Mapping[str, Any]) -> Any:
     """Return the value of an expression.
 
     Args:
-        expression: expression in the syntax of Python.
+        expression: an expression in Python's syntax.
         names: variables and functions, looked up when needed.
 
     Raises:
-        simpleeval.InvalidExpression: something is refused. Functions and operators may raise
+        simpleeval.InvalidExpression: something is not allowed. Functions and operators may raise
             other exceptions.
     """
     return _Evaluator(names).eval(expression, _parsed(expression.strip()))

@@ -45,7 +45,7 @@ from onebot_description.parameters.arguments import checked
 from onebot_description.parameters.values import Rule
 
 # Environment variable: a folder with file and line of the elements of each URDF. A bringup reads
-# the files, while its nodes get only the text, but should name these places in messages.
+# the files; its nodes get only the text, but should name these places in their messages.
 PLACES = "ONEBOT_PLACES"
 _WORLD = ".urdf.xacro"  # ending of the files of included worlds
 _GENERATED = "clutter"  # the kind of world that is generated
@@ -62,8 +62,8 @@ _Source = Annotated[str | Path, Rule(write="the path of a URDF or xacro file")]
 def load_description(source: _Source, arguments: XacroValues | None = None) -> Description:
     """Read a robot description, expand it if it is xacro, and check it.
 
-    Faulty elements that can be left out or replaced are listed in the description's ``problems``,
-    of which nodes only warn; ``Description.raise_problems`` is the strict check.
+    Faulty elements that can be left out or replaced are listed in the description's ``problems``.
+    Nodes only warn about them; ``Description.raise_problems`` is the strict check.
 
     Args:
         source: a .urdf or .xacro file, or ``package://name/path``. A file that declares the xacro
@@ -73,7 +73,7 @@ def load_description(source: _Source, arguments: XacroValues | None = None) -> D
     Raises:
         DescriptionError: the file cannot be read or expanded, it does not declare an argument, or
             the robot cannot be published. The text lists all problems, each with file, line,
-            element and remedy.
+            element and how to fix it.
     """
     path = _locate(source)
     document, files, warnings = _read(path, arguments or {})
@@ -112,7 +112,7 @@ def load_sensors(source: str | Path, robot: Description) -> SensorFile:
 
     Args:
         source: the file, or ``package://name/path``.
-        robot: whose links the blocks refer to.
+        robot: the robot with the links that the blocks refer to.
 
     Raises:
         DescriptionError: the file cannot be read or expanded, or has no sensor.
@@ -149,7 +149,7 @@ def load_world(world: str) -> Description:
     if "/" not in world and "." not in world and not Path(world).is_file():
         raise OneBotError(
             f'no world "{world}"'
-            f"{did_you_mean(world, [_GENERATED, *worlds], 'those that ship')}; write one of these, "
+            f"{did_you_mean(world, [_GENERATED, *worlds], 'included')}; write one of these, "
             "or the path of a URDF or xacro file"
         )
     description = load_description(world)
@@ -176,7 +176,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
     Raises:
         DescriptionError: the robot cannot be published; the text lists all problems.
     """
-    # What UTF-8 cannot encode is refused as any other character that is not XML's.
+    # Characters that UTF-8 cannot encode are rejected like any others that XML does not allow.
     data, warnings = xml.mended(urdf.encode("utf-8", "surrogatepass"), name)
     document = xml.parse(data, name, _folder(name), "utf-8")
     places = _kept_places(urdf)
@@ -187,7 +187,7 @@ def parse_description(urdf: str, name: str = "<string>") -> Description:
 
 
 def keep_places(description: Description) -> None:
-    """Save where a description was written, for processes that get only its text."""
+    """Save file and line of a description's elements, for processes that get only its text."""
     if file := _places_file(description.urdf):
         with suppress(OSError):  # the folder is temporary
             file.write_text(json.dumps(description.places))
@@ -220,7 +220,7 @@ def _locate(source: str | Path) -> Path:
     """Return the absolute path that ``source`` names."""
     text = os.fspath(source)
     if text.lstrip().startswith("<"):
-        raise DescriptionError([f"{shortened(text)}: is a description, not the path of its file"])
+        raise DescriptionError([f"{shortened(text)}: is a description; pass the path of its file"])
     try:
         if text.startswith("package://"):
             return resolve(text, None)

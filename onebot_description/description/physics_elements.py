@@ -1,4 +1,4 @@
-"""Reads what a description asks of a simulation's physics, and names what nothing here simulates.
+"""Reads a description's settings of the physics, and warns about those that are not simulated.
 
 These are the children of ``<gazebo>``, as sdformat converts them, except sensors and plugins, and
 the limits of URDF 1.2.
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from onebot_description.description.sensors.unread import asks_for_something
 from onebot_description.elements.reading import Element, Findings, number_fault, value_text
-from onebot_description.elements.urdf import MOST_FRICTION, Joint
+from onebot_description.elements.urdf import MAX_FRICTION, Joint
 from onebot_description.errors import listing, nearest
 
 _FALSE, _TRUE = ("false", "no", "0"), ("true", "yes", "1")
@@ -18,7 +18,7 @@ _FRICTION_USED = (
     "is the friction of arms, grippers and worlds, in all directions and at most 1; a wheeled base "
     'and its wheels ignore it: write <contact><lateral_friction value="..."/> in the link'
 )
-# The frame of each link is kept here, as both ask for.
+# Both ask to keep the frame of each link, which is always done here.
 _FULFILLED = ("preserveFixedJoint", "disableFixedJointLumping")
 _REASONS = {
     "contacts are rigid here": "kp kd minDepth maxVel maxContacts",
@@ -35,7 +35,7 @@ _LIMITS = ("acceleration", "deceleration", "jerk")
 
 
 class LinkPhysics(NamedTuple):
-    """What ``<gazebo reference="LINK">`` says of a link."""
+    """The physics of a link in ``<gazebo reference="LINK">``."""
 
     gravity: bool = True  # whether gravity acts on it
     friction: float | None = None  # coefficient of friction
@@ -47,13 +47,13 @@ def read_physics(
     joints: Mapping[str, Joint],
     used: frozenset[Element],
 ) -> dict[str, LinkPhysics]:
-    """Return the physics of links by name; what nothing simulates is a warning for each reason.
+    """Return the physics of links by name; warn, once per reason, about what is not simulated.
 
     Args:
         findings: findings of the document; faults are added.
         links: names of the links.
         joints: joints by name.
-        used: elements that something else has read.
+        used: elements that have been read elsewhere.
     """
     unused, physics, names = _Unused(findings, used), dict[str, LinkPhysics](), {*links, *joints}
     rolls = any(joint.kind == "continuous" for joint in joints.values())
@@ -79,21 +79,21 @@ def read_physics(
     for joint in findings.document.root.iterfind("joint"):
         for limit in joint.iterfind("limit"):
             for attribute in filter(limit.keys().__contains__, _LIMITS):
-                text = "motions do not keep to this limit"
+                text = "motions ignore this limit"
                 unused.add(text, attribute, limit, joint.get("name"))
     unused.report()
     return physics
 
 
 def _is_of_others(element: Element) -> bool:
-    """Return whether an element is, or holds, what the readers of sensors warn of."""
+    """Return whether an element has its effect elsewhere, or a sensor's reader warns about it."""
     return element.tag in _FULFILLED or any(
         part.tag in ("sensor", "plugin") for part in element.iter()
     )
 
 
 class _Unused:
-    """Collects what has no effect, to report each reason once; what is ``used`` has one."""
+    """Collects elements without effect, to report each reason once, except ``used`` elements."""
 
     def __init__(self, findings: Findings, used: frozenset[Element]) -> None:
         self._findings, self._used = findings, used
@@ -126,7 +126,7 @@ def _reason(tag: str) -> str:
 
 
 def _read(findings: Findings, element: Element, physics: LinkPhysics) -> LinkPhysics:
-    """Return the physics of a link with an element for gravity or friction."""
+    """Return a link's ``physics``, updated by an element for gravity or friction."""
     text, name = value_text(element), element.tag
     if name in _FRICTION:
         if (fault := number_fault(text)) or float(text) < 0.0:
@@ -143,4 +143,4 @@ def _read(findings: Findings, element: Element, physics: LinkPhysics) -> LinkPhy
 def _is_usual(element: Element, physics: LinkPhysics) -> bool:
     """Return whether an element for friction can be simulated as it is."""
     friction = physics.friction
-    return friction is None or float(value_text(element)) == friction <= MOST_FRICTION
+    return friction is None or float(value_text(element)) == friction <= MAX_FRICTION

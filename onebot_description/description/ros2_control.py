@@ -27,7 +27,7 @@ def _interfaces(findings: Findings, element: Element, joint: Joint) -> JointInte
     mimics = element.get("mimic", "").lower()
     if joint.mimic and mimics != "false" and commands:
         text = f'follows "{joint.mimic.joint}" by <mimic>, so it cannot have a command interface'
-        # Before Jazzy, ROS wanted one, and this parameter.
+        # Before Jazzy, ROS required one, and this parameter.
         older = element.find("param[@name='mimic']") is not None
         report = findings.warning if older else findings.problem
         report(element, f'{text}; remove that, or write mimic="false" here')
@@ -46,22 +46,22 @@ def _interfaces(findings: Findings, element: Element, joint: Joint) -> JointInte
 
 def _limits(findings: Findings, command: Element) -> tuple[float, float]:
     """Return the parameters min and max of a command interface; ROS ignores unusable ones."""
-    least, greatest = (
+    minimum, maximum = (
         _number(command, name, default, findings.warning)
         for name, default in (("min", -math.inf), ("max", math.inf))
     )
-    if least > greatest:
-        findings.warning(command, f"min {least:g} is greater than max {greatest:g}: ignored")
+    if minimum > maximum:
+        findings.warning(command, f"min {minimum:g} is greater than max {maximum:g}: ignored")
         return -math.inf, math.inf
-    return least, greatest
+    return minimum, maximum
 
 
 def _start(
-    findings: Findings, element: Element, joint: Joint, least: float, greatest: float
+    findings: Findings, element: Element, joint: Joint, minimum: float, maximum: float
 ) -> float | None:
     """Return the initial value of a joint's position; None if there is none.
 
-    ``least`` and ``greatest`` are the limits of its command interface.
+    ``minimum`` and ``maximum`` are the limits of its command interface.
     """
     state = element.find("state_interface[@name='position']")
     for interface in element:
@@ -70,7 +70,7 @@ def _start(
             findings.warning(interface, text)
     none = math.nan
     start = none if state is None else _number(state, "initial_value", none, findings.problem)
-    fault = not math.isnan(start) and joint.start_fault(start, least, greatest)
+    fault = not math.isnan(start) and joint.start_fault(start, minimum, maximum)
     if fault:
         findings.problem(element, f"initial_value {fault}")
     return None if fault or math.isnan(start) else start

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from onebot_description.errors import printable, shortened
 
-_MOST_INDENT = 60  # characters before a name; of longer indents, only the end is drawn
+_MAX_INDENT = 60  # characters before a name; only the end of a longer indent is drawn
 
 
 def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> list[tuple[str, str]]:
@@ -25,7 +25,7 @@ def branches(roots: Iterable[str], below: Callable[[str], Sequence[str]]) -> lis
 
 def _shortened(indent: str) -> str:
     """Return ``indent``; if it is too wide, only its end."""
-    return indent if len(indent) <= _MOST_INDENT else "…  " + indent[6:]
+    return indent if len(indent) <= _MAX_INDENT else "…  " + indent[6:]
 
 
 def cell(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Warns of wrong units, mostly millimetres, by the sizes of a robot's shapes."""
+"""Warns about wrong units, mostly millimetres, by the sizes of a robot's shapes."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -27,8 +27,8 @@ def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str
     """Measure the shapes of a robot; meshes are opened.
 
     Returns:
-        Side lengths of each shape along its axes, m, except of unreadable meshes; a message for
-        each unreadable mesh; and a warning for each file that a visual's mesh lacks for its look.
+        Side lengths of each shape along its axes, m, without unreadable meshes; a message for each
+        unreadable mesh; and a warning for each missing texture or material file of a visual's mesh.
     """
     sizes: dict[Shape, Triple] = {}
     faults: dict[str, str] = {}  # key: what is wrong
@@ -92,7 +92,7 @@ def _large_shapes(
 
 
 def _usual(sizes: Mapping[Shape, Triple]) -> float:
-    """Return the size, m, of the largest shape of usual size; infinite if none stands out."""
+    """Return the size, m, of the largest shape of usual size; infinite if no shape stands out."""
     lengths = sorted(length for length in map(max, sizes.values()) if length > 0.0)
     for row, (below, above) in enumerate(zip(lengths, lengths[1:], strict=False), 1):
         if above > _TIMES * below and 2 * row > len(lengths):
@@ -111,5 +111,5 @@ def _far_joints(description: Description, largest: float) -> Iterator[str]:
 
 
 def unit_of(length: float) -> str:
-    """Return the unit that a length which is too large, m, is probably in."""
+    """Return the probable unit of a length (m) that is too large."""
     return "millimetres" if length >= MILLIMETRES else "centimetres or millimetres"

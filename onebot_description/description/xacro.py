@@ -35,9 +35,9 @@ def expand(
     try:
         answer = run_bounded(_EXPAND, request, _BOUNDS)
     except BoundExceeded as met:
-        text = f"{met.place or name}: expanding it was stopped here: it takes more than {met}"
+        text = f"{met.place or name}: expansion was stopped here: it takes more than {met}"
         raise DescriptionError([text]) from None
-    except (OSError, RuntimeError) as error:  # such as too many processes, or one that was killed
+    except (OSError, RuntimeError) as error:  # such as too many processes, or a killed one
         raise DescriptionError([f"{name}: cannot be expanded: {error}"]) from None
     problems, declared = answer["problems"], answer["arguments"]
     for argument in arguments:
@@ -77,7 +77,7 @@ def xacro_arguments(source: str) -> XacroArguments:
     """Return the arguments of a xacro file, given as a path or as ``package://name/path``.
 
     A file that cannot be read, or an include whose name is only known when it is expanded, adds
-    nothing: loading the description is what reports it.
+    nothing; loading the description reports it.
     """
     files = list(_files(_path_of(source)))
     declared, used = arguments_in((path, root) for path, root, _ in files)
@@ -128,7 +128,7 @@ def _path_of(source: str) -> Path:
 
 
 def _files(file: Path) -> Iterator[tuple[Path, Element, list[Path | None]]]:
-    """Yield a file and those it includes, each once, with its root and what itself includes."""
+    """Yield a file and those it includes, each once, with its root and its own includes."""
     waiting, names = [file], set()
     packages: dict[Path, Resources] = {}
     while waiting:

@@ -1,1 +1,1 @@
-"""What a URDF consists of: its elements, how they are read, and the files that they name."""
+"""The elements of a URDF, their readers, and the files that they name."""

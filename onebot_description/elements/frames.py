@@ -36,7 +36,7 @@ def placed(link: str, origin: Origin, joints: Iterable[Joint]) -> tuple[str, Tra
 
 
 class Frames:
-    """Resolves names of frames (links and joints of a robot) that poses may be relative to.
+    """Resolves the names of frames (links and joints of a robot) that poses are relative to.
 
     Attributes:
         names: the link of each frame, by its name.

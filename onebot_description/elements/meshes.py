@@ -1,10 +1,10 @@
 """Locates mesh files, and loads their surfaces for the viewer, the simulation and its sensors.
 
-To publish a description, files are only located. yourdfpy or trimesh loads the surfaces. Added here
-is what RViz shows, but they ignore: the <unit> of a Collada file, surfaces with a broken material,
-textures wherever they are, and that y is up in glTF, which is turned as in RViz from 15.1.4 (2025)
-on. As in all of them, <up_axis> has no effect. yourdfpy and trimesh are imported in functions,
-because they are slow to import.
+To publish a description, files are only located. yourdfpy or trimesh loads the surfaces. This
+module adds what RViz shows but they ignore: the <unit> of a Collada file, surfaces with a broken
+material, textures wherever they are, and that y is up in glTF, which is turned as in RViz 15.1.4
+(2025) and later. As in all of them, <up_axis> has no effect. yourdfpy and trimesh are imported in
+functions, because they are slow to import.
 """
 
 import io
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _LFS_POINTER = b"version https://git-lfs.github.com/spec/"
-_MOST_BYTES = 100_000_000  # readers take ten times as much memory
+_MAX_BYTES = 100_000_000  # readers take ten times as much memory
 _LOOKS = ("bind_material", "library_materials", "library_effects", "library_images")
-# What may be before the name of a texture in a .mtl file; -s, -o and -t take up to three numbers.
+# Options before the name of a texture in a .mtl file; -s, -o and -t take up to three numbers.
 _NUMBERS = r"(?:\s+[-+]?[\d.]+(?:[eE][-+]?\d+)?(?=\s)){1,3}"
 _OPTIONS = re.compile(rf"(?:-[sot]{_NUMBERS}\s+|-mm\s+\S+\s+\S+\s+|-[a-z]+\s+\S+\s+)*")
 GLTF_SUFFIXES = (".glb", ".gltf")
@@ -39,7 +39,7 @@ _MATERIAL = re.compile(rb"^\s*usemtl\s", re.MULTILINE)
 
 
 def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0)) -> Mesh:
-    """Return the mesh that ``uri`` names, with its file, or with the reason why there is none."""
+    """Return the mesh that ``uri`` names, with its file, or the reason why there is none."""
     try:
         path, uri = resources.locate(uri)
     except OneBotError as error:
@@ -54,18 +54,18 @@ def locate_mesh(resources: Resources, uri: str, scale: Triple = (1.0, 1.0, 1.0))
 def _unsuitable(path: Path) -> str:
     """Return why ``path`` cannot be a mesh, without opening it; "" if it can."""
     if not path.is_file():
-        return f"{shown_path(path)}: {'is no file' if path.exists() else 'no such file'}"
+        return f"{shown_path(path)}: {'is not a file' if path.exists() else 'no such file'}"
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
-        return f'"{path.name}" is of an unsupported kind; convert it to one of: {kinds}'
+        return f'"{path.name}" has an unsupported format; convert it to one of: {kinds}'
     return ""
 
 
 class _Files:
-    """Reads for trimesh the files that a mesh file names, such as its textures.
+    """Reads the files that a mesh file names, such as its textures, for trimesh.
 
     Attributes:
-        missing: names of files that are not there.
+        missing: names of missing files.
     """
 
     def __init__(self, mesh: Path) -> None:
@@ -86,7 +86,7 @@ class _Files:
 
 
 def look_warnings(scene: "trimesh.Scene") -> list[str]:
-    """Return a sentence for each file that a scene of ``mesh_scene`` lacks for its look."""
+    """Return a sentence for each texture or material file that a scene of ``mesh_scene`` lacks."""
     return list(scene.metadata.get(_WARNINGS, ()))
 
 
@@ -112,11 +112,11 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
         raise
     except Exception as error:  # trimesh and its parsers raise exceptions of many types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        text = f"{path} cannot be read: {reason}; is it malformed or cut short?"
+        text = f"{path} cannot be read: {reason}; is it malformed or truncated?"
         raise OneBotError(text) from error
     parts = scene.geometry.values()
     if not any(isinstance(part, trimesh.Trimesh) and len(part.faces) for part in parts):
-        raise OneBotError(f"{path} holds no triangles, or is cut short; export it again")
+        raise OneBotError(f"{path} has no triangles, or is truncated; export it again")
     if suffix in GLTF_SUFFIXES:  # its y, which is up, becomes z
         scene.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     text = "it is drawn without this file, which is missing"
@@ -132,22 +132,22 @@ class ColoredTriangles(NamedTuple):
 
 
 def colored_triangles(path: Path) -> list[ColoredTriangles]:
-    """Return the surfaces of a Collada file that has nothing but coloured triangles in metres.
+    """Return the surfaces of a Collada file that has only coloured triangles in metres.
 
-    They are those of ``mesh_scene``, without trimesh, which takes 0.3 s to import, and pycollada,
-    which takes 0.02 s. Of any other file nothing is returned.
+    They equal those of ``mesh_scene``, without the imports of trimesh (0.3 s) and pycollada
+    (0.02 s). For any other file, the result is empty.
     """
     if path.suffix.lower() != ".dae":
         return []
     try:
         _check_file(path)
         return [*_PlainCollada(path).triangles()]
-    except Exception:  # the file is not plain, or broken, which ``mesh_scene`` explains
+    except Exception:  # the file is not plain, or is broken, as ``mesh_scene`` explains
         return []
 
 
 class _PlainCollada:
-    """A Collada file in which nothing is moved, scaled or textured; others raise an exception."""
+    """A Collada file without transforms and textures; any other file raises an exception."""
 
     def __init__(self, path: Path) -> None:
         self._root = ElementTree.parse(path).getroot()
@@ -215,10 +215,10 @@ def _require(condition: bool) -> None:
 
 
 def _check_file(path: Path) -> None:
-    """Refuse files that the readers of meshes would explain badly, or not at all."""
-    if (size := path.stat().st_size) > _MOST_BYTES:
-        most = _MOST_BYTES // 1_000_000
-        raise OneBotError(f"{path} is of {size // 1_000_000} MB, more than {most}; simplify it")
+    """Reject files for which the mesh readers would give poor error messages."""
+    if (size := path.stat().st_size) > _MAX_BYTES:
+        limit = _MAX_BYTES // 1_000_000
+        raise OneBotError(f"{path} has {size // 1_000_000} MB, more than {limit}; simplify it")
     with path.open("rb") as file:
         if file.read(len(_LFS_POINTER)) == _LFS_POINTER:
             text = "is a Git LFS pointer in place of the mesh; fetch it with git lfs pull"
@@ -226,7 +226,7 @@ def _check_file(path: Path) -> None:
 
 
 def surfaces(scene: "trimesh.Scene") -> list[Any]:
-    """Return the parts of a scene as trimesh.Trimesh, each at its pose."""
+    """Return the parts of a scene as trimesh.Trimesh, each moved to its pose."""
     return [part for part in scene.dump() if hasattr(part, "faces")]
 
 
@@ -247,7 +247,7 @@ def read_mesh(mesh: Mesh) -> "tuple[NDArray[np.float64], NDArray[np.intp]]":
 
 
 def _load(path: Path, files: _Files) -> "trimesh.Scene":
-    """Load a mesh file with yourdfpy, which loses textures, or with trimesh and its ``files``."""
+    """Load an STL file with yourdfpy, and others, which have textures, with trimesh."""
     if path.suffix.lower() != ".stl":
         import trimesh
 
@@ -261,7 +261,7 @@ def _load(path: Path, files: _Files) -> "trimesh.Scene":
 
 
 def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
-    """Return whether a mesh file has colours of its own, which override the URDF's, as in RViz."""
+    """Return whether a mesh file has its own colours, which override the URDF's, as in RViz."""
     suffix = path.suffix.lower()
     if suffix == ".stl":
         return False
@@ -284,7 +284,7 @@ def _collada_scene(path: Path, files: _Files, materials: bool) -> "trimesh.Scene
 
 
 def _without_materials(path: Path) -> "trimesh.Scene":
-    """Load the surfaces of a Collada file alone."""
+    """Load the surfaces of a Collada file without their materials."""
     import trimesh
 
     root = ElementTree.parse(path).getroot()

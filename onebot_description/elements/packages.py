@@ -1,7 +1,7 @@
 """Finds packages and files: ``package://``, ``$(find pkg)``, ``file://`` and paths.
 
-Nothing is fetched from the network, and no variable has to be set. A package is searched, in this
-order:
+Nothing is fetched from the network, and no variable has to be set. A package is searched for, in
+this order:
 
 - in the folders of ``ROS_PACKAGE_PATH``, to which ``package_path:=`` prepends its own
 - where packages are installed: the prefixes of ``AMENT_PREFIX_PATH`` and of this environment
@@ -9,8 +9,8 @@ order:
 
 The ROS wheels install themselves into the environment's prefix as an ament prefix, but leave
 ``AMENT_PREFIX_PATH`` unset, so ``$(find pkg)``, ``package://`` and ament_index would find nothing.
-An editable install moreover holds *copies* of urdf/, config/ and the like in the prefix. Here the
-checkout itself, through a prefix of symbolic links, comes first, so an edit takes effect at once.
+Moreover, an editable install puts *copies* of urdf/, config/ and the like into the prefix. Here the
+checkout itself comes first, through a prefix of symbolic links, so edits take effect immediately.
 """
 
 import contextlib
@@ -33,13 +33,13 @@ _NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # the name in a packa
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
-_LEVELS = 4  # below a folder that is searched, which may be anybody's home
+_LEVELS = 4  # of folders below a searched one, which may be a whole home folder
 _INDEX = "share/ament_index/resource_index/packages"  # below a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 
 
 class Resource(NamedTuple):
-    """The file that a URI leads to, whether or not it is there."""
+    """The file that a URI leads to, whether or not it exists."""
 
     path: Path
     # For other programs, which do not know the folder of the description: package:// if the package
@@ -71,12 +71,12 @@ class Resources:
             raise OneBotError(f'"{uri}": {error}') from None
         if scheme:
             raise OneBotError(
-                f'"{uri}": {scheme}:// is not loaded; '
+                f'"{uri}": {scheme}:// is not supported; '
                 "write package://<package>/<path>, file:///<path> or a path"
             )
         if self._folder is None and not uri.startswith("/"):
             raise OneBotError(
-                f'"{uri}" is relative, but this text lies in no folder; '
+                f'"{uri}" is relative, but this text is in no folder; '
                 "write package://<package>/<path> or an absolute path"
             )
         path = _existing(self._folder or Path(), uri)
@@ -109,7 +109,7 @@ class Resources:
         return source or (None if self._folder is None else self._around(name, self._folder))
 
     def _on_ros_path(self, name: str) -> Path | None:
-        """Return the package of that name in ROS_PACKAGE_PATH, or else a folder of that name."""
+        """Return the package ``name`` in ROS_PACKAGE_PATH, or else a folder of that name."""
         tops = [Path(entry) for entry in _entries(_ROS_PATH)]
         below = [folder for top in tops for folder in self._packages_below(top).values()]
         near = [folder for top in tops for folder in (top, top / name)]
@@ -117,13 +117,13 @@ class Resources:
         return first and first.resolve()
 
     def _first(self, name: str, tops: list[Path], folders: list[Path]) -> Path | None:
-        """Return the package of that name in or below ``tops``, or else the folder so named."""
+        """Return the package ``name`` in or below ``tops``, or else the folder of that name."""
         packages = (below[name] for top in tops if name in (below := self._packages_below(top)))
         named = (folder for folder in folders if folder.name == name and os.path.isdir(folder))
         return next(packages, None) or next(named, None)
 
     def _around(self, name: str, folder: Path) -> Path | None:
-        """Return the package in the source tree around ``folder``: above it, or near those above.
+        """Return the package in the source tree around ``folder``: above it, or beside those.
 
         A package without package.xml is found by the name of its folder.
         """
@@ -131,12 +131,12 @@ class Resources:
         for source in (source for parent in above for source in (parent, parent / name)):
             if package_name(source) == name:
                 return source
-        # The nearest first: a tree may hold several robots.
+        # The nearest folder comes first: a tree may hold several robots.
         folders = [*above, folder / name, folder.parent / name]
         return self._first(name, _source_tree(folder), folders)
 
     def _packages_below(self, top: Path) -> dict[str, Path]:
-        """Return the packages in and below ``top``, by name; the nearest one of each name."""
+        """Return the packages in and below ``top``, by name; of equal names, the nearest one."""
         if top not in self._below:
             packages: dict[str, Path] = {}
             folders = [top]
@@ -155,10 +155,10 @@ def resolve(uri: str, folder: Path | None) -> Path:
 
 
 def _in_file_system(uri: str) -> Resource:
-    # Not by urlsplit: what follows a # or ? is part of the path, too, as people write it.
+    # Without urlsplit, because people write # and ? as parts of the path.
     host, slash, inner = uri.partition(":")[2].removeprefix("//").partition("/")
     if host not in ("", "localhost") or not slash:
-        raise OneBotError(f'"{uri}" must read file:///<absolute path>, with three slashes')
+        raise OneBotError(f'"{uri}": write file:///<absolute path>, with three slashes')
     path = _existing(Path("/"), unquote(inner), inner)
     return Resource(path, uri if Path(unquote(urlsplit(uri).path)) == path else _file_uri(path))
 
@@ -166,7 +166,7 @@ def _in_file_system(uri: str) -> Resource:
 def _existing(folder: Path, *names: str) -> Path:
     """Return the file in ``folder`` that a URI means by one of ``names``; the first if none exists.
 
-    Exporters write %20 as well as spaces, and those of Windows write backslashes.
+    Exporters write %20 as well as spaces, and on Windows backslashes.
     """
     meant = [*names, *map(unquote, names)]
     paths = [folder / name for name in (*meant, *(name.replace("\\", "/") for name in meant))]
@@ -176,7 +176,7 @@ def _existing(folder: Path, *names: str) -> Path:
 def _file_uri(path: Path) -> str:
     try:
         return path.resolve().as_uri()
-    except (OSError, RuntimeError, ValueError):  # no path that could exist, such as a loop of links
+    except (OSError, RuntimeError, ValueError):  # an impossible path, such as a loop of links
         return str(path)
 
 
@@ -184,7 +184,7 @@ def _file_uri(path: Path) -> str:
 
 
 def use_package_path(folders: str) -> None:
-    """Look for packages in ``folders`` (joined by ``:``) first, here and in child processes."""
+    """Search ``folders`` (joined by ``:``) for packages first, here and in child processes."""
     paths = [Path(entry).expanduser().absolute() for entry in folders.split(os.pathsep) if entry]
     for folder in paths:
         if not folder.is_dir():
@@ -208,7 +208,7 @@ def use_environment_prefix() -> None:
 def packages_on_ros_path() -> dict[str, Path]:
     """Return the packages in and below the folders of ``ROS_PACKAGE_PATH``, by name.
 
-    A folder there, or directly in one, that has no package.xml is a package of its own name.
+    Such a folder, or a folder directly in it, without package.xml is a package named like itself.
     """
     return _packages_below_all(tuple(_entries(_ROS_PATH)))
 
@@ -251,7 +251,7 @@ def _in_index(name: str) -> Path | None:
 
 
 def _source_tree(folder: Path) -> list[Path]:
-    """The folders from ``folder`` up to the outermost repository, src or parent of a package."""
+    """Return the folders from ``folder`` up to the outermost repository, src or package parent."""
     above = [folder, *folder.parents]
     tops = [
         at
@@ -264,7 +264,7 @@ def _source_tree(folder: Path) -> list[Path]:
 
 
 def _folders_in(folder: Path) -> list[Path]:
-    """The folders in ``folder`` that may hold sources, sorted."""
+    """Return the folders in ``folder`` that may contain sources, sorted."""
     try:
         with os.scandir(folder) as entries:
             return sorted(
@@ -279,7 +279,7 @@ def _folders_in(folder: Path) -> list[Path]:
 
 
 def package_name(folder: Path) -> str:
-    """The package's name in the package.xml in ``folder``; "" if there is none."""
+    """Return the package's name from the package.xml in ``folder``; "" if there is none."""
     file = folder / "package.xml"
     if not file.is_file():  # a FIFO would never end
         return ""
@@ -287,14 +287,14 @@ def package_name(folder: Path) -> str:
         text = file.read_text(errors="replace")
     except OSError:
         return ""
-    # Without an XML parser: its imports fail while Python imports a module that it needs, whose
-    # own optional imports ask the finder of ``ros.packages`` for a package.
+    # No XML parser: this runs in the import finder of ``ros.packages``, possibly while Python is
+    # importing a module that the parser needs.
     match = _NAME.search(_COMMENT.sub("", text))
     return match[1] if match else ""
 
 
 def _missing(name: str, folder: Path | None) -> OneBotError:
-    """Return the error about a missing package: where it was searched, and what to set."""
+    """Return the error about a missing package: the searched places, and what to set."""
     ours = _own_prefixes()
     installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
     path = os.environ.get(_ROS_PATH) or "not set"
@@ -302,7 +302,7 @@ def _missing(name: str, folder: Path | None) -> OneBotError:
     return OneBotError(
         f'no ROS package "{shortened(name)}": looked in {_ROS_PATH} ({path}), '
         f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
-        f"name a folder that holds it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
+        f"name a folder that contains it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
     )
 
 
@@ -310,7 +310,7 @@ def _missing(name: str, folder: Path | None) -> OneBotError:
 
 
 def _checkout_prefix() -> Path | None:
-    """A prefix of links to the checkout this module was imported from; None when installed."""
+    """Return a prefix of links to the checkout that this module is in; None when installed."""
     checkout = Path(__file__).resolve().parents[2]
     if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
         return None
@@ -325,7 +325,7 @@ def _checkout_prefix() -> Path | None:
 
 
 def cache_folder() -> Path:
-    """Return a folder for files that can be made again: below HOME, or beside temporary files."""
+    """Return a folder for cached files: below HOME, or else among the temporary files."""
     with contextlib.suppress(OSError, RuntimeError):  # there is no home, or it is read-only
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home, "onebot")
@@ -344,7 +344,7 @@ def cache_folder() -> Path:
 
 
 def _link(link: Path, target: Path) -> None:
-    """Point ``link`` at ``target``; safe when several processes and threads do so at once."""
+    """Point ``link`` at ``target``; safe if several processes and threads do so concurrently."""
     if link.is_symlink() and Path(os.readlink(link)) == target:
         return
     fresh = link.with_name(f".{link.name}-{os.getpid()}-{threading.get_ident()}")

@@ -1,8 +1,8 @@
-"""Reads links and joints from XML elements; whatever cannot be read becomes a finding.
+"""Reads links and joints from XML elements; unreadable values become findings.
 
-A finding names file, line, element and remedy. Reading goes on after each, so that one run shows
-all of them. ``ELEMENTS`` declares what URDF has: each element's children and attributes, and of
-those that are numbers how many, the default and the check.
+A finding names file, line, element and how to fix it. Reading continues after each, so that one run
+shows all of them. ``ELEMENTS`` declares URDF's elements: their children and attributes, and the
+count, default and check of numeric attributes.
 """
 
 import math
@@ -49,9 +49,9 @@ _DEFAULT_AXIS: Triple = (1.0, 0.0, 0.0)
 # An axis whose length differs from 1 by more than this was not merely rounded.
 _AXIS_ROUNDING = 1e-3
 _INERTIA_ROUNDING = 1e-15  # kg or kg m^2; CAD programs write less than this for 0
-_MOST_HINTS = 100
+_MAX_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
-_MOST_DEGREES = 720  # a joint's limit; more means no limit
+_MAX_DEGREES = 720  # of a joint's limit; larger values mean no limit
 _QUATERNION = "quat_xyzw"
 
 Severity = Literal["error", "problem", "warning"]
@@ -60,9 +60,9 @@ Severity = Literal["error", "problem", "warning"]
 class Findings:
     """Collects all faults of one document.
 
-    With an error, nothing can be published. Something with a problem is left out or replaced: nodes
-    warn of it, and ``onebot check`` refuses it. A warning is about something that works, but is
-    probably not intended.
+    With an error, nothing can be published. An element with a problem is left out or replaced:
+    nodes warn about it, and ``onebot check`` rejects it. A warning is about something that works,
+    but is probably not intended.
     """
 
     def __init__(self, document: Document) -> None:
@@ -70,7 +70,7 @@ class Findings:
         self.texts: list[tuple[Severity, str]] = []  # each begins with file, line and element
         self.resources = Resources(document.folder)
         self.meshes: list[tuple[Element, Mesh]] = []  # order of reading
-        self.version = (1, 0)  # URDF's, which the robot declares
+        self.version = (1, 0)  # version of URDF that the robot declares
         self._hints = 0
 
     def error(self, element: Element, text: str) -> None:
@@ -87,9 +87,9 @@ class Findings:
         self.texts.append((severity, message))
 
     def hint(self, name: str, candidates: Iterable[str], what: str = "known") -> str:
-        """Return the hint of ``did_you_mean``; after many calls "", because it takes time."""
+        """Return the hint of ``did_you_mean``, or "" after many calls, because it takes time."""
         self._hints += 1
-        return did_you_mean(name, candidates, what) if self._hints <= _MOST_HINTS else ""
+        return did_you_mean(name, candidates, what) if self._hints <= _MAX_HINTS else ""
 
     def by_severity(self, *severities: Severity) -> tuple[str, ...]:
         """Return the findings of these severities, in the order they were found."""
@@ -157,12 +157,12 @@ def _inertia(findings: Findings, element: Element, name: str, values: Sequence[f
 def _colors(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
     if not all(0 <= value <= 1 for value in values):
         written = f'{name}="{element.get(name)}"'
-        findings.problem(element, f"{written} leaves 0 to 1; divide values of 0 to 255 by 255")
+        findings.problem(element, f"{written} is beyond 0 to 1; divide values of 0 to 255 by 255")
     return True
 
 
 def _radians(findings: Findings, element: Element, name: str, values: Sequence[float]) -> bool:
-    """Warn of angles of more than a turn, which are probably in degrees."""
+    """Warn about angles of more than a turn, which are probably in degrees."""
     degrees = max(map(abs, values), default=0.0)
     if degrees > _TURN:
         radians = f"{math.radians(degrees):.4g}"
@@ -171,15 +171,15 @@ def _radians(findings: Findings, element: Element, name: str, values: Sequence[f
     return True
 
 
-# ---- What URDF has ----
+# ---- Elements of URDF ----
 
 
 class Numbers(NamedTuple):
-    """An attribute that holds numbers."""
+    """A numeric attribute."""
 
     size: int = 1  # how many numbers
     default: float | Triple | None = None  # value if the attribute is missing
-    write: str = ""  # remedy if it is missing, {} for its name; "": it may be missing
+    write: str = ""  # what to write if it is missing, {} for its name; "": it may be missing
     check: Callable[[Findings, Element, str, Sequence[float]], bool] | None = None
 
 
@@ -188,7 +188,7 @@ class Content(NamedTuple):
 
     children: str = ""
     texts: str = ""  # attributes
-    numbers: Mapping[str, Numbers] = {}  # likewise
+    numbers: Mapping[str, Numbers] = {}  # attributes
 
 
 _NEEDED = Numbers(write='{}="..."')
@@ -302,7 +302,7 @@ def _read_numbers(
     return None
 
 
-# The numbers that every URDF reader accepts. float() would also accept "1_000", "nan", Thai digits.
+# Numbers that every URDF reader accepts; float() would also accept "1_000", "nan" and Thai digits.
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
@@ -349,7 +349,9 @@ def _rotation(
         written = (
             f"rpy and {_QUATERNION}" if length else f'{_QUATERNION}="{origin.get(_QUATERNION)}"'
         )
-        report(origin, f"{written} is no rotation; write either rpy or a {_QUATERNION} of length 1")
+        report(
+            origin, f"{written} is not a rotation; write either rpy or a {_QUATERNION} of length 1"
+        )
         return None
     if abs(length - 1.0) > _AXIS_ROUNDING:
         text = f"{_QUATERNION} has length {length:.4g}; it is taken as length 1"
@@ -456,9 +458,10 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
 
 
 def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
-    """Return the colour of each visual with a material: that of its name, if it has one.
+    """Return the colour of each visual with a material, looked up by its name if it has one.
 
-    As in urdfdom, the first definition of a name counts everywhere, the robot's before visuals'.
+    As in urdfdom, the first definition of a name counts everywhere; the robot's come before the
+    visuals'.
     """
     backwards = reversed([*materials.values()])
     named = {material.name: material.color for material in backwards if material.color}
@@ -474,7 +477,7 @@ def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict
 
 
 def read_materials(findings: Findings) -> dict[Element, Material]:
-    """Read the materials of the robot, then the visuals'."""
+    """Read the materials of the robot, then those of the visuals."""
     root = findings.document.root
     elements = [*root.iterfind("material"), *root.iterfind("link/visual/material")]
     return {element: _read_material(findings, element) for element in elements}
@@ -598,14 +601,14 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> list[float |
                 '<limit lower="..." upper="..." effort="..." velocity="..."/>',
             )
         return [None] * len(ELEMENTS["limit"].numbers)
-    # From URDF 1.2 on, effort and velocity may be missing.
+    # In URDF 1.2 and later, effort and velocity may be missing.
     complete = kind in MOVING_KINDS and findings.version < (1, 2)
     lower, upper, effort, velocity, *further = read(findings, limit, complete=complete)
     if not bounded:
         if kind == "continuous" and (lower or upper):
-            text = "a continuous joint turns without end, so lower and upper are ignored"
+            text = "a continuous joint turns endlessly, so lower and upper are ignored"
             findings.warning(
-                limit, f"{text}; delete them, or if it must stop there make it revolute"
+                limit, f"{text}; delete them, or make it revolute if it must stop there"
             )
         return [None, None, effort, velocity, *further]
     if velocity == 0:
@@ -618,7 +621,7 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> list[float |
 
 def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:
     # Wrists of real arms have limits beyond a turn, but these are not whole numbers of radians.
-    if all(end.is_integer() and abs(end) <= _MOST_DEGREES for end in ends):
+    if all(end.is_integer() and abs(end) <= _MAX_DEGREES for end in ends):
         _radians(findings, limit, "", ends)
 
 

@@ -1,4 +1,4 @@
-"""A simulated sensor as plain values, and what the models of all kinds of sensors have."""
+"""A simulated sensor as plain values, and the base class of sensor models."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from onebot_description.geometry.poses import Origin
 
 
 class SensorModel(ABC):
-    """What a sensor measures; each kind of sensor has its own model."""
+    """The properties of a sensor; each kind of sensor has its own model."""
 
     @property
     @abstractmethod
@@ -17,13 +17,13 @@ class SensorModel(ABC):
 
     @property
     def rays(self) -> tuple[int, int]:
-        """The number of rows of a lidar, and of rays in each row; one of both for the others."""
+        """The number of a lidar's rows, and of rays in each row; 1 and 1 for other sensors."""
         return 1, 1
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One simulated <sensor>, or what one of its plugins publishes."""
+    """One simulated <sensor>, or the part of it that one of its plugins publishes."""
 
     name: str
     link: str

@@ -1,8 +1,8 @@
 """A robot description as plain values: links, joints, shapes and inertials.
 
-Units are SI and radians, frames follow REP-103. ``reading`` creates these values from the URDF; in
-each, ``where`` is the line that it was written at, such as ``robot.urdf:12``. The values of sensors
-are in ``sensors``.
+Units are SI and radians, frames follow REP-103. ``reading`` creates these values from the URDF;
+their ``where`` is the file and line of the element, such as ``robot.urdf:12``. The values of
+sensors are in ``sensor``.
 """
 
 import math
@@ -22,8 +22,8 @@ Moments = tuple[float, float, float, float, float, float]  # ixx ixy ixz iyy iyz
 
 JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 MOVING_KINDS = ("revolute", "continuous", "prismatic")  # kinds with one degree of freedom
-# Gazebo takes the smaller one of two coefficients of friction; here the ground's and a box's is 1.
-MOST_FRICTION = 1.0
+# Gazebo uses the smaller of two coefficients of friction; here those of ground and boxes are 1.
+MAX_FRICTION = 1.0
 _ROUNDING = 1e-4  # rad or m by which a rounded start position may be beyond a limit
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 
@@ -62,7 +62,7 @@ class Capsule:
 class Mesh:
     """A mesh file, scaled along its axes; ``meshes.locate_mesh`` finds the file."""
 
-    uri: str  # valid for other programs, too: file://, or package:// of an installed package
+    uri: str  # valid in other programs, too: file://, or package:// of an installed package
     scale: Triple
     path: Path | None = field(default=None, compare=False)  # None if there is no such file
     problem: str = field(default="", compare=False)  # why there is no such file
@@ -73,7 +73,7 @@ Shape = Box | Cylinder | Sphere | Capsule | Mesh
 
 @dataclass(frozen=True)
 class Material:
-    """The material of visuals; without colour and texture it refers to another one by its name."""
+    """The material of visuals; without colour and texture, it refers to another by its name."""
 
     name: str | None
     color: Rgba | None = None  # 0 to 1
@@ -116,8 +116,8 @@ class Link:
     where: str = field(default="", compare=False)
     # Problems of visuals and collisions that could not be read.
     left_out: tuple[str, ...] = field(default=(), compare=False)
-    gravity: bool = True  # whether gravity acts on it: of <gazebo>, like its friction ``mu``
-    mu: float | None = None
+    gravity: bool = True  # whether gravity acts on it, from <gazebo>
+    mu: float | None = None  # coefficient of friction, from <gazebo>
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Mimic:
         return self.multiplier * position + self.offset
 
     def after(self, leader: "Mimic") -> "Mimic":
-        """Return how the joint follows the leader of its leader, which follows as ``leader``."""
+        """Return how the joint follows the leader of its leader, given its leader's mimic."""
         return Mimic(leader.joint, self.multiplier * leader.multiplier, self.at(leader.offset))
 
 
@@ -144,8 +144,8 @@ def reduced_mimics(
 
     Args:
         joints: names of joints.
-        mimics: how joints follow the next one of their chain; there is no circle.
-        given: the joints that have a position of their own, even if they are in ``mimics``.
+        mimics: how joints follow the next joint of their chain; there is no cycle.
+        given: the joints with their own position, even if they are in ``mimics``.
 
     Returns:
         For each of ``joints`` how it follows one of the given joints, which may be the joint
@@ -177,13 +177,13 @@ class Joint:
     child: str  # link
     origin: Origin = Origin()  # the joint frame (the child link's frame) in the parent link
     axis: Triple = (1.0, 0.0, 0.0)  # unit vector in the joint frame
-    lower: float | None = None  # least position, at most ``upper``; revolute and prismatic only
+    lower: float | None = None  # minimum position; revolute and prismatic only
     upper: float | None = None
     velocity: float | None = None  # maximum speed, rad/s or m/s
     effort: float | None = None  # maximum torque or force, Nm or N
     acceleration: float | None = None  # rad/s^2 or m/s^2 (URDF 1.2); nothing here enforces it
-    deceleration: float | None = None  # likewise
-    jerk: float | None = None  # likewise, rad/s^3 or m/s^3
+    deceleration: float | None = None  # the same
+    jerk: float | None = None  # the same, rad/s^3 or m/s^3
     soft_lower: float | None = None  # <safety_controller>
     soft_upper: float | None = None
     damping: float = 0.0  # <dynamics>, Nm s/rad or N s/m
@@ -200,13 +200,13 @@ class Joint:
         )
 
     def start_fault(
-        self, position: float, least: float = -math.inf, greatest: float = math.inf
+        self, position: float, minimum: float = -math.inf, maximum: float = math.inf
     ) -> str:
-        """Return that a start position, rad or m, is beyond the limits; "" if it is not.
+        """Return a message if a start position, rad or m, is beyond the limits; "" if it is not.
 
-        ``least`` and ``greatest`` are further limits, those of its command interface.
+        ``minimum`` and ``maximum`` are the limits of the command interface, rad or m.
         """
-        lower, upper = max(self.range[0], least), min(self.range[1], greatest)
+        lower, upper = max(self.range[0], minimum), min(self.range[1], maximum)
         if lower - _ROUNDING <= position <= upper + _ROUNDING:
             return ""
         return f"{position:g} is beyond the joint's limits, {lower:g} to {upper:g}"
@@ -227,14 +227,14 @@ DriveKind = Literal["mecanum", "ackermann", "planar"]
 
 
 class DrivePlugin(NamedTuple):
-    """A Gazebo plugin that drives a robot; what it names and the robot lacks is left out."""
+    """A Gazebo plugin that drives a robot, without the joints that the robot lacks."""
 
     kind: DriveKind  # planar: it moves the base as a whole, whatever its wheels
     where: str  # file and line, and the plugin's file
     # Joints by role. Mecanum: front_left, front_right, rear_right, rear_left. Ackermann: left and
     # right (driven), left_steering, right_steering.
     joints: Mapping[str, tuple[str, ...]]
-    steering_limit: float = math.inf  # the maximum steering angle, rad; infinite: not written
+    steering_limit: float = math.inf  # the maximum steering angle, rad; infinite: not given
 
 
 @dataclass(frozen=True)
@@ -248,25 +248,25 @@ class Description:
     robot_name: str
     source: str  # absolute path of the file loaded, or the name given to parse_description
     files: tuple[Path, ...]  # absolute paths of all files read, the loaded one first (to watch)
-    root_link: str  # the link that is no joint's child; the first of them if there are several
+    root_link: str  # the link that is no joint's child; if there are several, the first
     links: tuple[Link, ...]  # all links, in the order of the XML
     joints: tuple[Joint, ...]  # all joints, in the order of the XML
-    problems: tuple[str, ...]  # ``onebot check`` refuses these, nodes only warn
-    warnings: tuple[str, ...]  # these work, but are probably not intended
+    problems: tuple[str, ...]  # ``onebot check`` rejects these, nodes only warn
+    warnings: tuple[str, ...]  # about elements that work, but are probably not intended
     # File and line of each element of ``urdf``, in document order.
     places: tuple[str, ...] = field(default=(), compare=False, repr=False)
     sensors: "tuple[Sensor, ...]" = ()
     bad_sensors: tuple[str, ...] = ()  # names of unreadable sensors
     # From <ros2_control>, by joint.
     interfaces: Mapping[str, JointInterfaces] = field(default_factory=dict, hash=False)
-    # For links with rollers around them, as mecanum wheels have: how far the axle of the roller at
-    # the ground is to the left of forward, rad, in (-pi/2, pi/2], with all joints at 0.
+    # For links with rollers around them, such as mecanum wheels: the angle of the axle of the
+    # roller at the ground to the left of forward, rad, in (-pi/2, pi/2], with all joints at 0.
     rollers: Mapping[str, float] = field(default_factory=dict, hash=False)
     drive_plugin: DrivePlugin | None = field(default=None, hash=False)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """The problems, then the warnings, which a node logs when it uses the description."""
+        """The problems, then the warnings; a node logs them when it uses the description."""
         return (*self.problems, *self.warnings)
 
     def raise_problems(self) -> None:
@@ -285,14 +285,14 @@ class Description:
         if len(self.roots) > 1:
             raise DescriptionError(
                 [
-                    f"{self.source}: the robot falls into {len(self.roots)} parts, whose roots are "
-                    f"{listing(self.roots)}; connect them by joints"
+                    f"{self.source}: the robot is in {len(self.roots)} separate parts, with the "
+                    f"roots {listing(self.roots)}; connect them by joints"
                 ]
             )
 
     @cached_property
     def derived(self) -> dict[type, Any]:
-        """What others have derived of it, by class, so that it is done once."""
+        """A cache of values that are derived from the description, by class."""
         return {}
 
     @cached_property

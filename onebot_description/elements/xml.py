@@ -1,7 +1,7 @@
 """Parses untrusted XML; every fault in it becomes one clear DescriptionError.
 
-Each document is parsed here before any other parser sees it: DOCTYPE is refused, and with it entity
-bombs and external entities, and so is absurd nesting. The line of every element is noted.
+Each document is parsed here before any other parser sees it. DOCTYPE, and with it entity bombs and
+external entities, and excessive nesting are rejected. The line of every element is recorded.
 """
 
 import os
@@ -22,13 +22,13 @@ XACRO_NAMESPACES = (
     "https://www.ros.org/wiki/xacro",
 )
 _GAZEBO_PREFIXES, _GAZEBO_NAMESPACE = ("gz", "ignition"), "http://gazebosim.org/schema"
-_SEPARATOR = "\1"  # between namespace, name and prefix; no document can hold it
-# A comment, with its text, or a CDATA section, which may hold what looks like one. The end of the
-# document ends either, so that the time stays linear.
+_SEPARATOR = "\1"  # between namespace, name and prefix; no document can contain it
+# A comment, with its text, or a CDATA section, which may contain text like a comment. The end of
+# the document ends either, so that the time stays linear.
 _COMMENT = re.compile(rb"<!--(.*?)(-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)", re.DOTALL)
-MOST_BYTES = 50_000_000
-_MOST_NESTED = 100
-_MOST_PARTS = 1_000_000  # elements and attributes; a robot of 10,000 joints has a fifth of that
+MAX_BYTES = 50_000_000
+_MAX_NESTED = 100
+_MAX_PARTS = 1_000_000  # elements and attributes; 10,000 joints take a fifth of that
 
 
 @dataclass(frozen=True)
@@ -59,20 +59,20 @@ def read_bytes(path: Path) -> bytes:
     """
     name = shown_path(path)
     try:
-        if not path.is_file():  # a pipe would have the reader wait, a device may never end
+        if not path.is_file():  # a pipe would block the reader, a device may never end
             raise DescriptionError([missing_file(path)])
         with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise DescriptionError([f"{name}: cannot be read: {reason}"]) from None
-    if len(data) > MOST_BYTES:
-        raise DescriptionError([f"{name}: is larger than {MOST_BYTES // 1_000_000} MB"])
+    if len(data) > MAX_BYTES:
+        raise DescriptionError([f"{name}: is larger than {MAX_BYTES // 1_000_000} MB"])
     return data
 
 
 def missing_file(path: Path) -> str:
-    """Return the message about a missing file, with the files that are there."""
+    """Return the message about a missing file, with the files that exist."""
     name = shown_path(path)
     if path.is_dir():
         return f"{name}: is a folder; name the file{_choices(path, '')}"
@@ -90,24 +90,24 @@ def _choices(folder: Path, name: str) -> str:
 
 
 def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
-    """Mend what urdfdom takes and XML forbids: elements stay on their lines.
+    """Repair what urdfdom accepts but XML forbids; elements stay on their lines.
 
-    That is blank lines before an XML declaration, which are moved behind it, comments with "--"
-    inside, which are emptied, and prefixes of Gazebo's namespace, which are declared.
+    Blank lines before an XML declaration are moved behind it, comments with "--" inside are
+    emptied, and prefixes of Gazebo's namespace are declared.
 
     Returns:
-        The document, and warnings of what was changed.
+        The document, and a warning for each change.
     """
     warnings = []
     document = data.lstrip(b" \t\r\n")
     blank, end = data[: len(data) - len(document)], document.find(b"?>") + 2
     if blank and document.startswith(b"<?xml ") and end >= 2:
         data = document[:end] + blank + document[end:]
-        text = "blank lines before <?xml ...?>, which some programs refuse: delete them"
+        text = "blank lines before <?xml ...?>, which some programs reject: delete them"
         warnings.append(f"{shown}:1: {text}")
     if dashed := next(filter(_is_dashed, _COMMENT.finditer(data)), None):
         line = data.count(b"\n", 0, dashed.start()) + 1
-        text = '"--" inside a comment, which some programs refuse: delete it'
+        text = '"--" inside a comment, which some programs reject: delete it'
         warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
     for prefix in filter(lambda prefix: f"{prefix}:".encode() in data, _GAZEBO_PREFIXES):
@@ -128,14 +128,14 @@ def _with_prefix(data: bytes, prefix: str) -> tuple[bytes, str]:
     if not used or not root or f"xmlns:{prefix}".encode() in bare:
         return data, ""
     declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
-    text = f"the prefix {prefix} is not declared, which some programs refuse: write {declared} ...>"
+    text = f"the prefix {prefix} is not declared, which some programs reject: write {declared} ...>"
     data = data[: root.start()] + declared.encode() + data[root.end() :]
     line = bare.count(b"\n", 0, used.end()) + 1
     return data, f"{line}: {text}"
 
 
 def _emptied(comment: re.Match[bytes]) -> bytes:
-    """Return a comment without its text, on as many lines; anything else as it is."""
+    """Return a comment without its text, on as many lines; return anything else unchanged."""
     if comment[1] is None:
         return comment[0]
     return b"<!--" + re.sub(rb"[^\r\n]", b" ", comment[1]) + comment[2]
@@ -176,11 +176,11 @@ def parse(
         nonlocal parts
         opened.append((name, parser.CurrentLineNumber))
         parts += 1 + len(attributes)
-        if parts > _MOST_PARTS:
-            text = f"holds more than {_MOST_PARTS} elements and attributes"
+        if parts > _MAX_PARTS:
+            text = f"has more than {_MAX_PARTS} elements and attributes"
             raise DescriptionError([f"{place()}: {text}"])
-        if len(opened) > _MOST_NESTED:
-            raise DescriptionError([f"{place()}: elements are nested deeper than {_MOST_NESTED}"])
+        if len(opened) > _MAX_NESTED:
+            raise DescriptionError([f"{place()}: elements are nested deeper than {_MAX_NESTED}"])
         element = tree.start(_tag(name), {_tag(key): text for key, text in attributes.items()})
         places[element] = place()
 
@@ -190,7 +190,7 @@ def parse(
 
     def doctype(*_: object) -> NoReturn:
         raise DescriptionError(
-            [f"{place()}: <!DOCTYPE> and entities are refused; write the values out, or use xacro"]
+            [f"{place()}: <!DOCTYPE> and entities are rejected; write out the values, or use xacro"]
         )
 
     def declare(prefix: str | None, uri: str | None) -> None:
@@ -234,7 +234,7 @@ def _malformed(data: bytes, shown: str, error: Exception, opened: Sequence[tuple
         remedy += f', for gz: xmlns:gz="{_GAZEBO_NAMESPACE}"'
         return f"{place}: the prefix of a name is not declared; {remedy}"
     if not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return f"{place}: is not XML: URDF starts with <robot ...>"
+        return f"{place}: is not XML; URDF starts with <robot ...>"
     if opened and reason in ("mismatched tag", "no element found"):
         name, line = opened[-1]
         words = name.split(_SEPARATOR)  # namespace, name, prefix, or fewer

@@ -1,4 +1,4 @@
-"""Poses, rotations and transforms, each formula once, at the bottom of all packages.
+"""Poses, rotations and transforms, shared by all packages.
 
 - ``poses``: one at a time, as plain floats, without numpy.
 - ``quaternions``: batches of rotations, as arrays (..., 4).

@@ -18,7 +18,7 @@ from onebot_description.geometry.poses import (
 def of_transform(transform: Transform) -> Floats:
     """Return the matrix of one transform, ten times as fast as ``of_poses``.
 
-    Its quaternion may be of any length; of length 0 it is no rotation.
+    Its quaternion may have any length; length 0 means the identity.
     """
     (at_x, at_y, at_z), (x, y, z, w) = transform
     length = math.hypot(x, y, z, w) or 1.0
@@ -36,7 +36,7 @@ def of_poses(poses: Floats) -> Floats:
 
 
 def transformed(points: Floats, matrix: Floats) -> Floats:
-    """Return points (N, 3) of a frame, m, in its parent, in which it is at ``matrix`` (4, 4)."""
+    """Return points (N, 3) of a frame, m, in its parent; the frame is at ``matrix`` (4, 4)."""
     moved: Floats = points @ matrix[:3, :3].T + matrix[:3, 3]
     return moved
 

@@ -1,4 +1,4 @@
-"""Poses in space and in the plane, vectors and sums, one at a time, as plain floats without numpy.
+"""Poses in space and in the plane, and vectors, one at a time, as plain floats without numpy.
 
 For one pose, floats are several times as fast as arrays. ``multiply``, ``rotate``,
 ``of_half_angles`` and ``rows_of`` take components that may also be arrays, for ``quaternions``.
@@ -18,13 +18,13 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Transform(NamedTuple):
-    """The pose of a frame in its parent's."""
+    """The pose of a frame in its parent frame."""
 
     translation: Triple  # m
     rotation: Quaternion  # unit, x y z w
 
     def at(self, point: Triple) -> Triple:
-        """Return a point of this frame, m, in its parent's."""
+        """Return a point of this frame, m, in the parent frame."""
         return compose(self, Transform(point, (0.0, 0.0, 0.0, 1.0))).translation
 
 
@@ -217,7 +217,7 @@ class PlanarPose(NamedTuple):
         return Transform((self.x, self.y, 0.0), about_z(self.yaw))
 
     def compose(self, other: "PlanarPose") -> "PlanarPose":
-        """Return ``other``, which is relative to this pose, in the frame that this pose is in."""
+        """Return ``other``, which is relative to this pose, in this pose's parent frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return PlanarPose(
             self.x + c * other.x - s * other.y,

@@ -41,7 +41,7 @@ def _check_keyframes(given: "MotionParameters") -> Iterator[Problem]:
     times, positions = given.times or (), given.positions or given.poses or ()
     if len(times) != len(positions):
         counts = f"{len(times)} times but {len(positions)} positions"
-        yield Problem("", f"{counts}; give as many of each, at once")
+        yield Problem("", f"{counts}; give as many of each, in one change")
     elif times[0] < 0.0 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
         yield Problem("times", f"{list(times)} must increase, from 0 on")
 
@@ -51,7 +51,7 @@ def _pose(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
     return Keyframes.hold(poses[name][joint], name)
 
 
-# These functions make a joint's motion, by its type; they ignore parameters of other types.
+# Functions that create a joint's motion, by its type; they ignore parameters of other types.
 _KINDS: Mapping[str, Callable[["MotionParameters", str, Poses], Motion]] = {
     "constant": _constant,
     "sine": _sine,
@@ -115,7 +115,7 @@ class Dependent:
 
 @dataclass(frozen=True)
 class JointsConfig:
-    """All parameters of joint_state_publisher; the table in README.md explains them.
+    """All parameters of joint_state_publisher; README.md has a table of them.
 
     Positions are in rad, or m for prismatic joints.
     """
@@ -164,7 +164,7 @@ class JointsConfig:
             parameters: parameters by dotted names, or in nested maps as in YAML.
 
         Raises:
-            ConfigError: values are wrong; it names each of them, and what would be right.
+            ConfigError: values are wrong; it names each of them, and what to write.
         """
         return read(cls, parameters)
 

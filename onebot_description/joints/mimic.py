@@ -56,9 +56,9 @@ def resolve(
 
     Returns:
         The leaders; the limits, narrowed so that all followers stay within theirs; and problems.
-        There is a problem for each joint that cannot follow, and so moves alone (its leader is
-        missing or fixed, joints follow in a circle, or no position keeps both within their limits).
-        Its key is the joint's entry in dependent_joints; empty for a mimic tag.
+        There is a problem for each joint that cannot follow, and therefore moves alone (its leader
+        is missing or fixed, joints follow in a cycle, or no position keeps both within limits).
+        Its key is the joint's entry in dependent_joints, or empty for a mimic tag.
     """
     mimics = _mimics(joints, dependent, use_mimic_tags)
     problems: list[Problem] = []
@@ -71,7 +71,7 @@ def resolve(
         leave_out(name, text)
     for circle in cycles({name: mimic.joint for name, mimic in mimics.items()}):
         names = " -> ".join([*circle, circle[0]])
-        # Without one of them the others can follow; prefer one that the parameters name.
+        # If one of them moves alone, the others can follow; prefer a joint in the parameters.
         name = next((joint for joint in circle if joint in dependent), circle[0])
         leave_out(name, f"joints follow one another in a circle: {names}")
     while True:
@@ -86,7 +86,7 @@ def resolve(
 def _mimics(
     joints: Sequence[Joint], dependent: Mapping[str, Dependent], use_mimic_tags: bool
 ) -> _Mimics:
-    """Return the leader of each joint that is to follow."""
+    """Return how each joint should follow its leader."""
     tags = {joint.name: joint.mimic for joint in joints if joint.mimic and use_mimic_tags}
     chosen = {j.name: dependent[j.name] for j in joints if j.name in dependent}
     return tags | {n: Mimic(rule.parent, rule.factor, rule.offset) for n, rule in chosen.items()}
@@ -95,7 +95,7 @@ def _mimics(
 def _without_leader(
     joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: _Mimics
 ) -> dict[str, str]:
-    """Return what is wrong with the followers of joints that do not move."""
+    """Return messages about followers of joints that do not move, by follower."""
     names = {joint.name for joint in joints}
     kinds = {joint.name: joint.kind for joint in all_joints}
     problems = {}
@@ -124,8 +124,8 @@ def _narrow(
     """Narrow the limits of leaders so that their followers stay within their own.
 
     Returns:
-        Limits of all joints, and what is wrong with followers that no position of their leader
-        keeps within their limits.
+        Limits of all joints, and messages about followers that no position of their leader keeps
+        within their limits.
     """
     narrowed, wrong = deepcopy(limits), {}
     for follower in np.flatnonzero(following.follows).tolist():
@@ -135,7 +135,7 @@ def _narrow(
         if narrowed.lower[leader] > narrowed.upper[leader]:
             wrong[joints[follower].name] = (
                 f'joint "{joints[follower].name}" follows "{joints[leader].name}", and no position'
-                " suits the limits of both; correct the limits or the mimic tag, or set"
+                " is within the limits of both; correct the limits or the mimic tag, or set"
                 " use_mimic_tags to false"
             )
             narrowed.lower[leader], narrowed.upper[leader] = old

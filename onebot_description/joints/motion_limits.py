@@ -13,7 +13,7 @@ from onebot_description.parameters.reader import Problem
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of N joints, in rad and rad/s (m and m/s); infinite where there is none."""
+    """Limits of N joints, in rad and rad/s (m and m/s); infinite if there is no limit."""
 
     lower: Floats  # (N,)
     upper: Floats  # (N,)
@@ -21,7 +21,7 @@ class JointLimits:
 
 
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Return the joints with one degree of freedom: no fixed, floating or planar ones."""
+    """Return the joints with one degree of freedom: all but fixed, floating and planar ones."""
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
 
 

@@ -1,7 +1,7 @@
 """Motions of joints (sines and keyframes): their position at a time, and checks of limits.
 
 Positions are in rad (m for prismatic joints), times in s since the start of the motion. To add a
-kind of motion, write a ``Motion`` here, and in ``config`` its parameters and how they make one.
+kind of motion, write a ``Motion`` here, and its parameters and factory function in ``config``.
 """
 
 import math
@@ -65,7 +65,7 @@ class Motion(ABC):
 
     @abstractmethod
     def violations(self, allowed: Allowed) -> Iterator[str]:
-        """Yield a message, with a remedy, for each limit that the motion exceeds."""
+        """Yield a message, which says how to fix it, for each limit that the motion exceeds."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class Keyframes(Motion):
         Args:
             speed: rad/s or m/s, at least 0.
             start: rad or m.
-            lower: least position, rad or m.
+            lower: minimum position, rad or m.
             upper: maximum position, rad or m.
         """
         if speed <= 0.0 or lower == upper:

@@ -29,7 +29,7 @@ from onebot_description.joints.motions import (
 from onebot_description.parameters.reader import Problem
 
 _SHARE_OF_RANGE, _SHARE_OF_SPEED = 0.9, 0.5  # parts of the limits that a swing uses
-_FREE_SWING = math.pi / 2  # rad or m, without limits
+_FREE_SWING = math.pi / 2  # rad or m, amplitude without limits
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class Plan:
     limits: JointLimits  # after mimic joints are taken into account
     endless: NDArray[np.bool_]  # (N,) True for continuous joints without followers
     zeros: Floats  # (N,) positions of joints that nothing moves
-    motions: tuple[Motion, ...]  # N; followers' are not used
-    unsuitable: tuple[Problem, ...]  # parameters whose change is refused
+    motions: tuple[Motion, ...]  # N; those of followers are not used
+    unsuitable: tuple[Problem, ...]  # parameters whose change is rejected
     reports: tuple[Problem, ...]  # all warnings, including these and motions beyond limits
 
 
@@ -50,7 +50,7 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
 
     Args:
         all_joints: all joints of the robot.
-        config: the parameters; those that do not suit the robot are ignored, and reported.
+        config: the parameters; those that do not match the robot are ignored, and reported.
     """
     joints = movable(all_joints)
     limits, problems = joint_limits(joints, soft=config.use_smallest_joint_limits)
@@ -130,9 +130,9 @@ class _JointPlanner:
         return self._swing() if config.swing else Keyframes.hold(zero)
 
     def _swing(self) -> Motion:
-        """Swing through most of the range, at no more than a part of the speed allowed.
+        """Swing through most of the range, well below the maximum speed.
 
-        The phases are spread over a turn, so that the robot does not move as one piece.
+        The phases are spread over a turn, so that the joints do not all move in phase.
         """
         lower, upper = self.allowed.lower, self.allowed.upper
         middle, amplitude = 0.0, _FREE_SWING
@@ -150,7 +150,7 @@ class _JointPlanner:
 
 
 def _named(config: JointsConfig) -> dict[str, str]:
-    """Return the joints that the robot must have, by the parameters that name them."""
+    """Return the joint that each parameter names and the robot must have."""
     names = {f"motions.{name}": name for name in config.motions}
     names |= {f"dependent_joints.{name}": name for name in config.dependent_joints}
     for pose, positions in config.poses.items():
@@ -161,7 +161,7 @@ def _named(config: JointsConfig) -> dict[str, str]:
 def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], names: Mapping[str, str]
 ) -> list[Problem]:
-    """Return a problem for each of ``names``, by parameter, that no moving joint has."""
+    """Return a problem for each parameter in ``names`` whose name no moving joint has."""
     moving = [joint.name for joint in joints]
     kinds = {joint.name: joint.kind for joint in all_joints}
     hints = dict(unknown_names(names.values(), moving, "joints that move"))
@@ -177,12 +177,12 @@ def _wrong_names(
 def _moved_followers(
     joints: Sequence[Joint], following: Following, config: JointsConfig
 ) -> list[Problem]:
-    """Return the motions of joints that follow others."""
+    """Return a problem for each motion of a joint that follows another."""
     problems = []
     for number in np.flatnonzero(following.follows).tolist():
         name, leader = joints[number].name, joints[int(following.leader[number])].name
         if name in config.motions:
-            remedy = "move that one, or set use_mimic_tags to false"
+            remedy = "move its leader, or set use_mimic_tags to false"
             problems.append(
                 Problem(f"motions.{name}", f'joint "{name}" follows "{leader}"; {remedy}')
             )

@@ -1,7 +1,7 @@
 """Computes positions and velocities of a robot's joints at any time, within their limits.
 
-`ReceivedJointStates` keeps what other nodes publish, and `JointStateSource` samples it and the
-plan of the joints' motions.
+`ReceivedJointStates` stores joint states from other nodes; `JointStateSource` samples them and the
+planned motions of the joints.
 """
 
 import math
@@ -28,7 +28,7 @@ _ROUNDING = 1e-9
 
 
 class ReceivedJointStates:
-    """The latest state of each of N joints as other nodes publish it; NaN until one is received."""
+    """The latest state of N joints, received from other nodes; NaN until one is received."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._index = {name: number for number, name in enumerate(names)}
@@ -49,7 +49,7 @@ class ReceivedJointStates:
         velocity: Sequence[float],
         effort: Sequence[float],
     ) -> str | None:
-        """Store the values of one message; return why all of it was ignored, if it was.
+        """Store the values of one message; if all of it was ignored, return why.
 
         Each list is as long as ``names``, or empty. Values that are not finite or beyond LARGEST,
         and joints of other robots, are skipped.
@@ -74,8 +74,8 @@ class ReceivedJointStates:
 class JointStateSource:
     """Moves joints as configured, within their position and velocity limits.
 
-    Each sample is the previous one plus its velocity times the time between the two. The joints
-    start at their zero positions. From there, and from their present positions when the parameters
+    Each sample is the previous one plus its velocity times the time between them. The joints
+    start at their zero positions. From there, and from their current positions when the parameters
     change, they move to their targets as fast as their velocity limits allow.
 
     The positions of continuous joints without followers are wrapped to -pi..pi.
@@ -95,8 +95,8 @@ class JointStateSource:
             joints: all joints of the robot, in the order of the samples; fixed ones are left out.
             config: the parameters; by default no joint moves.
             previous: a source to continue from.
-            tolerant: leave out parameters that do not suit the joints, and report them; else
-                they are a ConfigError.
+            tolerant: leave out parameters that do not match the joints, and report them, instead
+                of raising a ConfigError.
         """
         self._all_joints = tuple(joints)
         self.names = tuple(joint.name for joint in movable(joints))
@@ -128,7 +128,7 @@ class JointStateSource:
     def prepare(self, config: JointsConfig) -> Plan:
         """Return the plan for new parameters, without applying it.
 
-        Raises ConfigError for those that do not suit the joints, unless they are in force already.
+        Raises ConfigError for parameters that do not match the joints, unless they already apply.
         """
         plan = make_plan(self._all_joints, config)
         tolerated = self._plan.unsuitable
@@ -147,7 +147,7 @@ class JointStateSource:
         self._position = np.where(turning, wrapped(self._position), self._position)
         self._origins = np.where(changed, self._elapsed, self._origins)
         # A continuous joint turns the short way to its new target.
-        turns = np.round((self._asked() - self._position) / TURN)
+        turns = np.round((self._targets() - self._position) / TURN)
         self._position = self._position + np.where(turning, TURN * turns, 0.0)
 
     def sample(self, time: float) -> tuple[Floats, Floats]:
@@ -176,7 +176,7 @@ class JointStateSource:
             self._velocity = np.zeros_like(self._position)
             return
         limits, following = self._plan.limits, self._plan.following
-        target = np.clip(self._asked(), limits.lower, limits.upper)
+        target = np.clip(self._targets(), limits.lower, limits.upper)
         leading = self._toward(target, step)
         # Followers move to their leaders' new positions; they lag only after a change of leader.
         position = np.where(following.follows, self._toward(self._follow(leading), step), leading)
@@ -184,15 +184,15 @@ class JointStateSource:
         self._velocity = np.clip(velocity, -limits.velocity, limits.velocity)
         self._position = position
 
-    def _asked(self) -> Floats:
-        """The motions' positions of now; the present one where a motion's cannot be computed."""
+    def _targets(self) -> Floats:
+        """Return the motions' current positions; if one is not finite, the joint stays."""
         times = np.maximum(self._elapsed - self._origins, 0.0).tolist()
         motions = zip(self._plan.motions, times, strict=True)
         positions = np.array([motion.at(time) for motion, time in motions], float)
         return np.where(np.isfinite(positions), positions, self._position)
 
     def _toward(self, target: Floats, step: float) -> Floats:
-        """Move from the present positions to ``target`` as far as the velocity limits allow."""
+        """Move from the current positions to ``target`` as far as the velocity limits allow."""
         way = target - self._position
         reach = self._plan.limits.velocity * step
         near = np.abs(way) <= reach * (1.0 + _ROUNDING)

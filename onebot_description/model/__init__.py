@@ -1,4 +1,4 @@
-"""Forward kinematics for given joint positions, and links that are fixed together as one body."""
+"""Forward kinematics for given joint positions, and rigid bodies of links fixed together."""
 
 from onebot_description.model.robot_model import RobotModel
 

@@ -1,6 +1,6 @@
-"""The rigid bodies of a robot: links that fixed joints connect, and their mass and shapes together.
+"""The rigid bodies of a robot: links that fixed joints connect, with their total mass and shapes.
 
-Here masses are added up as written; a link without ``<inertial>`` has none.
+Masses are added up as written; a link without ``<inertial>`` has none.
 """
 
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from onebot_description.arrays import Floats
-from onebot_description.elements.urdf import MOST_FRICTION, Description, Inertial, Link, Shape
+from onebot_description.elements.urdf import MAX_FRICTION, Description, Inertial, Link, Shape
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 
@@ -32,7 +32,7 @@ def rigid_frames(description: Description) -> dict[str, tuple[str, Floats]]:
 
 @dataclass
 class Body:
-    """One rigid body, in the frame of its first link, which is not fixed to any other."""
+    """One rigid body, in the frame of its first link, which is not fixed to a parent."""
 
     link: str  # name of that link
     mass: float = 0.0  # kg
@@ -51,7 +51,7 @@ class Body:
             self.collisions.append((collision.shape, place, link))
         friction = link.friction
         if friction is None and link.mu is not None:
-            friction = min(link.mu, MOST_FRICTION)
+            friction = min(link.mu, MAX_FRICTION)
         if friction is not None:
             self.friction = min(friction, friction if self.friction is None else self.friction)
         if link.inertial is not None:
@@ -102,21 +102,21 @@ class Body:
 def inertia_fault(moments: Floats) -> str:
     """Return what is wrong with principal moments (3,), kg m^2, and what the simulation does.
 
-    "" if they are those of a solid: above 0, and none greater than the sum of the others.
+    Returns "" for moments of a solid: above 0, and none larger than the sum of the others.
     """
-    greatest = float(moments.max())
-    sum_of_others = float(moments.sum() - greatest)
+    largest = float(moments.max())
+    sum_of_others = float(moments.sum() - largest)
     numbers = ", ".join(f"{moment:.3g}" for moment in sorted(moments))
     text = f"has the principal moments of inertia {numbers} kg m^2"
     if moments.min() <= 0.0:
-        return f"{text}; all must be above 0, else it cannot be simulated"
-    if greatest > sum_of_others * (1.0 + _ROUNDING):
+        return f"{text}; all must be above 0, or it cannot be simulated"
+    if largest > sum_of_others * (1.0 + _ROUNDING):
         return f"{text}; the largest is simulated as {sum_of_others:.3g}, the sum of the others"
     return ""
 
 
 def inertia_warnings(description: Description) -> Iterator[str]:
-    """Yield what the simulation does to the inertia of bodies, if they move."""
+    """Yield a warning for each moving body whose inertia the simulation changes or rejects."""
     moved = {joint.child: joint for joint in description.moving_joints}
     for name, body in merged_bodies(description).items():
         if moved and body.mass > 0.0:

@@ -1,4 +1,4 @@
-"""Forward kinematics of all joints at once, as arrays, in compiled code.
+"""Forward kinematics of all joints together, as arrays, in compiled code.
 
 A joint's transform is its fixed origin followed by its motion, and depends on no other joint, so
 /tf needs no traversal of the tree. For a revolute joint with origin rotation q0 and axis a (in the
@@ -38,7 +38,7 @@ _SLACK = 1e-9  # rad or m; a position this far beyond a limit is rounding
 
 @functools.cache
 def _kinematics() -> ctypes.CDLL:
-    """Return the compiled library with the functions of _kinematics.c declared."""
+    """Return the compiled library, with the signatures of _kinematics.c declared."""
     # A CDLL, unlike a PyDLL, releases the GIL: a batch may take long.
     library = ctypes.CDLL(load_library()._name)
     pointer, number = ctypes.c_void_p, ctypes.c_int64
@@ -183,7 +183,7 @@ class RobotModel:
         fixed: the arrays of the other joints. Floating and planar joints, which JointState does
             not contain, are at their origin.
         floating: names of the links that floating joints carry.
-        lower: (M,), least positions in rad or m; minus infinity without limit.
+        lower: (M,), minimum positions in rad or m; minus infinity without limit.
         upper: (M,), maximum positions in rad or m; infinite without limit.
     """
 
@@ -236,10 +236,10 @@ class RobotModel:
         return reduced_mimics(self.joints, self._mimics, given)
 
     def positions(self, given: _Positions) -> Floats:
-        """Positions of all moving joints, (M,), from some of them by name.
+        """Return the positions of all moving joints, (M,), from some of them by name.
 
-        Mimic joints follow. Other joints are at 0, even if that is beyond their limits, which are
-        not checked: ``pose`` does that.
+        Mimic joints follow. Other joints are at 0, even if that is beyond their limits. Limits are
+        not checked, unlike in ``pose``.
         """
         for name in given:
             self.row(name)
@@ -251,16 +251,17 @@ class RobotModel:
         return result
 
     def pose(self, given: _Positions) -> Floats:
-        """Positions of all moving joints, (M,), some given by name and the others at rest.
+        """Return the positions of all moving joints, (M,), some given by name, others at rest.
 
-        That is at 0, or in the middle of the range if 0 is not in it; mimic joints follow. Raises
-        OneBotError for a joint that does not move, follows another one, or would exceed a limit.
+        Joints rest at 0, or in the middle of their range if it does not include 0; mimic joints
+        follow. Raises OneBotError for a joint that does not move, follows another, or would exceed
+        a limit.
         """
         for name in given:
             self.row(name)
             if name in self._mimics:
                 leader = self._mimics[name].joint
-                text = f'joint "{name}" follows joint "{leader}": give the position of that'
+                text = f'joint "{name}" follows joint "{leader}": give the position of "{leader}"'
                 raise OneBotError(text)
         rests = {
             name: zero_position(lower, upper)
@@ -277,7 +278,7 @@ class RobotModel:
 
     def _beyond(self, row: int, position: float) -> str:
         limits = f"{self.lower[row]:g} to {self.upper[row]:g}"
-        return f'joint "{self.joints[row]}": {position:g} is out of its limits, {limits}'
+        return f'joint "{self.joints[row]}": {position:g} is beyond its limits, {limits}'
 
     def transforms(self, positions: ArrayLike | Mapping[str, float]) -> tuple[Floats, Floats]:
         """Return the parent-to-child transforms of all moving joints.
@@ -302,7 +303,7 @@ class RobotModel:
             (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
 
         Raises:
-            OneBotError: the shape is another, or there is no such joint.
+            OneBotError: the shape is wrong, or there is no such joint.
         """
         return self._tree.poses(self._checked(positions))
 
@@ -311,10 +312,10 @@ class RobotModel:
 
         Pinocchio names it LOCAL_WORLD_ALIGNED.
 
-        Times the velocities (M,) of the joints, rad/s or m/s, it gives the linear velocity of the
+        Multiplied by the joint velocities (M,), rad/s or m/s, it gives the linear velocity of the
         origin, m/s, above the angular velocity of the link, rad/s. The columns are those of
         Siciliano et al., "Robotics: Modelling, Planning and Control", 2009, eq. 3.30. Joints that
-        do not carry the link have columns of zeros; a mimic joint has a column of its own.
+        do not carry the link have columns of zeros; a mimic joint has its own column.
 
         Args:
             link: name of the link.
@@ -324,7 +325,7 @@ class RobotModel:
             (..., 6, M).
 
         Raises:
-            OneBotError: there is no such link or joint, or the shape is another.
+            OneBotError: there is no such link or joint, or the shape is wrong.
         """
         if link not in self.links:
             hint = did_you_mean(link, self.links, "links")
@@ -358,7 +359,7 @@ class RobotModel:
             positions: (..., M) in the order of ``joints``, rad or m; or by name, as ``positions``.
 
         Raises:
-            OneBotError: the shape is another, or there is no such joint.
+            OneBotError: the shape is wrong, or there is no such joint.
         """
         poses = matrices.of_poses(self.link_poses(positions))
         return dict(zip(self.links, np.moveaxis(poses, -3, 0), strict=True))

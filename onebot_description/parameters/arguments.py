@@ -5,8 +5,8 @@ An annotation says what an argument may be, and may add a ``Rule``, or a whole `
     @checked
     def run(seconds: Annotated[float, Rule(at_least=0.0)], paused: bool = False) -> None: ...
 
-As for parameters, an integer is right for a float, and so are numpy's scalars; a string is not. The
-function gets plain Python values, but arrays and other sequences as they are.
+As for parameters, integers and numpy scalars are valid for a float; strings are not. The function
+gets plain Python values, but arrays and other sequences unchanged.
 """
 
 import functools
@@ -42,14 +42,14 @@ class ArgumentError(ConfigError, ValueError):
 def checked(function: F, before: Callable[[Any], object] | None = None) -> F:
     """Return a function that checks its arguments before it runs.
 
-    What an annotation does not determine, such as ``Any``, is left to the function.
+    Arguments whose annotation does not determine a type, such as ``Any``, are not checked.
 
     Args:
         function: the function, or a method.
         before: called with a method's object before anything else.
 
     Raises:
-        ArgumentError: arguments are wrong; it names each of them, and what would be right.
+        ArgumentError: arguments are wrong; it names each of them, and what to write.
     """
     parameters = inspect.signature(function).parameters.values()
     names = [one.name for one in parameters if one.kind is one.POSITIONAL_OR_KEYWORD]
@@ -93,7 +93,7 @@ def checked_methods(before: Callable[[Any], object] | None = None) -> Callable[[
 def _checks(function: Callable[..., Any]) -> Mapping[str, _Check]:
     """Return the check of each argument.
 
-    The type that is returned may be one that only type checkers import, so it is not resolved.
+    The return type may be imported by type checkers only, so it is not resolved.
     """
     hints = {name: hint for name, hint in function.__annotations__.items() if name != "return"}
     holder = types.SimpleNamespace(__annotations__=hints)
@@ -102,7 +102,7 @@ def _checks(function: Callable[..., Any]) -> Mapping[str, _Check]:
 
 
 def _check(hint: Any, rule: Rule | None = None) -> _Check:
-    """Return the check of what an annotation with a rule allows."""
+    """Return the check for an annotation with a rule."""
     rule, origin, args = rule or Rule(), typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
         added = args[1]
@@ -140,7 +140,7 @@ def _value(kind: ValueType) -> _Check:
 
 
 def _instance(kinds: Sequence[Any], rule: Rule) -> _Check:
-    """Return the check of what is one of some classes; of anything else, a check of nothing."""
+    """Return the check for instances of some classes; for other annotations, no check."""
     if any(typing.get_origin(kind) or kind is Any or not isinstance(kind, type) for kind in kinds):
         return lambda name, value, problems: value
     accepted = tuple(type_ for kind in kinds for type_ in _ACCEPTED.get(kind, (kind,)))

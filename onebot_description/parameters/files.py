@@ -1,8 +1,8 @@
 """Reads YAML files of parameters, ROS 2 parameter files and others, with the line of each value.
 
-rcl reads a file only once, when the process starts, and its errors name neither the parameter nor a
-remedy. Here a file can be read again while the node runs. The dataclass of the parameters defines
-which values are valid; see ``reader``.
+rcl reads a file only once, when the process starts, and its errors name neither the parameter nor
+how to fix it. Here a file can be read again while the node runs. The dataclass of the parameters
+defines which values are valid; see ``reader``.
 """
 
 import functools
@@ -47,8 +47,8 @@ class Parameters:
     values: dict[str, Any] = field(default_factory=dict)  # keys: dotted names
     places: dict[str, str] = field(default_factory=dict)  # file and line of each, joints.yaml:7
     shared: set[str] = field(default_factory=set)  # names in a section for several nodes
-    sections: list[str] = field(default_factory=list)  # node names that the files have
-    warnings: list[str] = field(default_factory=list)  # a line for each thing that is ignored
+    sections: list[str] = field(default_factory=list)  # node names in the files
+    warnings: list[str] = field(default_factory=list)  # a line for each ignored entry
 
     def update(self, later: "Parameters") -> None:
         """Add the parameters of a later file, which override these."""
@@ -125,10 +125,11 @@ def section_matches(section: str, node: str) -> bool:
 
 
 class _YamlFile:
-    """The tree of a YAML file, None if it is empty; errors name file and line.
+    """The tree of a YAML file; errors name file and line.
 
     Attributes:
-        warnings: a line for each thing that has no effect, as it is read.
+        root: the root node; None if the file is empty.
+        warnings: a line for each entry that has no effect, added as it is read.
     """
 
     def __init__(self, text: str, name: str) -> None:
@@ -140,7 +141,7 @@ class _YamlFile:
             if not isinstance(error, yaml.MarkedYAMLError):
                 raise self._error(None, f"invalid YAML: {error}") from None
             mark = error.problem_mark or error.context_mark
-            # libyaml ends a last line that has no end.
+            # libyaml adds a line end to a last line without one.
             line = min(mark.line, text.count("\n")) if mark else None
             reason = " ".join(part for part in (error.context, error.problem) if part)
             raise self._error(line, f"invalid YAML: {reason}") from None
@@ -148,19 +149,19 @@ class _YamlFile:
     def pairs(
         self, node: yaml.Node, *, repeatable: bool = False
     ) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
-        """Return keys and values of a map, whose names must be plain.
+        """Return keys and values of a map, whose keys must be plain words.
 
-        They must differ, too, unless they are ``repeatable``, as those of sections are to rcl.
+        They must also be unique, unless they are ``repeatable``, as section names are in rcl.
         """
         if not isinstance(node, yaml.MappingNode):
             what = f'"{shortened(node.value)}"' if isinstance(node, yaml.ScalarNode) else "a list"
-            self.fail(node, f"{what} stands where a map belongs")
+            self.fail(node, f"{what} is in place of a map")
         lines: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 self.fail(key, "a name must be a plain word")
             if key.value in lines and (key.value == _MARK or not repeatable):
-                self.fail(key, f'"{key.value}" is here twice, first on line {lines[key.value]}')
+                self.fail(key, f'"{key.value}" occurs twice, first on line {lines[key.value]}')
             lines[key.value] = key.start_mark.line + 1
         return list(node.value)
 
@@ -169,7 +170,7 @@ class _YamlFile:
     ) -> Iterator[tuple[str, str, yaml.Node]]:
         """Yield dotted name, place and value of each entry of a map and of the maps in it.
 
-        With ``merge``, the maps in a list, and those of one name, are one map, as they are to rcl.
+        With ``merge``, the maps in a list, and maps with the same name, are merged, as in rcl.
         """
         for key, value in self.pairs(node, repeatable=merge):
             name = prefix + (self.text(key) if merge else key.value)
@@ -181,11 +182,11 @@ class _YamlFile:
                 yield name, f"{self._name}:{key.start_mark.line + 1}", value
 
     def text(self, node: yaml.ScalarNode) -> str:
-        """Return the text of a node without variables of launch files; warn once of each."""
+        """Return the text of a node without variables of launch files; warn once about each."""
         for variable in {*_VARIABLE.findall(node.value)} - self._variables:
             self._variables.add(variable)
             line = node.start_mark.line + 1
-            text = f"{variable} is for ros2 launch to replace; it is left out"
+            text = f"only ros2 launch can replace {variable}; it is left out"
             self.warnings.append(f"{self._name}:{line}: {text}")
         return _VARIABLE.sub("", node.value)
 
@@ -204,7 +205,7 @@ def _section(file: _YamlFile, node: yaml.Node) -> Parameters:
         # rcl cannot infer the type of an empty list, and treats it as not given.
         if value.value or isinstance(value, yaml.ScalarNode):
             if earlier := parameters.places.get(name):
-                text = f"{place}: {name}: is at {earlier}, too; this one, the later one, counts"
+                text = f"{place}: {name}: is also at {earlier}; this later one counts"
                 file.warnings.append(text)
             parameters.values[name] = _value(file, name, value)
             parameters.places[name] = place
@@ -238,7 +239,7 @@ def _scalar(file: _YamlFile, name: str, node: Any) -> bool | int | float | str:
 
 
 def plain_value(text: str) -> bool | int | float | str:
-    """Return what rcl takes an unquoted word for: a bool, an integer, a double or a string."""
+    """Return the value of an unquoted word in rcl: a bool, an integer, a double or a string."""
     if text in _BOOLS:
         return _BOOLS[text]
     if _INTEGER.fullmatch(text):
@@ -251,20 +252,20 @@ def plain_value(text: str) -> bool | int | float | str:
     return float(text) if _DOUBLE.fullmatch(text) else text
 
 
-# Other YAML files: a map, of no node -------------------------------------------------------------
+# Other YAML files: maps without nodes ------------------------------------------------------------
 
 
 def read_map(text: str, name: str) -> Parameters:
     """Return the values by dotted names of a YAML file that is a map, such as a saved view.
 
-    Unlike a parameter file, it may have null and lists of anything; an empty map is a value.
+    Unlike a parameter file, it may contain null and lists of anything; an empty map is a value.
     """
     content, loader = Parameters(), yaml.SafeLoader("")
     file = _YamlFile(text, name)
     for entry, place, node in file.entries(file.root) if file.root is not None else ():
         try:
             content.values[entry] = loader.construct_object(node, deep=True)
-        except Exception as error:  # any kind, if a value does not suit its tag
+        except Exception as error:  # of any type, if a value does not match its tag
             file.fail(node, f"invalid YAML: {' '.join(str(error).split())}")
         content.places[entry] = place
     return content
@@ -274,10 +275,10 @@ def read_map(text: str, name: str) -> Parameters:
 
 
 def read_files(files: Iterable[Path], node: str, kind: type) -> Parameters:
-    """Read the parameters that ``files`` hold for ``node``; later files override.
+    """Read the parameters for ``node`` in ``files``; later files override.
 
-    Unknown parameters in a section shared by several nodes are taken to be for another one. Raises
-    ConfigError if a file cannot be read, or is not ROS 2 parameter YAML.
+    Unknown parameters in a section shared by several nodes are assumed to be for another node.
+    Raises ConfigError if a file cannot be read, or is not a ROS 2 parameter file.
     """
     merged = Parameters()
     for file in files:
@@ -299,11 +300,11 @@ def check_sections(file: Path, nodes: Sequence[str]) -> None:
     """Check the sections of a file that a bringup gives to some nodes.
 
     Args:
-        file: its sections for one node are checked by that node.
+        file: the file; each node checks its own section itself.
         nodes: the full names of the nodes.
 
     Raises:
-        ConfigError: sections are for none of the nodes, and would do nothing.
+        ConfigError: sections match none of the nodes, and would have no effect.
     """
     sections = read_sections(read_text(file), str(file))
     idle = [name for name in sections if not any(section_matches(name, node) for node in nodes)]
@@ -314,10 +315,10 @@ def check_sections(file: Path, nodes: Sequence[str]) -> None:
 
 
 def undeclared_warnings(file: Path, unknown: Iterable[Unknown]) -> list[str]:
-    """Return a warning for each name that sections of several nodes have for no node.
+    """Return a warning for each name in a section for several nodes that no node declares.
 
     Args:
-        file: its sections for one node are checked by that node.
+        file: the file; each node checks its own section itself.
         unknown: a function for each node that reports the names that it does not declare.
     """
     warnings = []
@@ -335,14 +336,14 @@ def undeclared_warnings(file: Path, unknown: Iterable[Unknown]) -> list[str]:
 
 
 def _meant(section: str, nodes: Sequence[str]) -> str:
-    """Return what to write: a section of the same name for all nodes of that name, or any."""
+    """Return what to write: sections for nodes of that name, or else for any node."""
     name = f"/{section.rpartition('/')[2]}"
     namesakes = [node for node in nodes if node.endswith(name)]
     return f"write {f'/**{name}' if len(namesakes) > 1 else listing(namesakes or nodes)}"
 
 
 def read_text(file: Path) -> str:
-    """Return a file's text; a ConfigError says why it cannot be read."""
+    """Return a file's text; raise ConfigError if it cannot be read."""
     try:
         return bounded_yaml.read_text(file)
     except (OSError, UnicodeDecodeError) as error:
@@ -350,14 +351,14 @@ def read_text(file: Path) -> str:
         raise ConfigError([Problem("", f"{file}: cannot be read: {reason}")]) from None
 
 
-# Parameter files that count while the node runs, not only when it starts ------------------------
+# Parameter files that are followed while the node runs ------------------------------------------
 
 
 class LiveParameters:
-    """The parameters that files hold for one node, now and when they are next saved.
+    """The parameters for one node in files, now and after they are saved again.
 
-    Saving makes every parameter as the files have it: what they do not name goes back to its
-    default, also if it was set while the node ran. Only what the command line has set stays.
+    Saving sets every parameter as in the files; parameters that they do not contain return to their
+    defaults, even if they were set while the node ran. Only parameters from the command line stay.
     """
 
     def __init__(self, files: Sequence[Path], node: str, kind: type) -> None:
@@ -369,7 +370,7 @@ class LiveParameters:
 
     @property
     def warning(self) -> str | None:
-        """What is ignored; or that the files have sections, but none for this node."""
+        """Ignored entries, and whether the files have sections, but none for this node."""
         missing = no_section(self.file, self.files, self._node)
         return "\n".join(filter(None, [*self.file.warnings, missing])) or None
 
@@ -382,7 +383,7 @@ class LiveParameters:
         return read_files(self.files, self._node, self._kind)
 
     def changes(self, file: Parameters, current: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what to set, None to unset, for ``current`` to be as ``file`` has it."""
+        """Return the changes (None: unset) that bring ``current`` in line with ``file``."""
         names = [name for name in current if is_parameter(self._kind, name)]
         values = {**dict.fromkeys(names), **defaults(self._kind), **file.values, **self._pinned}
         if "robot_description" not in file.values:  # it comes from elsewhere
@@ -390,7 +391,7 @@ class LiveParameters:
         return {n: value for n, value in values.items() if not _same(current.get(n), value)}
 
     def places(self, values: Mapping[str, Any]) -> dict[str, str]:
-        """Return where the files have the ``values`` that they decided."""
+        """Return file and line of each of the ``values`` that came from the files."""
         written, places = self.file.values, self.file.places
         return {key: at for key, at in places.items() if _same(values.get(key), written[key])}
 

@@ -37,7 +37,7 @@ REQUIRED = MISSING
 _RULE = "onebot parameter"  # the key in a field's metadata
 NO_PARAMETER: Mapping[str, Any] = {_RULE: None}
 """Metadata of a dataclass field that is not a parameter."""
-_MOST_LISTED = 50  # problems in one message
+_MAX_LISTED = 50  # problems in one message
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 _OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
@@ -48,17 +48,17 @@ _OF_EVERY_NODE_PREFIXES = ("qos_overrides.", "overrides.")
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong or surprising."""
+    """A wrong or surprising value."""
 
     # Dotted name of the parameter or of its group, such as motions.elbow.frequency; empty when no
     # parameter is the cause.
     key: str
-    text: str  # the fault, and what would be right
+    text: str  # the fault, and what to write
 
     def message(self, places: Mapping[str, str] | None = None) -> str:
-        """Return ``place: key: text``; ``places`` are where each parameter was written.
+        """Return ``place: key: text``; ``places`` are file and line of each parameter.
 
-        The place of a group is that of the first parameter in it.
+        The place of a group is that of its first parameter.
         """
         inside = (place for key, place in (places or {}).items() if _is_in(key, self.key))
         place = (places or {}).get(self.key) or next(inside, "")
@@ -76,12 +76,12 @@ class ConfigError(OneBotError):
         self, problems: Iterable[Problem], places: Mapping[str, str] | None = None
     ) -> None:
         self.problems = tuple(problems)
-        lines = [problem.message(places) for problem in self.problems[:_MOST_LISTED]]
+        lines = [problem.message(places) for problem in self.problems[:_MAX_LISTED]]
         surplus = len(self.problems) - len(lines)
         super().__init__("\n".join([*lines, *([f"and {surplus} more"] if surplus else [])]))
 
     def located(self, places: Mapping[str, str]) -> "ConfigError":
-        """Return the same error, its message naming where each parameter was written."""
+        """Return the same error, with file and line of each parameter in its message."""
         return ConfigError(self.problems, places)
 
 
@@ -91,7 +91,7 @@ class ConfigError(OneBotError):
 def parameter(default: Any, description: str, **rules: Any) -> Any:
     """Return a dataclass field for one parameter. Its type is the field's annotation.
 
-    A type may be float (an integer is one, too), int, bool, str, a tuple of these (``tuple[str,
+    A type may be float (integers are accepted), int, bool, str, a tuple of these (``tuple[str,
     ...]``, or ``tuple[float, float, float]`` for exactly three), ``X | None``, where None and an
     empty list are both "not given", or a mapping from names to one of these or to a dataclass.
     The default of a parameter that must be given is REQUIRED; ``rules`` are fields of Rule.
@@ -103,7 +103,7 @@ def parameter(default: Any, description: str, **rules: Any) -> Any:
 
 
 def ignored(default: Any, reason: str, **rules: Any) -> Any:
-    """Return a field for a parameter without effect, accepted so that others' files work."""
+    """Return a field for a parameter without effect, accepted so that existing files work."""
     return parameter(default, f"accepted, without effect: {reason}", **rules)
 
 
@@ -112,21 +112,21 @@ class OwnClass:
 
 
 def group(kind: type[T], name: str = "") -> T:
-    """Return a dataclass field for a group of parameters, the dataclass ``kind`` by default.
+    """Return a dataclass field for a group of parameters, whose default is ``kind()``.
 
-    ``name`` is the one in ROS or YAML, if it is not the field's; it may hold dots.
+    ``name`` is its name in ROS or YAML, if it differs from the field's; it may contain dots.
     """
     return dataclasses.field(default_factory=kind, metadata={_RULE: Rule(name=name)})
 
 
-# What a dataclass consists of -----------------------------------------------------------------
+# The structure of a dataclass -----------------------------------------------------------------
 
 
 class _Field(NamedTuple):
     """One field of a dataclass."""
 
     field: str  # its name in the dataclass
-    name: str  # the one in ROS or YAML
+    name: str  # its name in ROS or YAML
     shape: "_Shape"
     default: Any  # REQUIRED if there is none
 
@@ -139,7 +139,7 @@ class _Group(NamedTuple):
 
 
 class _Map(NamedTuple):
-    """A map with names of the user's own."""
+    """A map with names that the user chooses."""
 
     item: "_Shape"
     key: str  # a word for its names, such as joint; empty: no parameters of a node
@@ -181,9 +181,9 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 
 
 class Leaf(NamedTuple):
-    """A parameter, or all whose names differ in words of the user's own."""
+    """A parameter, or all parameters whose names differ only in words that the user chooses."""
 
-    name: str  # it has <joint> for a name of the user's own
+    name: str  # with <joint>, for example, for a name that the user chooses
     type: ValueType
     default: Any
 
@@ -214,7 +214,7 @@ def _walk(shape: "_Shape", name: str, default: Any = None) -> Iterator[Leaf]:
 
 
 def ros_value(leaf: ValueType, value: Any) -> Any:
-    """Return a value of a field as a ROS parameter has it: lists for tuples."""
+    """Return a field's value as that of a ROS parameter, with lists for tuples."""
     if value is REQUIRED or value is None:
         return [] if leaf.many else None
     return list(value) if leaf.many else value
@@ -243,7 +243,7 @@ def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
 
 
 def _split(item: _Shape, name: str) -> tuple[str, str]:
-    """Split off a name of the user's own, which may hold dots, from what is inside."""
+    """Split a name that the user chose, which may contain dots, from the rest."""
     if isinstance(item, ValueType):
         return name, ""
     if isinstance(item, _Map):
@@ -260,7 +260,7 @@ def is_parameter(kind: type, name: str) -> bool:
 
 
 def value_type(kind: type, name: str) -> ValueType | None:
-    """Return the type of the parameter ``name``; None if it is no single parameter."""
+    """Return the type of the parameter ``name``; None if it is not a single parameter."""
     shape, unknown = _locate(kind, name)
     return shape if isinstance(shape, ValueType) and not unknown else None
 
@@ -279,12 +279,12 @@ def unknown_parameters(kind: type, names: Iterable[str]) -> list[Problem]:
 
 
 def _no_such(shape: _Shape, name: str, number: int = 0) -> str:
-    """Return what is wrong with a ``name`` that ``shape`` does not have; problem ``number``."""
+    """Return the message about a ``name`` that ``shape`` lacks; it is problem ``number``."""
     if not isinstance(shape, _Group):
         return "is one value, not a map"
-    # To find similar names takes time, and the problems after the first are not listed.
+    # Finding similar names takes time, and only the first problems are listed.
     names = [field.name for field in shape.fields]
-    return f"no such parameter{did_you_mean(name, names) if number < _MOST_LISTED else ''}"
+    return f"no such parameter{did_you_mean(name, names) if number < _MAX_LISTED else ''}"
 
 
 def is_of_every_node(name: str) -> bool:
@@ -298,20 +298,20 @@ def is_of_every_node(name: str) -> bool:
 def defaults(kind: type) -> dict[str, Any]:
     """Return every parameter of the dataclass ``kind`` whose name is fixed, with its default.
 
-    Values are as in ROS: lists, and an empty list for one that is not given.
+    Values are as in ROS: lists for tuples, and an empty list for a list that is not given.
     """
     fixed = (leaf for leaf in leaves(kind) if "<" not in leaf.name)
     return {leaf.name: ros_value(leaf.type, leaf.default) for leaf in fixed}
 
 
 def values_of(config: Any) -> dict[str, Any]:
-    """Return what ``defaults`` does, but with the values of ``config``, a dataclass."""
+    """Return the same as ``defaults``, but with the values of ``config``, a dataclass."""
     changed, usual = dict(_flat(as_map(config))), defaults(type(config))
     return {name: changed.get(name, value) for name, value in usual.items()}
 
 
 def as_map(config: Any) -> dict[str, Any]:
-    """Return ``config``, a dataclass, as nested maps for ``read``, without what has its default."""
+    """Return ``config``, a dataclass, as nested maps for ``read``, without default values."""
     changes: dict[str, Any] = {}
     kind: Any = type(config)
     for field in _group(kind).fields:
@@ -340,12 +340,12 @@ def read(kind: type[T], values: Values, places: Mapping[str, str] | None = None)
 
     Args:
         kind: a dataclass of parameters.
-        values: dotted names, or nested maps as in YAML, to values; what is missing has its
-            default.
-        places: where each was written, such as ``joints.yaml:7``, for the error.
+        values: values by dotted names, or in nested maps as in YAML; missing values have their
+            defaults.
+        places: file and line of each, such as ``joints.yaml:7``, for the error.
 
     Raises:
-        ConfigError: values are wrong; it names each of them, and what would be right.
+        ConfigError: values are wrong; it names each of them, and what to write.
     """
     node_values = {name: value for name, value in _flat(values) if not is_of_every_node(name)}
     problems: list[Problem] = []
@@ -365,10 +365,10 @@ def _flat(values: Values, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> Any:
-    """Return what is given for ``key``, a dotted name, checked; REQUIRED if it is wrong.
+    """Return the checked value of ``key``, a dotted name; REQUIRED if it is wrong.
 
-    ``given`` are values by the rest of their names, "" for the value of ``key`` itself;
-    ``problems`` is extended.
+    ``given`` has values by the rest of their names, "" for the value of ``key`` itself; problems
+    are added to ``problems``.
     """
     earlier = len(problems)
     parts: dict[str, dict[str, Any]] = {}
@@ -390,14 +390,14 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
             hint = f" with {', '.join(names)}" if names else ""
             problems.append(Problem(key, f"{shown(value)}; write a map{hint}"))
             return REQUIRED
-    if key and any(given) and not parts:  # only unknown names: it counts as not given
+    if key and any(given) and not parts:  # only unknown names, which count as not given
         return REQUIRED
     built = {n: _build(shapes[n], part, _join(key, n), problems) for n, part in parts.items()}
     built = {name: value for name, value in built.items() if value is not REQUIRED}
     if not isinstance(shape, _Group):
         return built
     config = _make(shape, parts, built, key, problems)
-    # A wrong value has its default now, so that conditions on several values are not checked.
+    # Wrong values now have their defaults, so conditions on several values are not checked.
     if hasattr(config, "check") and len(problems) == earlier:
         problems += [Problem(_join(key, problem.key), problem.text) for problem in config.check()]
     return config
@@ -417,7 +417,7 @@ def _missing(field: _Field, key: str) -> Problem:
     rule = field.shape.rule if isinstance(field.shape, ValueType) else Rule()
     choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
     what = "".join(f", {text}" for text in (rule.description, choices) if text)
-    if key:  # the group's, because only what is written has a line
+    if key:  # the key of the group, because a missing value has no line
         return Problem(key, f"has no {field.name}{what}")
     return Problem(field.name, f"is missing{what}")
 
@@ -439,9 +439,9 @@ class Row(NamedTuple):
 
 
 def rows(*kinds: type) -> list[Row]:
-    """Return a row for each parameter of dataclasses; alike ones share a row.
+    """Return a row for each parameter of dataclasses; equal ones share a row.
 
-    Where some can be changed while the node runs, "start:" marks those that cannot.
+    If some can be changed while the node runs, "start:" marks those that cannot.
     """
     parameters = [leaf for kind in kinds for leaf in leaves(kind)]
     some_change = not all(leaf.type.rule.read_only for leaf in parameters)

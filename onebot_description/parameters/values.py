@@ -1,4 +1,4 @@
-"""Checks the type and rules of one value, with errors that name a remedy."""
+"""Checks the type and rules of one value, with errors that say what to write."""
 
 import math
 import re
@@ -14,13 +14,13 @@ MAX_PORT = 65535
 """The maximum number of a TCP port."""
 
 LARGEST = 1e60
-"""The maximum absolute value of a parameter: products of a few of them are finite."""
+"""The maximum absolute value of a parameter, so that products of a few are finite."""
 
 INT64 = range(-(2**63), 2**63)
-"""The integers that a parameter may have."""
+"""The range of integer parameters."""
 
 NAMESPACE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-"""A namespace without slashes, as that of a robot among several."""
+"""A namespace without slashes, such as that of one robot among several."""
 
 NAMESPACE_WANTED = "letters, digits and _, not beginning with a digit"
 """What to write for a namespace."""
@@ -41,35 +41,35 @@ class Rule:
     """Description and rules of one value; in a list, rules apply to each element."""
 
     description: str = ""  # one line, with the unit
-    name: str = ""  # the one in ROS or YAML, if it is not the field's; may hold dots
-    above: float | None = None  # numbers must be greater
+    name: str = ""  # its name in ROS or YAML, if it differs from the field's; may contain dots
+    above: float | None = None  # numbers must be larger
     at_least: float | None = None
     at_most: float | None = None
     choices: tuple[str, ...] = ()  # the only strings allowed
     not_empty: bool = False  # neither a string nor a list may be empty
-    unique: bool = False  # a list must not hold anything twice
+    unique: bool = False  # a list must not contain duplicates
     pattern: re.Pattern[str] | None = None  # a string must match it
-    write: str = ""  # what would be right, for errors, such as "a topic, such as /odom"
+    write: str = ""  # what to write, for errors, such as "a topic, such as /odom"
     nan: str = ""  # what NaN means, such as "no limit"; empty if the number must be finite
     infinite: bool = False  # whether a number may be infinite
     read_only: bool = False  # it is read once, when the node starts
-    keys: tuple[str, ...] = ()  # of a map: what its names are, such as "joint"
+    keys: tuple[str, ...] = ()  # the meaning of a map's names, such as "joint"
 
     def __repr__(self) -> str:
-        """What would be right, as ``help()`` shows it in the signatures of functions."""
+        """Return the valid values, as ``help()`` shows them in signatures."""
         return self.write or self.range or ", ".join(self.choices) or "any"
 
     @property
     def range(self) -> str:
         """The range in words, such as "above 0 and up to 1000"; empty for none."""
-        most = "" if self.at_most is None else f"to {self.at_most:g}"
+        end = "" if self.at_most is None else f"to {self.at_most:g}"
         if self.at_least is not None:
-            return _join(" ", f"from {self.at_least:g}", most)
+            return _join(" ", f"from {self.at_least:g}", end)
         above = "" if self.above is None else f"above {self.above:g}"
-        return _join(" and ", above, f"up {most}" if most else "")
+        return _join(" and ", above, f"up {end}" if end else "")
 
     def beyond(self, value: float) -> str:
-        """Return on which side ``value`` is out of range; empty if it is within."""
+        """Return how ``value`` is out of range; empty if it is within."""
         if self.above is not None and not value > self.above:
             return f"is not above {self.above:g}"
         if self.at_least is not None and value < self.at_least:
@@ -86,11 +86,11 @@ class ValueType:
     base: type  # float, int, bool or str
     rule: Rule = Rule()
     many: bool = False  # it is a list
-    length: int | None = None  # the list's; None for any
-    optional: bool = False  # None and an empty list are "not given"
+    length: int | None = None  # length of the list; None for any
+    optional: bool = False  # None and an empty list mean "not given"
 
     def checked(self, value: Any) -> Any:
-        """Return ``value`` checked; a ValueError says what is wrong and what would be right."""
+        """Return ``value`` checked; a ValueError says what is wrong and what to write."""
         value = plain(value)
         if self.optional and value in (None, []):
             return None
@@ -109,7 +109,7 @@ class ValueType:
             raise ValueError(f"is empty; write {self.wanted(value)}")
         if self.rule.unique and len(set(items)) < len(items):
             twice = next(item for item, count in Counter(items).items() if count > 1)
-            raise ValueError(f'"{twice}" is there twice')
+            raise ValueError(f'"{twice}" occurs twice')
         return items
 
     def _one(self, value: Any) -> Any:
@@ -117,8 +117,8 @@ class ValueType:
         fits = isinstance(value, int | float if self.base is float else self.base)
         if not fits or (isinstance(value, bool) and self.base is not bool):
             raise ValueError(f"{shown(value)}; write {self.wanted(value)}")
-        greatest = max(INT64[-1], int(self.rule.at_most or 0))
-        if isinstance(value, int) and not INT64[0] <= value <= greatest:
+        maximum = max(INT64[-1], int(self.rule.at_most or 0))
+        if isinstance(value, int) and not INT64[0] <= value <= maximum:
             raise ValueError(f"needs more than 64 bits; write {self.wanted(value)}")
         if isinstance(value, str):
             self._check_text(value)
@@ -144,10 +144,10 @@ class ValueType:
         if rule.not_empty and not value:
             raise ValueError(f"is empty; write {self.wanted(value)}")
         if rule.pattern and not rule.pattern.fullmatch(value):
-            raise ValueError(f'"{shortened(value)}" is not possible; write {self.wanted(value)}')
+            raise ValueError(f'"{shortened(value)}" is not valid; write {self.wanted(value)}')
 
     def wanted(self, value: Any = None) -> str:
-        """The remedy, such as "a number from 0 to 1", in place of ``value``."""
+        """Return what to write in place of ``value``, such as "a number from 0 to 1"."""
         if self.rule.write:
             return self.rule.write
         if self.many:
@@ -166,12 +166,12 @@ class ValueType:
 
     @property
     def name(self) -> str:
-        """As ROS names it, such as double[]."""
+        """Its name in ROS, such as double[]."""
         return _NAMES[self.base] + "[]" * self.many
 
     @property
     def meaning(self) -> str:
-        """What the parameter means and may be, in one line."""
+        """The meaning and valid values of the parameter, in one line."""
         rule = self.rule
         limits = rule.range if rule.at_most is not None else ""
         choices = f"one of {', '.join(rule.choices)}" if rule.choices else ""
@@ -183,8 +183,8 @@ def _join(separator: str, *words: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as plain Python: arrays and tuples as lists, numpy's scalars as numbers."""
-    if hasattr(value, "tolist"):  # array.array and numpy, which is slow to import, have it
+    """Return a value as plain Python: arrays and tuples as lists, numpy scalars as numbers."""
+    if hasattr(value, "tolist"):  # as in array.array and numpy, which is slow to import
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
 

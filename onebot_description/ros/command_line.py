@@ -17,7 +17,7 @@ class RosArguments(NamedTuple):
         return [name for target, name in self.names if target in ("", node)]
 
     def joined(self, own: Sequence[str]) -> "RosArguments":
-        """Return these with a node's ``own`` ROS arguments added, which override them."""
+        """Return these arguments with a node's ``own`` ROS arguments, which override them."""
         more = ros_arguments(["", *(ros_args(own) or ())])
         return self._replace(files=self.files + more.files, names=self.names + more.names)
 
@@ -49,8 +49,8 @@ def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
     """Split the command line of nodes of several robots, which is as in sys.argv.
 
     Returns:
-        The arguments of the process, and the ROS arguments of each robot's node: what follows each
-        --robot, until --ros-args or the end.
+        The arguments of the process, and the ROS arguments of each robot's node: the words after
+        each --robot, until --ros-args or the end.
     """
     common: list[str] = []
     robots: list[list[str]] = []
@@ -67,5 +67,5 @@ def split_robots(arguments: Sequence[str]) -> tuple[list[str], list[list[str]]]:
 
 
 def ros_args(own: Sequence[str] | None) -> list[str] | None:
-    """Return a node's ``own`` ROS arguments as rclpy takes them."""
+    """Return a node's ``own`` ROS arguments in the form for rclpy."""
     return None if own is None else ["--ros-args", *own]

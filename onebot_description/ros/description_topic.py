@@ -14,8 +14,8 @@ from onebot_description.ros.run_node import steady_timer
 from onebot_description.ros.topic_qos import LATCHED
 from onebot_description.timing.throttled import Throttled
 
-GOES_ON = "the robot goes on as before"
-"""What an error adds about a change that is refused."""
+GOES_ON = "the robot continues as before"
+"""Part of an error about a change that is rejected."""
 
 _DESCRIPTION = "robot_description"  # name of the topic and of the parameter
 _PATIENCE = 2.0  # seconds without a description before a warning
@@ -67,9 +67,9 @@ class DescriptionTopic:
 
 
 def warn_of_two_robots(node: Node, *, own: bool) -> None:
-    """Warn if robot_description has several publishers; ``own``: the node is one of them."""
+    """Warn if robot_description has several publishers; ``own``: including this node."""
     problem = (
-        "two robots take turns in one. Stop one, or start one with namespace:=NAME, or apart from "
-        "the other with domain_id:=N"
+        "nodes see two robots as one. Stop one, start one with namespace:=NAME, or separate them "
+        "with domain_id:=N"
     )
     OnlyPublisher(node, _DESCRIPTION, problem, own=own)

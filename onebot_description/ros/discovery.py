@@ -1,4 +1,4 @@
-"""Sets which nodes this process discovers: on this computer, a network, or by a discovery server.
+"""Sets which nodes this process discovers: on this computer, on a network, or through a server.
 
 ROS and Fast DDS read this from environment variables when rclpy is initialised.
 """
@@ -13,7 +13,7 @@ from onebot_description.ros.shared_memory import remove_broken_ports
 
 RANGE, SERVER = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"
 LOCALHOST, SUBNET = "localhost", "subnet"
-# Of the argument ``discovery``: a range, or the address of a server.
+# The argument ``discovery`` is a range, or the address of a server.
 ARGUMENT = re.compile(rf"{LOCALHOST}|{SUBNET}|(?P<host>[\w.-]+):(?P<port>[0-9]{{1,5}})")
 WANTED = f"{LOCALHOST}, {SUBNET}, or HOST:PORT of a discovery server (fastdds discovery -i 0)"
 
@@ -28,8 +28,8 @@ def discovery_variables(discovery: str, domain_id: int | None, *, forced: bool) 
 
     Args:
         discovery: a range, or the address of a server.
-        domain_id: None for the environment's.
-        forced: whether ``discovery`` was given, and so overrides the environment.
+        domain_id: the domain; None to use the environment's.
+        forced: whether ``discovery`` was given, and therefore overrides the environment.
     """
     variables = _variables(discovery) if forced or not _is_chosen() else {}
     return variables | ({} if domain_id is None else {"ROS_DOMAIN_ID": str(domain_id)})
@@ -41,7 +41,7 @@ def _variables(argument: str) -> dict[str, str]:
         return {RANGE: argument.upper(), SERVER: ""}
     host = match["host"]
     try:
-        # By name, Fast DDS would take an address of IPv6 where there is one, and only that.
+        # Given a name, Fast DDS would use only an IPv6 address if there is one.
         address = socket.gethostbyname(host)
     except OSError as error:
         raise OneBotError(f"discovery:={argument}: no host {host}: {error.strerror}") from None
@@ -65,24 +65,24 @@ def server() -> str:
 
 
 def question() -> str:
-    """Return what to ask when no other node is discovered; empty without a discovery server."""
-    return f"does the discovery server at {server()} run (fastdds discovery -i 0)?"
+    """Return the question for when no other node is discovered; empty without a server."""
+    return f"is the discovery server at {server()} running (fastdds discovery -i 0)?"
 
 
 def configure_discovery(*, whole_graph: bool = False) -> None:
     """Set up Fast DDS for the range of discovery; call it before rclpy is initialised.
 
-    On one computer, nodes listen on loopback only: the range limits whom they look for, but another
-    computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce themselves
-    five times a second. Fast DDS 2.14 announces a participant before it listens, so that about
-    every other first answer is lost, and by default the next announcement is 3 s away.
+    On one computer, nodes listen on loopback only: the range limits which nodes they look for, but
+    another computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce
+    themselves five times a second. Fast DDS 2.14 announces a participant before it listens, so
+    about every other first answer is lost, and by default the next announcement is 3 s away.
 
-    On a network, a node must not wait when it sends to a computer that cannot be reached: while
-    Linux looks for that computer, for 3 s each time, packets fill the socket's buffer, and the
-    control loop would stop. Dropped packets of reliable topics are sent again.
+    On a network, a node must not block when it sends to a computer that cannot be reached: while
+    Linux resolves its address, for 3 s each time, packets fill the socket's buffer, and the control
+    loop would stop. Dropped packets of reliable topics are sent again.
 
-    A profile or transports that the user has set stay. Broken ports, which would block the start,
-    are removed.
+    Profiles or transports that the user has set are kept. Broken ports, which would block the
+    start, are removed.
 
     Args:
         whole_graph: with a discovery server, also discover nodes that have no topic in common with

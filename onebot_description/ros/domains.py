@@ -10,7 +10,7 @@ from unittest.mock import patch
 from onebot_description.errors import OneBotError
 from onebot_description.ros.shared_memory import remove_broken_ports
 
-# From 102 on, a domain's ports (RTPS 2.2, section 9.6.1.1) overlap with Linux's ephemeral ports.
+# The ports of domains above 101 (RTPS 2.2, section 9.6.1.1) overlap with Linux's ephemeral ports.
 _DOMAINS = range(1, 101)
 _FIRST_PORT, _PORTS = 7400, 250  # domain 0's first port, and the number of ports per domain
 # Offsets from a domain's first port: multicast discovery, unless on loopback, and ten participants.
@@ -19,7 +19,7 @@ _OFFSETS = (0, *range(10, 30, 2))
 
 @contextmanager
 def claimed_domain() -> Iterator[int]:
-    """Yield a domain that no robot and no other test, study or benchmark running now uses.
+    """Yield a domain that no running robot, test, study or benchmark uses.
 
     Raises:
         OneBotError: all are in use.
@@ -49,7 +49,7 @@ def used_domain() -> Iterator[int]:
     with claimed_domain() as domain, patch.dict(os.environ):
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        # Otherwise settings by a node in this process would also apply to the next one.
+        # Otherwise, settings made by a node in this process would also apply to the next node.
         for name in ("ROS_LOCALHOST_ONLY", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ.pop(name, None)
         yield domain

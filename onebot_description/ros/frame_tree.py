@@ -1,8 +1,8 @@
 """The TF tree of our nodes: the latest transforms, and the pose of any frame in another.
 
-It is the buffer of tf2 (``TransformBuffer``) with other rules for what is shown live: a clock that
-is set back, or another parent, begins a frame's history anew, and a pose at a time beyond the
-history is the nearest known.
+It is the buffer of tf2 (``TransformBuffer``) with other rules, for live views: if the clock is set
+back or the parent changes, a frame's history restarts, and a pose at a time beyond the history is
+the nearest known one.
 """
 
 from collections.abc import Iterable, Mapping
@@ -24,9 +24,9 @@ from onebot_description.ros.transform_buffer import (
 )
 from onebot_description.ros.wire.message_arrays import TfArrays
 
-_MOST_ROWS = 100_000  # limit of known rows, since each new set of frames adds some
-_MOST_TRANSFORMS = 1_000_000
-_LATE_NS = 1_000_000_000  # if a transform is older than the latest by more, the clock was set back
+_MAX_ROWS = 100_000  # limit of known rows, since each new set of frames adds some
+_MAX_TRANSFORMS = 1_000_000
+_LATE_NS = 1_000_000_000  # a transform older than the latest by more means the clock was set back
 
 
 class Edge(NamedTuple):
@@ -40,12 +40,12 @@ class Edge(NamedTuple):
 class StampedPose(NamedTuple):
     """The pose of a frame in another at a time."""
 
-    stamp_ns: int  # 0 for a static one
+    stamp_ns: int  # 0 for a static pose
     matrix: Floats  # (4, 4)
 
 
 class _Rows:
-    """Rows for the messages with the same frames, most of which come again."""
+    """Reusable rows for messages with the same frames, since most messages repeat their frames."""
 
     def __init__(self, buffer: TransformBuffer, message: TfArrays) -> None:
         self._rows = rows = np.zeros(len(message.children), ROW)
@@ -61,7 +61,7 @@ class FrameTree:
 
     def __init__(self) -> None:
         self.version = 0  # changes whenever a frame's parent changes
-        self._buffer = TransformBuffer(CACHE_NS, live_ns=_LATE_NS, most=_MOST_TRANSFORMS)
+        self._buffer = TransformBuffer(CACHE_NS, live_ns=_LATE_NS, most=_MAX_TRANSFORMS)
         self._known: dict[tuple[tuple[str, ...], tuple[str, ...]], _Rows] = {}
         self._count = 0  # number of known rows
         self._parents: dict[str, str] | None = None
@@ -74,7 +74,7 @@ class FrameTree:
         """Add the valid transforms of a message.
 
         Returns:
-            One sentence per transform that is ignored.
+            One sentence per ignored transform.
         """
         ignored = []
         for row, (parent, child) in enumerate(zip(message.parents, message.children, strict=True)):
@@ -93,7 +93,7 @@ class FrameTree:
         rows = self._known.get((message.parents, message.children))
         if rows is None:
             self._count += len(message.children)
-            if self._count > _MOST_ROWS:
+            if self._count > _MAX_ROWS:
                 self._known.clear()
                 self._count = len(message.children)
             rows = _Rows(self._buffer, message)
@@ -144,16 +144,16 @@ class FrameTree:
 
     @property
     def roots(self) -> list[str]:
-        """The frames without a parent, and the first one of each cycle; sorted."""
+        """The frames without a parent, and the first frame of each cycle; sorted."""
         return sorted({min(self.above(top)) for top in map(self.top, self.names)})
 
     def above(self, frame: str) -> list[str]:
         """Return ``frame`` and all frames above it, up to the root or once around a cycle."""
-        way: dict[str, None] = {}
-        while frame not in way:
-            way[frame] = None
+        path: dict[str, None] = {}
+        while frame not in path:
+            path[frame] = None
             frame = self._parent_of.get(frame, frame)
-        return list(way)
+        return list(path)
 
     def top(self, frame: str) -> str:
         """Return the root of the tree that ``frame`` is in (itself if it has no parent).
@@ -183,9 +183,9 @@ class FrameTree:
     def pose(self, frame: str, fixed: str, time_ns: int = 0) -> Floats | None:
         """Return the (4, 4) pose of ``frame`` in ``fixed``; None if they are not connected.
 
-        It is interpolated at the time. A time before a frame's history gets its first transform, or
-        the latest if the time is so early that it seems to be of another clock; a time after the
-        history gets the latest.
+        It is interpolated at the time. Before a frame's history, its first transform is used, or
+        the latest if the time is so early that it seems to come from another clock; after the
+        history, the latest is used.
 
         Args:
             frame: a frame.

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for one
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # rcl's name for an undiscovered node
 
 
 def absolute(namespace: str) -> str:
-    """Return a namespace with a slash at its start and none at its end; "" for the root.
+    """Return a namespace with a leading and without a trailing slash; "" for the root.
 
     The full name of a node in it is ``f"{absolute(namespace)}/{name}"``.
     """

@@ -11,13 +11,13 @@ from onebot_description.ros.run_node import steady_timer
 
 _SERVER_ANSWERS = 2.0  # seconds
 _POLL_PUBLISHERS = 1.0  # seconds
-# How long a second publisher must exist to be reported: a node may end while its successor starts.
+# A second publisher must exist this long to be reported: a node may end while its successor starts.
 # A killed node stays in the graph for 20 s (the lease of Fast DDS).
 _SETTLED, _FORGOTTEN = 3.0, 25.0  # seconds
 
 
 def check_discovery_server(own: Sequence[Node]) -> None:
-    """Warn if the discovery server, if there is one, finds no node but this process's ``own``."""
+    """Warn if there is a discovery server, but it finds only this process's ``own`` nodes."""
     node = own[0]
 
     def check() -> None:
@@ -38,8 +38,8 @@ class OnlyPublisher:
     def __init__(self, node: Node, topic: str, problem: str, *, own: bool) -> None:
         """Watch a ``topic``, whose name is relative to the node's namespace.
 
-        ``problem`` names the consequence of several publishers, and how to fix it; ``own``: the
-        node publishes the topic itself.
+        ``problem`` names the consequence of several publishers, and how to fix it; ``own``: whether
+        the node itself publishes the topic.
         """
         self._node, self._topic = node, node.resolve_topic_name(topic)
         self._problem = problem
@@ -48,11 +48,11 @@ class OnlyPublisher:
 
     def _poll(self) -> None:
         names: list[str] = []
-        if self._node.count_publishers(self._topic) > 1:  # Counting costs less than the names.
+        if self._node.count_publishers(self._topic) > 1:  # counting costs less than the names
             ends = self._node.get_publishers_info_by_topic(self._topic)
             names = sorted(map(node_name, ends))
         if self._lasting.new(names, time.monotonic()):
-            text = f"{self._topic} is published by {', '.join(names)} at once: {self._problem}"
+            text = f"{self._topic} has several publishers, {', '.join(names)}: {self._problem}"
             self._node.get_logger().warning(text)
 
 

@@ -32,18 +32,18 @@ def declare(
 ) -> dict[str, Any]:
     """Declare every parameter of a dataclass on a node.
 
-    Types are left open, so that ``read`` reports wrong ones with all other problems; an integer for
-    a double is declared as a double.
+    Types are left open, so that ``read`` reports wrong types with all other problems; an integer
+    for a double is declared as a double.
 
     Args:
-        node: node to declare them on.
+        node: the node.
         kind: the dataclass.
-        values: replace the defaults, and add names that the user chooses; None for one that the
-            command line sets.
-        fixed: override the command line.
+        values: values that replace the defaults, and names that the user chooses; None for a
+            parameter that the command line sets.
+        fixed: values that override the command line.
 
     Returns:
-        The values in force, by dotted name.
+        The resulting values, by dotted name.
     """
     first = {**defaults(kind), **(values or {}), **(fixed or {})}
     for name, default in first.items():
@@ -62,13 +62,13 @@ def _declare(node: Node, kind: type, name: str, default: Any, *, ignore_override
     final = _with_double(kind, ros_parameter(name, default) if present.value is None else present)
     if final.type_ != present.type_:
         node.set_parameters([final])
-    # Out of range, it is left to ``read`` to report.
+    # ``read`` reports values out of range.
     with contextlib.suppress(InvalidParameterValueException):
         node.set_descriptor(name, descriptor(kind, name))
 
 
 def _with_double(kind: type, parameter: Parameter) -> Parameter:
-    """Return a parameter of the dataclass ``kind``, as a double if it has an integer for one."""
+    """Return a parameter of the dataclass ``kind``, with an integer for a double converted."""
     value, leaf = plain(parameter.value), value_type(kind, parameter.name)
     if leaf and leaf.base is float and value not in (None, []):
         with contextlib.suppress(ValueError):  # ``read`` reports it
@@ -82,9 +82,9 @@ def set_doubles(node: Node, kind: type) -> None:
 
 
 def refuse_undeclared(node: Node, kind: type) -> None:
-    """Refuse to set unknown parameters, with a message that names them and suggests others.
+    """Reject unknown parameters, with a message that names them and suggests others.
 
-    rclpy would refuse them without naming them. Integers for doubles are set as doubles.
+    rclpy would reject them without naming them. Integers for doubles are set as doubles.
     """
 
     def check(parameters: list[Parameter]) -> list[Parameter]:
@@ -108,8 +108,8 @@ def follow_changes(
     """Follow changes of a node's parameters.
 
     Args:
-        node: node that has the parameters.
-        check: called before they are set; raises OneBotError to refuse them, with the reason.
+        node: the node with the parameters.
+        check: called before they are set; raises OneBotError, with the reason, to reject them.
         apply: called after they were set.
     """
 
@@ -148,7 +148,7 @@ def descriptor(kind: type, name: str) -> ParameterDescriptor:
 
 
 def ros_parameter(name: str, value: Any) -> Parameter:
-    """Return a parameter of whichever type ``value`` has; None unsets it."""
+    """Return a parameter with the type of ``value``; None unsets it."""
     if value == []:
         return Parameter(name, Parameter.Type.STRING_ARRAY, [])
     return Parameter(name, value=value)

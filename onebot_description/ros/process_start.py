@@ -1,4 +1,4 @@
-"""Prepares a node's process, before anything slow is imported."""
+"""Prepares a node's process before anything slow is imported."""
 
 import gc
 import os
@@ -7,11 +7,11 @@ import sys
 from collections.abc import Mapping
 from types import FrameType
 
-_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is OpenBLAS's own
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # the first is only for OpenBLAS
 
 
 def find_silently() -> None:
-    """Make Ctrl-C end the process silently while ``python -m`` looks for a module of ours."""
+    """Make Ctrl-C end the process silently while ``python -m`` looks for one of our modules."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _while_looking)
 
@@ -25,9 +25,9 @@ def _while_looking(number: int, frame: FrameType | None) -> None:
 def start_node() -> None:
     """Prepare the process of a node, which ``run_node`` then runs.
 
-    Until the node runs, Ctrl-C ends the process silently, and no garbage is collected: what is
-    imported stays, and to look through it again and again would take a tenth of the start. Numpy
-    starts no threads.
+    Until the node runs, Ctrl-C ends the process silently, and no garbage is collected: imported
+    objects stay, and scanning them repeatedly would take a tenth of the start. Numpy starts no
+    threads.
     """
     gc.disable()
     # Leave it alone if it is handled (in the launcher) or ignored (in a shell's background job).

@@ -45,7 +45,7 @@ _A_YEAR = 365.0 * 24 * 3600  # seconds
 _TAKE_MISSED = 1.0  # seconds between looking for new subscriptions
 _LONGEST_STOP = 3  # s until a process that hangs while it stops is ended
 _PLACE = re.compile(r", at \S+:\d+")  # a line of ROS's sources
-# ROS's errors about a topic that the node has as another type, for a publisher and a subscription.
+# ROS's errors if the node already has a topic with another type: for a publisher, a subscription.
 _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
 
 
@@ -56,15 +56,15 @@ def run_node(
     events: bool = False,
     whole_graph: bool = False,
 ) -> int:
-    """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error of one.
+    """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error.
 
     Args:
-        make_node: builds the node or nodes; rclpy is initialised by then. It, any callback of a
-            node (see ``ends_node``), and its ``destroy_node`` may raise OneBotError, which ends
+        make_node: creates the node or nodes, after rclpy is initialised. This function, callbacks
+            of nodes (see ``ends_node``), and ``destroy_node`` may raise OneBotError, which ends
             the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
         events: spin on rclpy's events executor, which takes a quarter of the time per message.
-        whole_graph: the node looks at others' topics (see ``configure_discovery``).
+        whole_graph: whether the node inspects all topics (see ``configure_discovery``).
 
     Returns:
         The exit code: 0 when stopped by a signal, 1 for a user's mistake.
@@ -76,7 +76,7 @@ def run_node(
     with StopSignals(lambda: _finish(stop), WAKE.resumed) as signals:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        except Exception as error:  # rclpy raises several kinds, none of them public
+        except Exception as error:  # rclpy raises several types, none of them public
             return _fail(f"bad ROS arguments: {first_line(error)}")
         _stops.append(stop)
         try:
@@ -118,8 +118,8 @@ def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
             executor.remove_node(node)
         node.destroy_node()
     if executor is not None:
-        # It frees the entities of DDS, for which rmw_fastrtps takes time quadratic in their number:
-        # seconds for 100 robots. All else is done, so SIGTERM may end the process meanwhile.
+        # This frees the entities of DDS, for which rmw_fastrtps takes time quadratic in their
+        # number, seconds for 100 robots. Everything else is done, so SIGTERM may end the process.
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.alarm(0)
         executor.shutdown()
@@ -160,12 +160,12 @@ class MissedMessages:
 
 
 def spin_until(stop: Future, executor: Executor) -> None:
-    """Spin until ``stop`` is completed, from any thread; raise the exception that it may have."""
+    """Spin until any thread completes ``stop``; raise its exception, if it has one."""
     if not isinstance(executor, SingleThreadedExecutor):
         executor.spin_until_future_complete(stop, _A_YEAR)
     else:
-        # spin_until_future_complete would add a callback to the future with each message, and never
-        # remove one.
+        # spin_until_future_complete would add a callback to the future with each message, and
+        # never remove any.
         stop.add_done_callback(lambda _: executor.create_task(lambda: None))
         while not stop.done():
             executor.spin_once()
@@ -195,9 +195,9 @@ def ends_node(callback: Callable[P, None]) -> Callable[P, None]:
 
 
 def at_stop(function: Callable[[], object]) -> None:
-    """Call a function, from another thread, as soon as the nodes of this process have to stop.
+    """Call a function, from another thread, as soon as the nodes of this process must stop.
 
-    On a busy machine, the executor may take long to return.
+    On a busy machine, the executor may take a long time to return.
     """
     for stop in _stops:
         stop.add_done_callback(lambda _: function())
@@ -220,12 +220,14 @@ def ros_errors() -> Iterator[None]:
     except (RCLError, NameValidationException, InvalidParameterTypeException) as error:
         text = first_line(error)
         if any(words in text for words in _TWO_TYPES):
-            text += "; a node has a topic as one type only: see its name, and remappings (-r)"
+            text += (
+                "; a node can use a topic with only one type: check its name and remappings (-r)"
+            )
         raise OneBotError(text) from None
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an error of ROS, without the places in ROS's sources."""
+    """Return the first line of an error of ROS, without places in ROS's sources."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return _PLACE.sub("", lines[0]).rstrip(":") if lines else type(error).__name__
 
@@ -249,7 +251,7 @@ def run_described_node(
         parameters: dataclass of the parameters, for --help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
         check_files: called with the parameter files before rcl reads them, because rcl's errors
-            name neither the line nor a remedy. None for no check.
+            name neither the line nor what to write. None for no check.
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: returns the parameter file to use if the command line names none.
         events: see ``run_node``.
@@ -282,7 +284,7 @@ def _fail(message: str) -> int:
 
 
 def use_writable_log_folder() -> None:
-    """Make ROS log to the cache folder if there is no writable home, without which it fails."""
+    """Make ROS log to the cache folder if there is no writable home; otherwise it would fail."""
     if os.environ.get("ROS_LOG_DIR") or os.environ.get("ROS_HOME"):
         return
     home = os.environ.get("HOME")
@@ -296,5 +298,5 @@ def use_writable_log_folder() -> None:
 
 
 def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
-    """Create a timer on the steady clock, because ROS time may stand still."""
+    """Create a timer on the steady clock, because ROS time may be paused."""
     return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -1,4 +1,4 @@
-"""Finds and removes shared memory of Fast DDS that killed processes left.
+"""Finds and removes shared memory of Fast DDS that killed processes left behind.
 
 Each participant has a segment ``fastrtps_<16 digits>``, and keeps a file of that name with ``_el``
 locked while it lives. It receives at ports, ``fastrtps_port<number>``, which are reused.
@@ -23,7 +23,7 @@ class Segments(NamedTuple):
     """The segments in a folder."""
 
     used: list[Path]
-    stale: list[Path]  # nobody uses them
+    stale: list[Path]  # unused
     stale_bytes: int
 
 
@@ -47,7 +47,7 @@ def remove_broken_ports(folder: Path = FOLDER) -> None:
     """Remove ports whose creation was not finished, for example because shared memory was full.
 
     A process that opens such a port waits for minutes in ``rclpy.init`` or ``create_node``, even if
-    it is removed meanwhile; so call this before.
+    the port is removed meanwhile, so call this first.
     """
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -59,7 +59,7 @@ def remove_broken_ports(folder: Path = FOLDER) -> None:
 
 
 def remove_stale_in_background(folder: Path = FOLDER) -> threading.Thread:
-    """Remove what killed processes left, in a thread, which is returned.
+    """Remove what killed processes left behind, in a thread, which is returned.
 
     It is safe while other processes start: young segments stay, and names are never reused.
     """
@@ -88,7 +88,7 @@ def _is_locked(path: Path) -> bool:
     except FileNotFoundError:
         return False
     try:
-        # A shared lock, given back at once: it keeps nobody from starting.
+        # A shared lock, released immediately, so that it keeps no process from starting.
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True

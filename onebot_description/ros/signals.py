@@ -13,7 +13,7 @@ from typing import Any
 
 # SIGINT is set, too, because shells start background jobs with SIGINT ignored.
 _STOP = (signal.SIGINT, signal.SIGTERM)
-_LONGEST_STOP = 1.0  # s to wait for what a signal calls
+_LONGEST_STOP = 1.0  # s to wait for a function that a signal calls
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
@@ -36,7 +36,7 @@ class KeyboardInterrupts:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Put the former handlers back."""
+        """Restore the previous handlers."""
         _restore(self._old)
         _forget_interrupt()
 
@@ -47,9 +47,9 @@ class KeyboardInterrupts:
 
     @contextmanager
     def deferred(self) -> Iterator[Callable[[], bool]]:
-        """Defer the first signal's KeyboardInterrupt to the end of the context; a second is not.
+        """Defer the first signal's KeyboardInterrupt to the end of the context, but not the second.
 
-        It is for work that an executor has to finish in order: an exception that passes through
+        Use it for work that an executor has to finish in order: an exception that passes through
         rclpy may leave it without some of its callbacks.
 
         Yields:
@@ -97,7 +97,7 @@ class StopSignals:
                 raise KeyboardInterrupt
             yield
         except Exception as error:
-            if self._arrived:  # C++ code that it passes through has errors of its own
+            if self._arrived:  # C++ code may convert it to another error
                 raise KeyboardInterrupt from error
             raise
         finally:
@@ -107,19 +107,19 @@ class StopSignals:
         """Install the handlers."""
         self._old_fd = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
         self._old = {number: signal.signal(number, self._handle) for number in _STOP}
-        # The main thread calls it before any Python code that came after the signal, others may
-        # run before that: they get it from ``_watch``.
+        # In the main thread, this handler runs before any Python code after the signal; other
+        # threads may run earlier, and are served by ``_watch``.
         self._old[signal.SIGCONT] = signal.signal(signal.SIGCONT, lambda *_: self._on_resume())
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Put the former handlers back."""
+        """Restore the previous handlers."""
         signal.set_wakeup_fd(self._old_fd)
         _restore(self._old)
         self._write.close()  # ends the thread's recv
-        # Python aborts at its exit if a thread returns from rclpy then.
+        # Python aborts if a thread returns from rclpy during its exit.
         self._thread.join(_LONGEST_STOP)
         _forget_interrupt()
 
@@ -140,8 +140,8 @@ class StopSignals:
 def _forget_interrupt() -> None:
     """Make the process end with its exit code after a KeyboardInterrupt was handled.
 
-    If the exception passed through exec() of a text, as when modules create dataclasses and named
-    tuples, CPython kills the process by SIGINT at its exit. Executing another text resets that.
+    If the exception passed through exec() of a string, as in the creation of dataclasses and named
+    tuples, CPython kills the process by SIGINT at exit. Executing another string resets that.
     """
     eval("None")
 

@@ -1,4 +1,4 @@
-"""Warns if stamps are by a wrong clock, such as another computer's."""
+"""Warns if stamps come from a wrong clock, such as another computer's."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ from onebot_description.timing.throttled import Throttled
 # Time between two samples; a check between them costs a tenth of a microsecond.
 _PERIOD_NS = NS_PER_S
 _SAMPLES = 5
-_LIMIT_NS = NS_PER_S // 2  # a greater difference is a wrong clock
+_LIMIT_NS = NS_PER_S // 2  # a larger difference means a wrong clock
 _STEADY_NS = NS_PER_S // 2  # samples of one clock differ by less
 _EVERY = 60.0  # s between two warnings
 
@@ -25,14 +25,14 @@ class StampCheck:
         """Compare the stamps of ``topic``, and log differences.
 
         Args:
-            topic: topic that the text names.
+            topic: the topic, for the message.
             log: logs a warning.
-            is_simulated: returns whether time is simulated; then stamps are not compared.
+            is_simulated: returns whether time is simulated, so that stamps are not compared.
         """
         self._topic, self._is_simulated = topic, is_simulated
         self._warn = Throttled(log, _EVERY)
         self._sampled_ns = 0
-        self._ahead: list[int] = []  # ns, of the stamps
+        self._ahead: list[int] = []  # how far stamps are ahead, ns
 
     @classmethod
     def from_topic(cls, node: Node, topic: str) -> "StampCheck":
@@ -71,5 +71,5 @@ class StampCheck:
         side = "ahead of" if ahead_ns > 0 else "behind"
         return (
             f"stamps of {self._topic} are {abs(ahead_ns) / NS_PER_S:.1f} s {side} this computer's "
-            "clock: keep the clocks of all computers together with chrony or NTP"
+            "clock: synchronize the clocks of all computers with chrony or NTP"
         )

@@ -1,18 +1,18 @@
-"""The QoS of topics: which requests receive from which publishers."""
+"""The QoS of topics: which subscriptions receive from which publishers."""
 
 from collections.abc import Iterable
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 DEPTH = 10
-"""ROS's system default; an integer as QoS is reliable and volatile, as drivers publish."""
+"""ROS's default depth; an integer as QoS means reliable and volatile, as for drivers."""
 
-# QoS of topics whose last message late subscribers receive, too, such as robot_description.
+# QoS of topics whose last message late subscribers also receive, such as robot_description.
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def make_qos(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
-    """Return a QoS; ``latched``: late subscribers get the last ``depth`` messages, too."""
+    """Return a QoS; ``latched``: late subscribers also get the last ``depth`` messages."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -21,15 +21,15 @@ def make_qos(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
 
 
 ANY_PUBLISHER = make_qos(DEPTH, reliable=False, latched=False)
-"""QoS of a subscription that matches any publisher, as SystemDefaultsQoS with Fast DDS."""
+"""QoS of a subscription that matches any publisher, like SystemDefaultsQoS with Fast DDS."""
 
 
 def compatible_qos(offers: Iterable[QoSProfile], depth: int) -> QoSProfile:
     """Return the strictest QoS that receives from all publishers.
 
-    A request that is stricter than an offer excludes its publisher, so it is reliable only if all
-    offers are, and transient local only if all are. Without offers it is ROS's default, reliable
-    and volatile.
+    A request that is stricter than an offer excludes its publisher, so the result is reliable only
+    if all offers are, and transient local only if all offers are. Without offers, it is ROS's
+    default, reliable and volatile.
     """
     offers = list(offers)
     reliable = all(map(is_reliable, offers))

@@ -19,7 +19,7 @@ RCLError = rclpy_implementation.RCLError
 
 
 class TypeConflictError(OneBotError):
-    """The node holds the topic as another type."""
+    """The node already uses the topic with another type."""
 
 
 def choose_type(offered: Collection[str], current: str | None = None) -> str | None:
@@ -36,7 +36,7 @@ def offers(
     so that an early subscription does not miss the first messages.
 
     Args:
-        node: node that looks at the graph.
+        node: the node that queries the graph.
         topic: full name.
         accepted: only these types count; None for all.
     """
@@ -57,7 +57,7 @@ def offers(
 class TopicSubscription:
     """A subscription whose type and QoS can change.
 
-    A node can hold a topic as only one type, and the executor releases a subscription some time
+    A node can use a topic with only one type, and the executor releases a subscription some time
     after the callback that destroys it. A change of type therefore takes two calls of ``update``
     from two callbacks, or more after a TypeConflictError; a change of QoS takes one call.
     """
@@ -101,7 +101,7 @@ class TopicSubscription:
         """Create or change the subscription; call it several times a second.
 
         Raises:
-            TypeConflictError: the node still holds the topic as another type.
+            TypeConflictError: the node still uses the topic with another type.
         """
         if (kind, qos) == (self.type, self.qos):
             return
@@ -136,8 +136,8 @@ class TopicSubscription:
             )
         except RCLError as error:
             raise TypeConflictError(
-                f'topic "{self._topic}" cannot be subscribed as {kind}: '
-                f"{self._node.get_name()} has subscribed to it as another type"
+                f'cannot subscribe to topic "{self._topic}" with type {kind}: '
+                f"{self._node.get_name()} has subscribed to it with another type"
             ) from error
         self.type, self.qos = kind, qos
 
@@ -152,7 +152,7 @@ class TopicSubscription:
 class _WithInfo:
     """A callback that rclpy calls with a message and its info.
 
-    Executors pass two arguments, but the events executor a tuple of both.
+    Executors pass two arguments, but the events executor passes a tuple of both.
     """
 
     __signature__ = Signature(

@@ -1,9 +1,9 @@
 """The core of tf2: stores transforms over time, and computes the transform between two frames.
 
-``TransformBuffer`` has tf2's rules and the texts of its errors. Two faces are built on it:
+``TransformBuffer`` has tf2's rules and error messages. Two interfaces are built on it:
 ``tf2_py.BufferCore`` for users' nodes, and ``FrameTree`` for ours. It needs no ROS: times are
-nanoseconds, and 0 is the latest time at which all transforms between two frames are known. The
-numbers are those of _transform_buffer.c. Threads may share a buffer, since its calls hold the GIL.
+nanoseconds, and 0 is the latest time at which all transforms between two frames are known.
+_transform_buffer.c computes the numbers. Threads may share a buffer, since its calls hold the GIL.
 """
 
 import ctypes
@@ -46,7 +46,7 @@ class LookupException(TransformException):
 
 
 class ExtrapolationException(TransformException):
-    """The transforms at that time are not known."""
+    """The transforms at the requested time are not known."""
 
 
 class InvalidArgumentException(TransformException):
@@ -68,7 +68,7 @@ class Found(ctypes.Structure):
 
     if TYPE_CHECKING:
         stamp_ns: int
-        edge_ns: int  # the stamp that the time lies beyond, if the lookup failed for that
+        edge_ns: int  # the stamp beyond which the time is, if the lookup failed for that reason
         pose: Sequence[float]
         basis: Sequence[float]
         origin: Sequence[float]
@@ -83,13 +83,13 @@ class Found(ctypes.Structure):
 
 
 class FrameState(NamedTuple):
-    """What is known of a frame.
+    """The state of a frame.
 
     Attributes:
         parent: its parent in the latest transform; "NO_PARENT" if its history is empty.
         is_static: whether its transform holds for all times.
-        samples: how many transforms its history has.
-        oldest_ns, latest_ns: their stamps, nanoseconds; 0 for a static or an empty one.
+        samples: number of transforms in its history.
+        oldest_ns, latest_ns: their stamps, nanoseconds; 0 if it is static or empty.
     """
 
     parent: str
@@ -101,7 +101,7 @@ class FrameState(NamedTuple):
 
 @functools.cache
 def _functions() -> ctypes.PyDLL:
-    """Return the compiled library with the functions of _transform_buffer.c declared."""
+    """Return the compiled library, with the signatures of _transform_buffer.c declared."""
     library = load_library()
     number, pointer, result = ctypes.c_int64, ctypes.c_void_p, ctypes.POINTER(Found)
     for name, kind, arguments in (
@@ -125,7 +125,7 @@ def _functions() -> ctypes.PyDLL:
 
 
 def unit(rotation: Sequence[float]) -> list[float]:
-    """Return the unit quaternion that tf2 keeps for one of any length; NaN if that is 0."""
+    """Return a quaternion normalized as in tf2; NaN if its length is 0."""
     values = (ctypes.c_double * 4)(*rotation)
     _functions().onebot_buffer_unit(values)
     return values[:]
@@ -151,7 +151,7 @@ class TransformBuffer:
         cache_ns: how long transforms are kept, nanoseconds.
 
     Args:
-        cache_ns: see there.
+        cache_ns: how long to keep transforms, nanoseconds.
         live_ns: 0 for tf2's rules. Otherwise, a frame's history restarts with another parent, and
             with a stamp that is older than the latest by more than this.
         most: how many transforms are kept.
@@ -173,7 +173,7 @@ class TransformBuffer:
     # --- input ----------------------------------------------------------------------------------
 
     def number(self, name: str) -> int:
-        """Return the number of a frame, which exists then."""
+        """Return the number of a frame, which is added if it is new."""
         number = self.numbers.get(name)
         if number is None:
             with self._lock:
@@ -213,11 +213,11 @@ class TransformBuffer:
             target: the frame to transform into.
             source: the frame to transform from.
             time_ns: the time, nanoseconds.
-            limit: if given, a frame above both. Beyond a frame's history its nearest transform is
-                used, and for 0 the latest one of each frame.
+            limit: if given, a frame above both. Then a frame's nearest transform is used beyond
+                its history, and the latest transform of each frame for time 0.
 
         Raises:
-            TransformException: it is not known.
+            TransformException: the transform is not known.
         """
         found, numbers = Found(), self.numbers
         failure = self._lookup(
@@ -233,7 +233,7 @@ class TransformBuffer:
         return found
 
     def compose(self, outer: Found, inner: Found) -> None:
-        """Transform ``inner``, which is in the frame of ``outer``, to the one ``outer`` is in."""
+        """Transform ``inner`` from the frame of ``outer`` to the parent frame of ``outer``."""
         self._library.onebot_buffer_compose(outer, inner)
 
     def velocity(
@@ -245,8 +245,8 @@ class TransformBuffer:
             start: the transform of the body before.
             end: the transform of the body after.
             reference: its transform in the frame whose axes are used.
-            seconds: the time between the two.
-            delta: where the point that moves is, seen from the body's origin, m.
+            seconds: the time between start and end.
+            delta: the moving point relative to the body's origin, m.
         """
         velocity = (ctypes.c_double * 6)()
         self._library.onebot_buffer_velocity(
@@ -305,7 +305,7 @@ class TransformBuffer:
         return {self.frames[number]: poses[number] for number in np.flatnonzero(states[:, 0])}
 
     def known_until(self, name: str, top: str) -> int:
-        """Return the time, ns, up to which all between a frame and ``top`` above it is known."""
+        """Return the time, ns, up to which all transforms from a frame to ``top`` are known."""
         numbers = self.numbers.get(name, 0), self.numbers.get(top, 0)
         until: int = self._library.onebot_buffer_known_until(self._buffer, *numbers)
         return until

@@ -6,18 +6,18 @@ from collections.abc import Callable
 
 from onebot_description.errors import shortened
 
-_LONGEST = 4000  # characters of a text: it may name what a message holds
+_LONGEST = 4000  # characters of a text, which may contain parts of a message
 
 
 Warn = Callable[[str, str], None]
-"""Logs a warning, given its kind and its text; a Throttled is one."""
+"""Logs a warning, given its kind and its text, like a Throttled."""
 
 
 class Throttled:
-    """Logs texts of one kind at most once in some seconds."""
+    """Logs texts of one kind at most once every few seconds."""
 
     def __init__(self, log: Callable[[str], object], every: float = 5.0) -> None:
-        """Log with ``log`` at most once in ``every`` seconds.
+        """Log with ``log`` at most once every ``every`` seconds.
 
         ``log`` is a logger's ``warning``. For another severity, pass a lambda: rclpy allows only
         one severity per line of code, and all these texts are logged from the same line.

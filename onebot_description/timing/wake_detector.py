@@ -1,4 +1,4 @@
-"""Detects that this process woke from a stop: robots brake, and what came before is outdated."""
+"""Detects that this process woke from a stop: robots brake, and earlier input is outdated."""
 
 import math
 import sys
@@ -6,16 +6,16 @@ import time
 from collections.abc import Callable
 
 _LONGEST_GAP = 0.5  # s between two checks; a longer one means that the process did not run
-# A shorter gap may be a stop as well as an overloaded computer. SIGCONT tells, but other threads
-# may run before the one that handles it.
+# A shorter gap may be a stop or an overloaded computer. SIGCONT distinguishes them, but other
+# threads may run before the one that handles it.
 _DOUBTFUL_GAP, _SIGNAL_DELAY = 0.15, 0.05  # s
 _SAME_SIGNAL = 0.25  # s within which two threads notice one SIGCONT
-_QUEUED = 0.25  # s after a wake in which what was sent, or typed, before it still arrives
+_QUEUED = 0.25  # s after waking during which earlier messages or key presses still arrive
 _POLL = 0.001  # s
 
 
 def boot_time() -> float:
-    """Return the seconds since the computer started, by a clock that nobody can set."""
+    """Return the seconds since the computer started, on a clock that cannot be set."""
     if sys.platform == "linux":
         # Unlike the monotonic clock, it includes time in which the computer is suspended.
         return time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -48,7 +48,7 @@ class WakeDetector:
     def certain(self) -> float:
         """Return ``woke`` as ``check``, but wait a moment if a SIGCONT may be about to be handled.
 
-        Call it to decide about a message: it may be handled before the signal that came first.
+        Call it to decide about a message, which may be handled before an earlier signal.
         """
         self.check()
         while self._clock() < self._doubt_ends and self.woke < self._doubt_began:
@@ -56,7 +56,7 @@ class WakeDetector:
         return self.woke
 
     def just_woke(self) -> bool:
-        """Return whether what arrives now may have been sent before the process woke."""
+        """Return whether input that arrives now may have been sent before the process woke."""
         return self.certain() > self._clock() - _QUEUED
 
     def resumed(self) -> None:

@@ -649,7 +649,7 @@ def test_the_summary_says_what_runs(make: Make, sim: bool, given: str, text: str
         ("frame_prefix:=left", "frame_prefix:=left/"),
         ("port:=8081", "add steer:=true"),
         ("world:=maze sim:=false", "world:=maze is for the simulation"),
-        ("rate:=0", "rate:=0 is not possible; write a number from 0.001 to 1000"),
+        ("rate:=0", "rate:=0 is not valid; write a number from 0.001 to 1000"),
         ("robots:=3 x:=1", "x:=1 is for one robot, not for robots:=3"),
         ("robots:=3 reload:=true", "reload:=true is for one robot, not for robots:=3"),
         ("joints:=j.yaml", "joints:=j.yaml has no effect, since the simulation moves"),

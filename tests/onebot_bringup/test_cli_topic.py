@@ -85,7 +85,7 @@ def test_pub_waits_and_says_for_what(peer: Peer) -> None:
         (("/x", TWIST, "{linear: {x: .nan}}"), 1, "linear.x is a finite number"),
         (("/x", "geometry_msgs/msg/Twst"), 1, f'did you mean "{TWIST}"'),
         (("bad name", TWIST), 1, '"bad name" is not a valid name'),
-        (("/rosout", TWIST, "-1"), 1, "a node has a topic as one type only"),
+        (("/rosout", TWIST, "-1"), 1, "a node can use a topic with only one type"),
         (("/x", TWIST, "-r", "0"), 2, "not above zero"),
     ],
 )  # fmt: skip

@@ -133,7 +133,7 @@ def test_a_discovery_server_connects_the_hosts(hosts: list[Host], tmp_path: Path
     address = f"{hosts[2].address}:{SERVER_PORT}"
     with Fleet(hosts, tmp_path, address, "/robot2") as fleet:
         robot = fleet.start_robot("robots:=2")
-        robot.says(f"no other node is discovered: does the discovery server at {address} run")
+        robot.says(f"no other node is discovered: is the discovery server at {address} running")
         fleet.drive()
         server = ("fastdds", "discovery", "-i", "0", "-p", str(SERVER_PORT))
         fleet.run(fleet.viewer_host, *server)

@@ -240,7 +240,7 @@ def test_move_moves_the_sliders_and_refuses_what_no_joint_can_do(arm):
     assert arm.positions == {"shoulder": 0.75, "elbow": -0.75, "axle": 10.0}
     assert arm.sliders["axle"].value == arm.sliders["axle"].max == 10.0
     for positions, problem in (
-        ({"shoulder": 2.0}, 'joint "shoulder": 2 is out of its limits, 0.5 to 1.5'),
+        ({"shoulder": 2.0}, 'joint "shoulder": 2 is beyond its limits, 0.5 to 1.5'),
         ({"elbow": 0.0}, 'joint "elbow" follows joint "shoulder"'),
         ({"sholder": 1.0}, 'no moving joint "sholder"'),
     ):

@@ -153,7 +153,7 @@ def test_the_control_file_names_the_drive(peer, tmp_path):
         for text in (
             f"{file}:4: imu_broadcaster: imu_sensor_broadcaster/IMUSensorBroadcaster does not run",
             f"{file}:7: publish_cmd: no such parameter (did you mean ",
-            f'{file}:9: section "/driver" is for none of the nodes, so it is skipped',
+            f'{file}:9: section "/driver" matches no node, so it is skipped',
         ):
             assert node.output.count(text) == 1
 

@@ -192,7 +192,7 @@ def test_a_folder_of_any_name(tmp_path, capsys):
         (["bag", "veiwer:=web"], 2, 'no argument "veiwer" (did you mean "viewer"?'),
         (["bag", "viewer:=none"], 2, "viewer:=none needs save:=FILE.rrd"),
         (["bag", "view:=none.yaml"], 1, "view:=none.yaml: no such file"),
-        (["bag", "web_port:=99999"], 2, "web_port:=99999 is not possible; write an integer"),
+        (["bag", "web_port:=99999"], 2, "web_port:=99999 is not valid; write an integer"),
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, capsys, words, code, message):

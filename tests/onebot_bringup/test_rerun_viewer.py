@@ -150,7 +150,7 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path):
 def test_the_memory_limit_is_a_size():
     """As Rerun reads it."""
     read(ViewerParameters, {"memory_limit": "10 MB"})
-    with pytest.raises(ConfigError, match='"lots" is not possible; write a size such as 256MB'):
+    with pytest.raises(ConfigError, match='"lots" is not valid; write a size such as 256MB'):
         read(ViewerParameters, {"memory_limit": "lots"})
 
 

@@ -87,7 +87,7 @@ def test_a_controller_is_known_by_its_parameters():
     assert found is not None and found.linear.max_velocity == 0.5
     assert math.isnan(found.linear.min_velocity) and math.isnan(found.angular.max_velocity)
     assert found.linear.max_deceleration == -2.0
-    assert found.lateral is None and found.least_radius == 0.0
+    assert found.lateral is None and found.minimum_radius == 0.0
 
 
 @pytest.mark.parametrize(
@@ -143,19 +143,19 @@ CAR = {"wheelbase": 0.5, "steering_joints_names": ["right", "left"]}
         ({**CAR, "linear.y.max_velocity": 1.0}, 0.0),  # each wheel steers
     ],
 )
-def test_a_drive_that_steers_has_a_least_radius(values, radius):
+def test_a_drive_that_steers_has_a_minimum_radius(values, radius):
     """It is known by that alone: the standard controllers of cars have no limits."""
     found = ControllerLimits.from_parameters("/car", values)
-    assert (found.least_radius if found else 0.0) == pytest.approx(radius)
+    assert (found.minimum_radius if found else 0.0) == pytest.approx(radius)
 
 
 _speeds = st.floats(-1e300, 1e300)
 
 
 @given(_speeds, _speeds, st.floats(0.01, 10.0))
-def test_no_curve_is_tighter_than_the_least_radius(linear, angular, radius):
+def test_no_curve_is_tighter_than_the_minimum_radius(linear, angular, radius):
     """A wider one stays as it is; standing still, nothing turns."""
-    allowed = limits_of([ControllerLimits("/car", least_radius=radius), FAST]).range
+    allowed = limits_of([ControllerLimits("/car", minimum_radius=radius), FAST]).range
     clamped = allowed.clamp(Velocity(linear, angular))
     assert abs(clamped.angular) * radius <= abs(clamped.linear) * (1.0 + 1e-12)
     assert clamped.angular * angular >= 0.0 and clamped.linear * linear >= 0.0

@@ -347,7 +347,7 @@ def test_a_robot_that_wants_the_other_type_is_said(peer: Peer) -> None:
         )
 
 
-def test_a_car_turns_in_curves_of_a_least_radius(peer: Peer) -> None:
+def test_a_car_turns_in_curves_of_a_minimum_radius(peer: Peer) -> None:
     """Beside the speeds, as its controller's parameters have it; they may change."""
     peer.node.declare_parameter("steering_joints_names", ["right", "left"])
     peer.node.declare_parameter("minimum_turning_radius", 0.468)

@@ -227,7 +227,7 @@ def test_a_controller_that_does_not_work(peer: Peer) -> None:
         ("elbow=fast", '"elbow=fast" is not JOINT=POSITION, with a number in rad or m'),
         ("elbow=nan", '"elbow=nan" is not JOINT=POSITION'),
         ("elbow", '"elbow" is not JOINT=POSITION'),
-        ("elbow=1 time:=0", "time:=0 is not possible; write a number above 0"),
+        ("elbow=1 time:=0", "time:=0 is not valid; write a number above 0"),
         ("elbow=1 tme:=1", 'no argument "tme" (did you mean "time"?'),
     ],
 )

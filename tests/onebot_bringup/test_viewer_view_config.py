@@ -37,7 +37,7 @@ def test_the_views_of_our_robots_are_valid():
         ("camera: {eye: [1, 2]}", "eye: 2 numbers; write three metres, such as [3.0, -3.0, 2.0]"),
         ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, names_up_to,"),
         ("trails: [odom]", "is a list; write a map"),
-        ("trails: {a: {topic: a b}}", '"a b" is not possible; write a topic, such as'),
+        ("trails: {a: {topic: a b}}", '"a b" is not valid; write a topic, such as'),
         ("speeds: {lines: {a: {topic: b, type: twist}}}", 'a.type: no "twist" (did you mean "Twi'),
         ("background: [1, 2, 300]", "background: 300 is above 255; write three bytes, such as"),
     ],

@@ -65,7 +65,7 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ({"left_wheel_names": []}, "right_wheel_names: 1 wheels, but left_wheel_names has 0"),
         (
             {"left_wheel_names": ["a"], "right_wheel_names": ["b", "c"]},
-            "right_wheel_names: 2 wheels, but left_wheel_names has 1; name as many",
+            "right_wheel_names: 2 wheels, but left_wheel_names has 1; name equally many",
         ),
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"update_rate": 1001}, "update_rate: 1001 is above 1000; write a number from 0.001"),

@@ -213,7 +213,7 @@ def test_the_drive_may_have_another_name(file: Path) -> None:
     )
     [skipped] = ControlFiles([file], "/", MANAGER).joint_controllers().warnings
     assert skipped.startswith(
-        f"{file}:4: base: is a further diff_drive_controller, or the robot st"
+        f"{file}:4: base: is a second diff_drive_controller, or the robot has"
     )
     kind = "diff_drive_controller/DiffDriveController"
     file.write_text(f"base: {{ros__parameters: {{type: {kind}, wheel_radius: 1.0}}}}")
@@ -389,7 +389,7 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
             "interface_name: position",
             "interface_name: effort",
             "arm neck hand",
-            "4: head: commands effort, which cannot be simulated yet, so it is skipped",
+            "4: head: commands effort, which is not simulated yet, so it is skipped",
         ),
         (
             "position_controllers/JointGroupPositionController",
@@ -434,7 +434,7 @@ def test_a_type_may_be_in_the_controllers_own_section(file: Path) -> None:
     foreign = ControlFiles([file], "/robot1", MANAGER).foreign_sections()
     assert [section for _, section in foreign] == ["/arm", "/robot2/other"]
     [text, _] = foreign.values()
-    assert text.startswith(f'{file}:1: section "/arm" is for none of the nodes, so it is skipped (')
+    assert text.startswith(f'{file}:1: section "/arm" matches no node, so it is skipped (')
 
 
 def test_a_controller_may_have_a_file_of_its_own(file: Path, tmp_path: Path) -> None:

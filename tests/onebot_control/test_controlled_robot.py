@@ -48,9 +48,9 @@ SET = {"wheel_separation": 0.3, "wheel_radius": 0.06}  # so that the description
     ("values", "said"),
     [
         ({"joint_state_broadcaster.joints": ["arm"]}, 'no joint "arm"'),
-        ({"left_wheel_names": ["arm"], **SET}, 'left_wheel_names: .*no joint "arm" that turns'),
-        ({"right_wheel_names": ["arm"], **SET}, 'right_wheel_names: .*no joint "arm" that turns'),
-        ({"right_wheel_names": ["caster_joint"]}, 'no joint "caster_joint" that turns'),
+        ({"left_wheel_names": ["arm"], **SET}, 'left_wheel_names: .*no rotating joint "arm"'),
+        ({"right_wheel_names": ["arm"], **SET}, 'right_wheel_names: .*no rotating joint "arm"'),
+        ({"right_wheel_names": ["caster_joint"]}, 'no rotating joint "caster_joint"'),
         ({"wheel_radius": 1e-320}, "left_radius must be at least 1e-06 m, not 9.99989e-321 m"),
         (
             {"wheel_separation": 1e-200, "wheel_separation_multiplier": 1e-200},
@@ -80,9 +80,9 @@ def ignored_of(*joints: str) -> list[str]:
 def test_controllers_that_cannot_run_are_inactive() -> None:
     """If their joints have another controller, or the robot has no such joints."""
     wheel = "left_wheel_joint"
-    moved = f"is inactive: the controller of the wheels, which comes first, moves {wheel}"
+    moved = f"is inactive: the controller of the wheels comes first, and moves {wheel}"
     assert ignored_of(wheel) == [f"arm0: {moved}"]
-    none = "is inactive: no joint of the robot is finger"
+    none = "is inactive: the robot has no joint finger"
     assert ignored_of("finger", wheel) == [f"arm0: {none}", f"arm1: {moved}"]
 
 
@@ -276,7 +276,7 @@ def test_the_pace_is_that_of_cycles_in_the_time_that_passes() -> None:
 def test_drift_is_found_at_any_rate(rate: float) -> None:
     drive = ideal_drive(wheel_radius=2.0 * RADIUS, update_rate=rate, cmd_vel_timeout=0.0)
     run(drive, 0.5, 0.0, round(2.5 * rate))
-    assert "by its wheels the robot drove 1." in drive.drive.drift.warning
+    assert "by its wheels, the robot drove 1." in drive.drive.drift.warning
 
 
 def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
@@ -330,7 +330,7 @@ def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
     snapshot = run(drive, 0.5, 0.3, 20)
     assert snapshot.drive.twist == pytest.approx((0.5, 0.0, 0.3))
     # In turns, they skid.
-    assert drive.drive.drift._most_turn > ideal_drive().drive.drift._most_turn
+    assert drive.drive.drift._max_turn_error > ideal_drive().drive.drift._max_turn_error
 
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:

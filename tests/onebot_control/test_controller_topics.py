@@ -191,7 +191,7 @@ def test_odometry_that_drifts_from_the_truth_is_warned_of_once(
     ros = ros_simulation(robot(), parameters={"wheel_radius": 2.0 * RADIUS})
     ros.simulation.robot.drive(0.2)
     ros.simulation.run(10.0)
-    assert capfd.readouterr().err.count("odometry and truth drift apart") == 1
+    assert capfd.readouterr().err.count("odometry and ground truth drift apart") == 1
 
 
 # Commands ---------------------------------------------------------------------------------------

@@ -146,8 +146,8 @@ def test_a_refused_command_leaves_the_one_before() -> None:
     """Neither its speed nor its age counts; one just within the timeout is taken."""
     drive = controller(cmd_vel_timeout=0.5)
     drive.accept(0.2, 0.1)
-    assert drive.accept(0.7, 0.7, age=0.5) == "0.500 s old, and cmd_vel_timeout is 0.5 s"
-    assert drive.accept(0.7, 0.7, age=0.6) == "0.600 s old, and cmd_vel_timeout is 0.5 s"
+    assert drive.accept(0.7, 0.7, age=0.5) == "0.500 s old, but cmd_vel_timeout is 0.5 s"
+    assert drive.accept(0.7, 0.7, age=0.6) == "0.600 s old, but cmd_vel_timeout is 0.5 s"
     assert update(drive, REST, 0.1)[:3] == (0.2, 0.0, 0.1)
     assert drive.accept(0.7, 0.7, age=0.499) is None
     assert update(drive, REST, 0.1)[:3] == (0.7, 0.0, 0.7)

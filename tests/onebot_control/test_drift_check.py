@@ -1,4 +1,4 @@
-"""The warning that odometry and truth drift apart."""
+"""The warning that odometry and ground truth drift apart."""
 
 from pathlib import Path
 
@@ -36,8 +36,8 @@ def drifted(drive: ControlledRobot, linear: float, angular: float, seconds: floa
     [
         ({}, -0.2, 0.3, ""),
         ({"wheel_radius": 0.065}, 0.2, 0.3, ""),
-        ({"wheel_radius": 0.12}, -0.2, 0.1, "by its wheels the robot drove -1.0"),
-        ({"wheel_separation": 0.15}, 0.0, 0.3, "by its wheels the robot turned 1.0"),
+        ({"wheel_radius": 0.12}, -0.2, 0.1, "by its wheels, the robot drove -1.0"),
+        ({"wheel_separation": 0.15}, 0.0, 0.3, "by its wheels, the robot turned 1.0"),
     ],
 )
 def test_lengths_that_are_not_the_robots(
@@ -46,7 +46,7 @@ def test_lengths_that_are_not_the_robots(
     """A tenth is not worth a warning; more is, once, with the parameter that is wrong."""
     warning = drifted(ideal_drive(**values), linear, angular)
     assert (warned in warning) if warned else not warning
-    assert all(f"{name} is not" in warning for name in values if warned)
+    assert all(f"{name} is wrong" in warning for name in values if warned)
 
 
 def test_what_jumps_does_not_drift() -> None:
@@ -73,7 +73,7 @@ def test_a_car_driven_by_its_rear_wheels() -> None:
     names = {f"{side}_wheel_names": [f"{side}_rear_wheel_joint"] for side in ("left", "right")}
     car = load_description(ROBOTS / "warn_deepracer.xacro")
     with alone(car, ControlConfig.from_parameters({**LIMITS, **names})) as fleet:
-        assert "as those of a car" in drifted(fleet.robots[0], 0.2, 0.5)
+        assert "as in a car" in drifted(fleet.robots[0], 0.2, 0.5)
 
 
 @pytest.mark.parametrize("world", ["maze", "ramp"])

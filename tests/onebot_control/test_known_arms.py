@@ -85,7 +85,10 @@ KNOWN = {
     ),
     "ur5e": Arm(6),
     "wx250s": Arm(
-        7, 1, warnings={"holds a space or slash, which TF dislikes": 14}, repaired=[HELD]
+        7,
+        1,
+        warnings={"contains a space or slash, which breaks TF frame names": 14},
+        repaired=[HELD],
     ),
     "xarm6_gripper": XARM_WITH_GRIPPER._replace(warnings={}),
 }

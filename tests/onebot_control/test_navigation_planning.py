@@ -133,13 +133,13 @@ def test_a_wave_stops_where_it_is_told_and_goes_on():
     assert field.values[0, 20] == pytest.approx(1.0)
     field.spread()
     assert field.values[99, 99] == pytest.approx(99 * 0.05 * math.sqrt(2.0))
-    assert field.way((3, 3)).tolist() == [[3, 3], [2, 2], [1, 1], [0, 0]]
+    assert field.path((3, 3)).tolist() == [[3, 3], [2, 2], [1, 1], [0, 0]]
 
 
 def test_without_a_way_there_is_no_path():
     prices = np.ones((20, 20), np.float32)
     prices[:, 10] = np.inf
-    assert len(whole(prices, (5, 5)).way((5, 15))) == 0
+    assert len(whole(prices, (5, 5)).path((5, 15))) == 0
 
 
 def wall_map(x: float = 1.0, gap: float = 0.0) -> OccupancyGrid:
@@ -256,7 +256,7 @@ def test_it_turns_when_the_way_is_behind_it():
 
 
 def test_a_car_keeps_its_radius():
-    planner = LocalPlanner(vehicle(least_radius=0.8))
+    planner = LocalPlanner(vehicle(minimum_radius=0.8))
     speed = (0.3, 0.0, 0.0)
     for yaw in (0.0, 2.0, math.pi):
         (forward, _, turning), _ = planner.command(

@@ -108,10 +108,10 @@ def test_the_strictest_limits_count() -> None:
         "/b",
         SpeedLimits(max_velocity=0.4, min_velocity=-0.1),
         SpeedLimits(max_velocity=1.0),
-        least_radius=0.5,
+        minimum_radius=0.5,
     )
     both = vehicle_of(onebot_urdf, [fast, slow])
-    assert (both.forward, both.backward, both.turning, both.least_radius) == (0.4, 0.1, 1.0, 0.5)
+    assert (both.forward, both.backward, both.turning, both.minimum_radius) == (0.4, 0.1, 1.0, 0.5)
     assert (both.acceleration, both.sideways) == (9.0, 0.0)
     unknown = vehicle_of(onebot_urdf, [])
     assert (unknown.forward, unknown.turning) == (0.5, 1.5)

@@ -210,7 +210,7 @@ def test_lengths_are_those_of_the_description() -> None:
         geometry = drive_of(simulation).geometry
         assert geometry[:4] == pytest.approx((BASE, RADIUS, TRACK, TRACK))
         inner = BASE / math.tan(STEERS) + TRACK / 2.0
-        assert geometry.least_radius == pytest.approx(inner)
+        assert geometry.minimum_radius == pytest.approx(inner)
         with pytest.raises(OneBotError, match="no differential drive, but wheelbase 0.32 m"):
             _ = simulation.robot.wheel_separation
 
@@ -227,12 +227,12 @@ def _kinematics(description: Description, parameters: dict[str, Any]) -> Any:
 @pytest.mark.parametrize(
     ("make", "parameters", "fault"),
     [
-        (mecanum, {"type": "mecanum_drive"}, 'no drive is of the type "mecanum_drive" .known: ack'),
+        (mecanum, {"type": "mecanum_drive"}, 'no drive has the type "mecanum_drive" .known: ack'),
         (mecanum, {"front_left_wheel_command_joint_name": "x"}, "front_right.*: is missing"),
         (
             mecanum,
             {f"{c}_wheel_command_joint_name": "wheel_joint" for c in CORNERS},
-            'no joint "wheel_joint" that turns',
+            'no rotating joint "wheel_joint"',
         ),
         (lambda: robot(steered("rear", -0.2, 0.0), *_front(), name="t"), {}, "not in front of"),
         (car, {"front_steering": False}, "front_steering: vehicles that steer their rear"),
@@ -247,7 +247,7 @@ def _kinematics(description: Description, parameters: dict[str, Any]) -> Any:
             "its wheels are omnidirectional, with rollers around them; let the control file",
         ),
         (omni, {"wheel_names": ["w0_joint", "w1_joint"]}, "it needs three wheels or more, not 2"),
-        (omni, {"wheel_names": ["w0_joint", "w9_joint"]}, 'no joint "w9_joint" that turns'),
+        (omni, {"wheel_names": ["w0_joint", "w9_joint"]}, 'no rotating joint "w9_joint"'),
     ],
 )
 def test_what_cannot_be_driven_is_refused(
@@ -425,6 +425,6 @@ def test_onebots_file_suits_all_drives() -> None:
 def test_wrong_values_are_named() -> None:
     with pytest.raises(ConfigError, match="wheelbase: -1 is below 0"):
         Simulation(car(), parameters={"wheelbase": -1.0})
-    with pytest.raises(OneBotError, match="do not move the robot forward, sideways and round"):
+    with pytest.raises(OneBotError, match="cannot move the robot forward, sideways and around"):
         urdf = _plain(_FDIR).urdf.replace("1 -1 0", "1 1 0")
         Simulation(parse_description(urdf, "same.urdf"))

@@ -99,12 +99,12 @@ some_driver:
 """,
     "arm",
     (
-        "14: $(var prefix) is for ros2 launch to replace; it is left out",
+        "14: only ros2 launch can replace $(var prefix); it is left out",
         "5: io_controller: vendor_controllers/GPIOController does not run here, so it is skipped",
         "7: arm_scaled: vendor_controllers/ScaledJointTrajectoryController does not run",
         "8: arm_velocities: velocity_controllers/JointGroupVelocityController does not run",
-        '26: section "/some_driver" is for none of the nodes, so it is skipped',
-        "9: arm_positions: is inactive: arm, which comes first, moves lift, yaw",
+        '26: section "/some_driver" matches no node, so it is skipped',
+        "9: arm_positions: is inactive: arm comes first, and moves lift, yaw",
     ),
 )
 
@@ -137,8 +137,8 @@ thumb_controller:
         "5: twist_controller: vendor_twist/TwistController does not run here",
         '14: interface_name: no such parameter (did you mean "state_interfaces"? known: ',
         "19: default: no such parameter (known: ",
-        "6: second_hand: is inactive: no joint of the robot is knuckle",
-        "7: thumb_controller: is inactive: by <mimic>, another joint moves thumb",
+        "6: second_hand: is inactive: the robot has no joint knuckle",
+        "7: thumb_controller: is inactive: <mimic> moves thumb",
     ),
 )
 
@@ -166,8 +166,8 @@ NAMESPACED = Project(
     "arm hand",
     (
         "16: command_interfaces: no such parameter",
-        '18: section "/other/arm" is for none of the nodes, so it is skipped (did you mean ',
-        "5: arm_forward: is inactive: arm, which comes first, moves lift, yaw",
+        '18: section "/other/arm" matches no node, so it is skipped (did you mean ',
+        "5: arm_forward: is inactive: arm comes first, and moves lift, yaw",
     ),
     "/robot1",
 )
@@ -205,9 +205,9 @@ effort:
         "8: effort: effort_controllers/JointGroupEffortController does not run here",
         "13: start_position_control: no such parameter",
         "16: command_interfaces: no such parameter",
-        "6: arm_effort: commands effort, which cannot be simulated yet, so it is skipped",
+        "6: arm_effort: commands effort, which is not simulated yet, so it is skipped",
         "23: gains.finger.p: no such parameter",
-        "7: hand_effort: is inactive: hand, which comes first, moves finger",
+        "7: hand_effort: is inactive: hand comes first, and moves finger",
         "14: arm.constraints.other_controller.joint1: no joint of the controller",
     ),
 )
@@ -361,7 +361,7 @@ def test_a_drive_of_any_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -
     assert name == "base_controller"
     fleet, [unknown] = fleet_of(file, CARRIER, "/", name)
     assert unknown.startswith(f"{file}:13: preserve_turning_radius: no such parameter")
-    text = "wheels: is inactive: the controller of the wheels, which comes first, moves left_wheel"
+    text = "wheels: is inactive: the controller of the wheels comes first, and moves left_wheel"
     assert f"{file}:8: {text}" in caplog.text
     with fleet:
         [robot] = fleet.robots

@@ -19,7 +19,7 @@ TEXT = DIFF_DRIVE.read_text()
 
 WRONG = [
     ({"model": None}, "model: has no value; write a URDF or xacro file, or a Description"),
-    ({"model": TEXT}, "is a description, not the path of its file"),
+    ({"model": TEXT}, "is a description; pass the path of its file"),
     ({"model": DIFF_DRIVE, "sensors": True}, "no sensor found"),
     ({"world": None}, 'write the name of a world, a URDF or xacro file, a Description, or ""'),
     ({"x": "1"}, 'x: "1" is a string; write a number'),
@@ -38,8 +38,8 @@ WRONG = [
     ({"robots": None}, "robots: has no value; write a dict of RobotSetups by name"),
     ({"robots": [RobotSetup()]}, "is a list; write a dict of RobotSetups by name"),
     ({"robots": {"a": {"x": 1}}}, "robots.a: is a map; write a RobotSetup"),
-    ({"robots": {"a b": RobotSetup()}}, 'robots: "a b" is not possible; write letters, digits'),
-    ({"robots": {"1a": RobotSetup()}}, 'robots: "1a" is not possible'),
+    ({"robots": {"a b": RobotSetup()}}, 'robots: "a b" is not valid; write letters, digits'),
+    ({"robots": {"1a": RobotSetup()}}, 'robots: "1a" is not valid'),
     ({"robots": {"two": RobotSetup(parameters={"nope": 1})}}, "robots.two.nope: no such parameter"),
 ]
 
@@ -167,7 +167,7 @@ def test_after_close_each_method_says_so() -> None:
     ("call", "words"),
     [
         (lambda: load_description(None), "source: has no value; write the path of"),
-        (lambda: load_description(TEXT), "is a description, not the path"),
+        (lambda: load_description(TEXT), "is a description; pass the path"),
         (lambda: load_description(DIFF_DRIVE, []), "arguments: [] is a list; write a dict"),
         (lambda: parse_description(None), "urdf: has no value; write a string"),
         (lambda: parse_description(TEXT.encode()), "write a string"),

@@ -122,7 +122,7 @@ def test_only_a_driven_front_wheel_turns_on_the_spot(angular: float) -> None:
 def test_curves_are_no_narrower_than_the_limit(linear: float, angular: float) -> None:
     car = kinematics_of(0.3, 0.05, 0.2, 0.2, limit=0.5)
     least = 0.3 / math.tan(0.5)
-    assert SteeredGeometry(0.3, 0.05, 0.2, 0.2, 0.5).least_radius == pytest.approx(least)
+    assert SteeredGeometry(0.3, 0.05, 0.2, 0.2, 0.5).minimum_radius == pytest.approx(least)
     x, _, turn = car.body_motion(*car.command((linear, 0.0, angular))[3:])
     most = abs(linear) / least
     assert (x, turn) == pytest.approx((linear, max(-most, min(most, angular))), abs=1e-9)

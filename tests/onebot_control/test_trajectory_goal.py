@@ -66,7 +66,7 @@ def test_what_is_accepted() -> None:
             ("elbow", "elbow"),
             False,
             [
-                'joint_names: "elbow" is there twice',
+                'joint_names: "elbow" occurs twice',
                 'joint_names: "shoulder" is missing, and allow_partial_joints_goal is false',
             ],
         ),

@@ -74,7 +74,7 @@ def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
         late.header.stamp.sec = int(time.time()) - 60
         driver.message = late
         wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
-        wait_for(lambda: "s old, and cmd_vel_timeout is 0.5 s" in node.output, "the warning")
+        wait_for(lambda: "s old, but cmd_vel_timeout is 0.5 s" in node.output, "the warning")
         assert node.output.count("has stamp 0") == 1
 
 
@@ -148,7 +148,7 @@ def test_simulated_time(peer: Peer, model: str) -> None:
         words = [*ros_args(use_sim_time=True), "-r", "__ns:=/other"]
         with NodeProcess(MODULE, model, *words) as other:
             names = f"/other/velocity_controller, {NODE}"
-            warning = f"/clock is published by {names} at once: time jumps between two simulations"
+            warning = f"/clock has several publishers, {names}: time jumps between two simulations"
             for node in (one, other):
                 wait_for(lambda n=node: warning in n.output, "the warning")
                 assert "domain_id:=" in node.output

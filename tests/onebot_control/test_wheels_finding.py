@@ -122,8 +122,8 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ((), "no wheel on the left that has its like on the right was found"),
-        ((TWO[0],), "no wheel on the left that has its like on the right was found"),
+        ((), "its joints include no wheel on the left with a matching wheel"),
+        ((TWO[0],), "its joints include no wheel on the left with a matching wheel"),
         (
             (wheel("a", 0.2, -1e-4, "1 -1e-4 0"), wheel("b", -0.2, 0.0, "1 0 0")),
             "at 0.2 0 0, axis 1 0 0",
@@ -132,7 +132,10 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             (*TWO, wheel("m", 0.2, 0.1, radius=0.05), wheel("n", 0.2, -0.1, radius=0.05)),
             "it is not clear which of its wheels drive it: m_joint, n_joint or l_joint, r_joint",
         ),
-        ((swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")), "no wheel on the left that has its"),
+        (
+            (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
+            "its joints include no wheel on the left with a",
+        ),
         (
             tuple(
                 wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
@@ -150,7 +153,7 @@ def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
     message = str(caught.value)
     assert 'robot "bot" cannot be driven: ' in message and said in message
     assert "left_wheel:=JOINT right_wheel:=JOINT" in message
-    assert "Its joints that turn: " + ("" if parts else "none") in message
+    assert "Its rotating joints: " + ("" if parts else "none") in message
 
 
 def test_a_round_housing_of_an_arm_is_no_wheel() -> None:

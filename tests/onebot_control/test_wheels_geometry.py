@@ -127,8 +127,8 @@ def test_no_round_shape(collisions: tuple[str, ...], visuals: tuple[str, ...]) -
         other = wheel("right", -0.2)
         SideWheels(robot(shapes(*collisions, visuals=visuals), other), LEFT, RIGHT).geometry()
     assert str(caught.value) == (
-        'robot "bot", joint "left_wheel_joint": link "left_wheel" has no one sphere, cylinder '
-        "or round mesh to read the wheel's radius from; set wheel_radius (m)"
+        'robot "bot", joint "left_wheel_joint": link "left_wheel" has no sphere, cylinder '
+        "or round mesh that defines the wheel's radius; set wheel_radius (m)"
     )
 
 
@@ -140,7 +140,7 @@ def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
         assert SideWheels(description, LEFT, RIGHT).radius == 0.06
         return
     for sides in ((LEFT, RIGHT), (RIGHT, LEFT)):
-        with pytest.raises(OneBotError, match="wheels of several radii"):
+        with pytest.raises(OneBotError, match="wheels of different radii"):
             _ = SideWheels(description, *sides).radius
 
 
@@ -155,10 +155,10 @@ def test_joints_of_each_side_are_checked() -> None:
         SideWheels(description, [*LEFT, "left_whel_joint"], RIGHT)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
-    assert 'left_wheel_names: robot "bot" has no joint "left_whel_joint" that turns' in lines[0]
+    assert 'left_wheel_names: robot "bot" has no rotating joint "left_whel_joint"' in lines[0]
     assert 'did you mean "left_wheel_joint"? it has: left_wheel_joint' in lines[0]
     assert lines[1].startswith(
-        'right_wheel_names: robot "bot" has no joint "right_wheel_joint" that turns'
+        'right_wheel_names: robot "bot" has no rotating joint "right_wheel_joint"'
     )
 
 

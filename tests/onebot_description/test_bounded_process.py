@@ -34,7 +34,7 @@ def problem_of(folder: Path, inside: str) -> str:
     return problem.replace(f"{folder}/", "")
 
 
-STOPPED = "expanding it was stopped here: it takes more than "
+STOPPED = "expansion was stopped here: it takes more than "
 MEMORY, PROCESSOR = f"{STOPPED}0.15 GB of memory", f"{STOPPED}1 s of processor time"
 HOSTILE = {
     "ljust": ("<link name=\"${''.ljust(10**10)}\"/>", MEMORY),
@@ -68,7 +68,7 @@ def test_what_would_not_end_is_stopped(tmp_path: Path, monkeypatch, name: str) -
         (
             '<link name="l"><visual><geometry><mesh filename="/dev/zero"/></geometry></visual>'
             "</link>",
-            "<mesh>: /dev/zero: is no file",
+            "<mesh>: /dev/zero: is not a file",
         ),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_library_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch, tmp_path
         load()
     monkeypatch.undo()
     monkeypatch.setattr(build_library, "SOURCES", build_library.SOURCES[:1])
-    with pytest.raises(OneBotError, match=f"is not built from the present source. {remedy}$"):
+    with pytest.raises(OneBotError, match=f"does not match the source. {remedy}$"):
         load()
     monkeypatch.setattr(build_library, "SOURCES", (tmp_path / "none.c",))
     assert load().onebot_link_poses  # an installation without sources

@@ -67,4 +67,4 @@ def test_its_difficulty_is_printed():
     command = [sys.executable, "-m", "onebot_description.description.clutter", "seed=3"]
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert output == clutter(ClutterParameters(3)).difficulty + "\n"
-    assert "cylinders; the goal is at 8.5, 0; the shortest way is" in output
+    assert "cylinders; the goal is at 8.5, 0; the shortest path is" in output

@@ -11,7 +11,7 @@ from onebot_description.description import DescriptionError, Mimic, parse_descri
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 CUBE = ROBOTS / "meshes" / "cube.stl"
-ENDLESS = "a continuous joint turns without end, so lower and upper are ignored; delete them"
+ENDLESS = "a continuous joint turns endlessly, so lower and upper are ignored; delete them"
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 
@@ -389,7 +389,7 @@ RED = _color("1 0 0 1")
 def test_colours_go_from_0_to_1(rgba, good):
     use = '<material name="m"/>'
     text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
-    start = f'1: material "m" <color>: rgba="{rgba}" leaves 0 to 1; divide'
+    start = f'1: material "m" <color>: rgba="{rgba}" is beyond 0 to 1; divide'
     assert_begin(warnings(text) if good else problems(text), [] if good else [start])
 
 
@@ -498,7 +498,7 @@ def test_second_elements_are_one_problem(tag):
     rest = "" if tag == "limit" else LIMIT
     text = joint(f"{first}{rest}\n{inside}\n{inside}")
     found = [one for one in problems(text) if "circle" not in one]
-    assert found == [f'5: joint "j" <{tag}>: stands 3 times in joint "j"; leave one']
+    assert found == [f'5: joint "j" <{tag}>: occurs 3 times in joint "j"; keep one']
 
 
 def test_xacro_that_was_not_expanded_is_one_problem():
@@ -525,10 +525,10 @@ def test_names_are_given_once(tag):
     found = problems(robot(*rows, repeated, repeated))
     line = len(rows) + 2
     assert found[:2] == [
-        f'{number}: {tag} "{name}": there is a {tag} of that name already, at r:{first}; rename it'
+        f'{number}: {tag} "{name}": there already is a {tag} of that name, at r:{first}; rename it'
         for number in (line, line + 1)
     ]
-    assert all("of that name already" in one for one in found)
+    assert all("there already is a" in one for one in found)
 
 
 @pytest.mark.parametrize(
@@ -537,7 +537,7 @@ def test_names_are_given_once(tag):
 def test_names_that_tf_dislikes(name, count):
     found = warnings(f'<robot name="r"><link name="{name}"/></robot>')
     assert len(found) == count
-    assert all("holds a space or slash, which TF dislikes" in text for text in found)
+    assert all("contains a space or slash, which breaks TF frame names" in text for text in found)
 
 
 @pytest.mark.parametrize("name", ["", ' name=""', ' name="  "'])
@@ -569,8 +569,14 @@ def _links(names):
         (["aa", "bc"], ['3: joint "j0": the links a -> a form a loop; remove one of its joints']),
         (["bc", "cb"], ['4: joint "j1": the links b -> c -> b form a loop; remove one of its']),
         (["ab", "bc", "ca"], ['4: joint "j1": the links c -> a -> b -> c form a loop; remove']),
-        (["ab"], ['2: link "c": the robot falls into 2 parts, whose roots are a, c; connect each']),
-        ([], ['2: link "b": the robot falls into 3 parts, whose roots are a, b, c; connect each']),
+        (
+            ["ab"],
+            ['2: link "c": the robot is in 2 separate parts, with the roots a, c; connect each'],
+        ),
+        (
+            [],
+            ['2: link "b": the robot is in 3 separate parts, with the roots a, b, c; connect each'],
+        ),
         (["ab", "bx"], ['4: joint "j1" <child>: there is no link "x" (links: a, b, c)']),
         (["ab", "xc"], ['4: joint "j1" <parent>: there is no link "x"']),
     ],

@@ -18,12 +18,12 @@ SECRET = '<!DOCTYPE robot [<!ENTITY secret SYSTEM "file:///etc/passwd">]>'
 @pytest.mark.parametrize(
     ("document", "words"),
     [
-        ("", ":1:1: is not XML: URDF starts with <robot"),
+        ("", ":1:1: is not XML; URDF starts with <robot"),
         (b"\0\1\2", ":1:1: is not XML"),
         ('<robot>\n<link name="a">\n</robot>', ":3:3: malformed XML: mismatched tag: <link> of l"),
         (b'<robot name="r">\n<link name="\xdf"/></robot>', ":2: is not UTF-8 text (byte 0xdf)"),
         ('<?xml version="1.0" encoding="klingon"?><robot/>', "encoding cannot be read"),
-        (f'{SECRET}\n<robot name="&secret;"/>', ":1: <!DOCTYPE> and entities are refused"),
+        (f'{SECRET}\n<robot name="&secret;"/>', ":1: <!DOCTYPE> and entities are rejected"),
         (
             '<robot name="a">\n<xacro:a/></robot>',
             ":2:1: the prefix of a name is not declared; for xacro: write <robot xmlns:xacro=",

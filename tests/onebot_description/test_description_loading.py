@@ -197,17 +197,17 @@ def _macro(name: str, body: str = "<a/>") -> str:
             ['<xacro:include filename="robot.xacr"/>'],
             'robot.xacr: no such file (did you mean "robot.xacro"?',
         ),
-        (['<xacro:include filename="robot.xacro"/>'], "refers to itself without end"),
+        (['<xacro:include filename="robot.xacro"/>'], "refers to itself endlessly"),
         (['<xacro:if value="maybe"/>'], '2: xacro: Xacro conditional "maybe"'),
         (['<link name="$(find onebot_descripton)"/>'], '2: no ROS package "onebot_descripton"'),
         (
             [_macro("m", '<link name="base"/>'), "<xacro:m/>"],
-            '4: link "base": there is a link of that name already, at 2 (called at 3); rename',
+            '4: link "base": there already is a link of that name, at 2 (called at 3); rename',
         ),
-        ([_macro("m", "<xacro:m/>"), "<xacro:m/>"], "refers to itself without end"),
+        ([_macro("m", "<xacro:m/>"), "<xacro:m/>"], "refers to itself endlessly"),
         (
             [_macro("m", '<a b="${1' + "+1" * 20_000 + '}"/>'), "<xacro:m/>"],
-            "2 (called at 3): what is evaluated here is nested too deeply, or refers to itself",
+            "2 (called at 3): this expression is nested too deeply, or refers to itself",
         ),
     ],
 )
@@ -240,7 +240,7 @@ def test_text_that_names_a_file_has_its_folder(tmp_path: Path) -> None:
     assert load_description(path).files == (path,)
     assert load_description(path).source == str(path)
     [problem] = parse_description(text, "robot.urdf of another folder").problems
-    assert "lies in no folder" in problem
+    assert "is in no folder" in problem
 
 
 def test_the_published_text_carries_what_finds_its_files(tmp_path: Path) -> None:

@@ -123,15 +123,15 @@ def test_a_joint_that_can_follow_nothing_moves_by_itself(
 def test_loose_links_have_joint_states_but_no_transforms() -> None:
     """As with the standard nodes: joint_state_publisher wants joints only, TF wants one tree."""
     arm = '<link name="arm"/>' + hinge("j", "hand").replace('link="base"', 'link="arm"')
-    description = taken(robot(hinge("k", "a"), arm), "the robot falls into 2 parts")
+    description = taken(robot(hinge("k", "a"), arm), "the robot is in 2 separate parts")
     assert (description.root_link, at_rest(description)) == ("base", {"k": 0.0, "j": 0.0})
-    with pytest.raises(OneBotError, match="robot falls into 2 parts, whose roots are arm, b"):
+    with pytest.raises(OneBotError, match="robot is in 2 separate parts, with the roots arm, b"):
         RobotModel.from_description(description)
 
 
 def test_a_robot_may_lie_in_another_element() -> None:
     description = taken(
-        f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": lies in <urdf>'
+        f"<urdf>\n{robot(hinge('j', 'a'))}</urdf>", 'r:2: robot "r": is inside <urdf>'
     )
     assert (description.robot_name, at_rest(description)) == ("r", {"j": 0.0})
     assert parse_description(description.urdf).problems == ()
@@ -161,7 +161,7 @@ def test_dashes_inside_comments_are_skipped(tmp_path: Path) -> None:
     for description in (parse_description(text, "r"), load_description(file)):
         assert description.link_names == ("base", "a")
         assert ':3: joint "j": a revolute joint needs' in description.problems[0]
-        assert ':1: "--" inside a comment, which some programs refuse' in description.warnings[0]
+        assert ':1: "--" inside a comment, which some programs reject' in description.warnings[0]
         assert "<x>&lt;!-- a--b --&gt;</x>" in description.urdf
     again = parse_description(robot("<!-- a - b --><!---->", hinge("j", "a")), "r")
     assert again.warnings == ()
@@ -208,7 +208,7 @@ def test_the_simulation_names_what_it_cannot_do() -> None:
     with pytest.raises(OneBotError, match=text):
         rigid_bodies(parse_description(urdf, "r.urdf"))
     urdf = robot(hinge("j", "a"), '<link name="loose"/>')
-    with pytest.raises(OneBotError, match="r.urdf: the robot falls into 2 parts"):
+    with pytest.raises(OneBotError, match="r.urdf: the robot is in 2 separate parts"):
         rigid_bodies(parse_description(urdf, "r.urdf"))
 
 
@@ -271,7 +271,7 @@ def test_limits_of_version_1_2() -> None:
     assert (joint.effort, joint.velocity) == (None, None)
     [warning] = description.notices
     assert warning.endswith(
-        "<limit>: acceleration, deceleration, jerk of j: motions do not keep to this limit"
+        "<limit>: acceleration, deceleration, jerk of j: motions ignore this limit"
     )
     assert "3 rad/s²" in describe(description)
     [fault] = versioned("1.2", limit=LIMIT.replace("/>", ' jerk="-1"/>')).problems

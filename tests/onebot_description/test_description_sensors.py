@@ -138,7 +138,7 @@ def test_check_lists_the_sensors():
     ("written", "fault"),
     [
         (block(samples=0), "<samples>: 0 is below 1; write a number from 1 to 300000"),
-        (block(samples="12.5"), "<samples>: 12.5 is no whole number"),
+        (block(samples="12.5"), "<samples>: 12.5 is not a whole number"),
         (block(near=12), "<range>: <min> 12 is not below <max> 10; swap or change them"),
         (block(low=3, high=-3), "<min_angle> 3 is not below <max_angle> -3"),
         (block(high=4.2), "more than a turn"),
@@ -147,7 +147,7 @@ def test_check_lists_the_sensors():
         (block(inside=RAY.replace("max>", "most>").format(**VALUES)), "has no <range/max>"),
         (block(rate="1e6"), "<update_rate>: 1e+06 is above 1000; write a number from 0 to 1000"),
         (block(link="b"), 'there is no link "b" (links: a)'),
-        (block(link=""), 'lies in no link; write <gazebo reference="LINK"> around it'),
+        (block(link=""), 'is in no link; write <gazebo reference="LINK"> around it'),
         (block(name=""), 'has no name; write <sensor name="...">'),
         (rays("<topic>2d/scan</topic>"), 'topic "2d/scan" is not'),
         (rays("<pose>1 2</pose>"), "<pose>: holds 2 numbers; write"),
@@ -178,7 +178,7 @@ def test_all_faults_at_once_and_the_other_sensors_stay():
     *bad, twin = found.problems
     assert len(bad) == 3 and all(each.startswith('r:3: <gazebo> sensor "bad"') for each in bad)
     assert twin.endswith(
-        'sensor "twin": publishes "scan", as the one at r:2 does; give it a <topic> of its own'
+        'sensor "twin": publishes "scan", as does the one at r:2; give it its own <topic>'
     )
 
 

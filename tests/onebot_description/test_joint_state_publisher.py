@@ -274,13 +274,13 @@ def test_a_joint_can_be_renamed_in_both_files(
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
     # As in a test of the standard node: <robot> within another element.
     Path(mrm).write_text(f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>")
-    says(node, "let <robot> be the outermost element")
+    says(node, "make <robot> the outermost element")
     says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
     listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
     listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "its motion")
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.3}}"))
-    says(node, f"{file} not applied, the robot goes on as before:")
+    says(node, f"{file} not applied, the robot continues as before:")
     Path(mrm).write_text(MRM)
     listener.hears(lambda s: list(s.name) == [JOINT] and s.position[0] == 0.3, "the file applied")
     file.unlink()
@@ -304,7 +304,7 @@ def test_sim_time_is_respected(start_node: Callable[..., Any], mrm: str) -> None
 def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
     mistakes = [
         (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
-        (["-r", "joint_states:=/rosout"], "a node has a topic as one type only"),
+        (["-r", "joint_states:=/rosout"], "a node can use a topic with only one type"),
     ]
     lines = [[mrm, "--ros-args", *arguments] for arguments, _ in mistakes]
     outputs = refusals("onebot_description.joint_state_publisher", lines)

@@ -87,7 +87,7 @@ def test_a_dependent_joint_that_is_missing_is_an_error() -> None:
 def test_limits_that_contradict_are_reported(multiplier: float) -> None:
     joints = [joint("a"), joint("b", mimic=mimic("a", multiplier, 3.0))]
     [text] = reported(joints)
-    assert "no position suits the limits of both" in text
+    assert "no position is within the limits of both" in text
     assert rest_of(joints, {"zeros.b": 0.25}) == pytest.approx([0.0, 0.25])
     joints[1] = joint("b")
     written = {"parent": "a", "factor": multiplier, "offset": 3.0}

@@ -212,7 +212,7 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
     source = JointStateSource(joints, config, previous=old, tolerant=True)
     assert {report.key: report.text.partition(" (")[0] for report in source.reports} == {
         "motions.slide": 'joint "slide" is fixed',
-        "motions.finger": 'joint "finger" follows "elbow"; move that one, or set use_mimic_tags'
+        "motions.finger": 'joint "finger" follows "elbow"; move its leader, or set use_mimic_tags'
         " to false",
         "poses.up.wheel": 'the robot has no joint "wheel"',
     }

@@ -92,8 +92,8 @@ def test_a_long_name_is_not_repeated_whole() -> None:
 def test_what_is_too_much_is_refused_before_it_is_kept(
     many: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert xml._MOST_PARTS == 1_000_000
-    monkeypatch.setattr(xml, "_MOST_PARTS", 1000)
+    assert xml._MAX_PARTS == 1_000_000
+    monkeypatch.setattr(xml, "_MAX_PARTS", 1000)
     with pytest.raises(DescriptionError, match="more than 1000 elements and attributes"):
         parse_description(f'<robot name="r">{many}</robot>')
 

@@ -32,17 +32,17 @@ def _head(triangles: int, text: bytes = b"") -> bytes:
     ("name", "content", "words"),
     [
         *((f"a{suffix}", LFS, "git lfs pull") for suffix in (".stl", ".dae", ".obj", ".glb")),
-        ("a.stl", _head(2) + b"\0" * 50, "holds no triangles, or is cut short; export it again"),
-        ("a.stl", _head(1000, b"solid binary"), "cut short"),
-        ("a.stl", b"", "cut short"),
-        ("a.stl", b"\1\2", "cut short"),
-        ("a.stl", _head(0), "holds no triangles"),
-        ("a.STL", b"solid a\nfacet normal 0 0 1\n  outer loop\n", "cut short"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\n", "holds no triangles"),
+        ("a.stl", _head(2) + b"\0" * 50, "has no triangles, or is truncated; export it again"),
+        ("a.stl", _head(1000, b"solid binary"), "truncated"),
+        ("a.stl", b"", "truncated"),
+        ("a.stl", b"\1\2", "truncated"),
+        ("a.stl", _head(0), "has no triangles"),
+        ("a.STL", b"solid a\nfacet normal 0 0 1\n  outer loop\n", "truncated"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\n", "has no triangles"),
         ("a.dae", b"<COLLADA><asset>", "cannot be read: DaeMalformedError: XML Parsing"),
-        ("a.glb", b"glTF" + struct.pack("<II", 2, 1000), "malformed or cut short"),
-        ("a.glb", b"<html>", "malformed or cut short"),
-        ("a.gltf", b'{"asset": ', "malformed or cut short"),
+        ("a.glb", b"glTF" + struct.pack("<II", 2, 1000), "malformed or truncated"),
+        ("a.glb", b"<html>", "malformed or truncated"),
+        ("a.gltf", b'{"asset": ', "malformed or truncated"),
         ("a.gltf", json.dumps({"buffers": [{"uri": "a.bin"}]}).encode(), "a.bin"),
         ("a.obj", None, "No such file or directory"),
     ],
@@ -58,9 +58,9 @@ def test_a_broken_mesh_is_explained(tmp_path, name, content, words):
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("model://arm/a.stl", "model:// is not loaded"),
+        ("model://arm/a.stl", "model:// is not supported"),
         ("cubes.stl", "cubes.stl: no such file"),
-        ("cube.step", "is of an unsupported kind; convert it to one of: .dae"),
+        ("cube.step", "has an unsupported format; convert it to one of: .dae"),
         ("x" * 5000 + ".stl", "cannot be read: File name too long"),
         ("a\0b.stl", ""),
     ],
@@ -84,7 +84,7 @@ def test_a_huge_file_is_not_read(tmp_path: Path, suffix: str) -> None:
     triangles = 40_000_000
     huge.write_bytes(_head(triangles))
     os.truncate(huge, 84 + 50 * triangles)
-    with pytest.raises(OneBotError, match="is of 2000 MB, more than 100; simplify it"):
+    with pytest.raises(OneBotError, match="has 2000 MB, more than 100; simplify it"):
         mesh_scene(Mesh(huge.name, (1.0, 1.0, 1.0), huge))
 
 

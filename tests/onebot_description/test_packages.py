@@ -92,7 +92,7 @@ def test_however_a_file_is_written_it_is_found(form: str, name: str, tmp_path: P
     [
         ("file://host/a.stl", "with three slashes"),
         ("file://[/a.stl", "Invalid"),
-        ("HTTPS://a.org/b.stl", "https:// is not loaded; write package://"),
+        ("HTTPS://a.org/b.stl", "https:// is not supported; write package://"),
     ],
 )
 def test_what_names_no_file_is_refused(uri: str, words: str) -> None:

@@ -102,16 +102,16 @@ def test_sections(section: str, node: str, matches: bool) -> None:
         ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: invalid YAML"),
         (
             "a:\n  ros__parameters: {}\n  ros__parameters: {}\n",
-            ':3: "ros__parameters" is here twice',
+            ':3: "ros__parameters" occurs twice',
         ),
         ("jsp:\n  ros__parameters:\n    a: [1, 2.0]\n", ":3: a: a list holds values of one kind"),
         ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
         ("jsp:\n  ros__parameters:\n    a: [[1]]\n", ":3: a: a list holds plain values"),
         ("jsp:\n  ros__parameters:\n    rate:\n", ":3: rate: has no value"),
         ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
-        ("jsp:\n  ros__parameters: 5\n", "stands where a map belongs"),
-        ("[jsp]\n", ":1: a list stands where a map belongs"),
-        ("just words", 'file.yaml:1: "just words" stands where a map belongs'),
+        ("jsp:\n  ros__parameters: 5\n", "is in place of a map"),
+        ("[jsp]\n", ":1: a list is in place of a map"),
+        ("just words", 'file.yaml:1: "just words" is in place of a map'),
     ],
 )
 def test_mistakes_name_file_and_line(text: str, words: str) -> None:
@@ -133,12 +133,12 @@ def test_names_may_be_repeated() -> None:
     found = read_parameters(text, "f.yaml", "/jsp")
     assert found.values == {"gains.p": 1.0, "rate": 2, "gains.d": 2.0, "frames": ["a", "b"]}
     assert found.warnings == [
-        "f.yaml:6: $(var prefix) is for ros2 launch to replace; it is left out",
-        "f.yaml:6: $(var side) is for ros2 launch to replace; it is left out",
+        "f.yaml:6: only ros2 launch can replace $(var prefix); it is left out",
+        "f.yaml:6: only ros2 launch can replace $(var side); it is left out",
     ]
     twice = "jsp:\n  ros__parameters:\n    rate: 1\n    rate: 2\n"
     assert read_parameters(twice, "f.yaml", "/jsp").warnings == [
-        "f.yaml:4: rate: is at f.yaml:3, too; this one, the later one, counts"
+        "f.yaml:4: rate: is also at f.yaml:3; this later one counts"
     ]
 
 

@@ -115,11 +115,11 @@ _BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
         (ValueType(str, Rule(not_empty=True)), "", "is empty; write a string"),
         (ValueType(str, Rule(choices=("a", "b"))), 1, "1 is a number; write one of a, b"),
         (_NEAR_OR_FAR, "farr", 'no "farr" (did you mean "far"? known: far, near)'),
-        (_ONLY_A, "ab", '"ab" is not possible; write a string'),
+        (_ONLY_A, "ab", '"ab" is not valid; write a string'),
         (_STRINGS, [], "is empty; write a list of strings, such as [first, second]"),
         ((_STRINGS, [""], "is empty; write a list of strings, such as [first, second]")),
         (_STRINGS, [None], "has no value; write a list of strings, such as [first, second]"),
-        (_UNIQUE, ["a", "b", "c", "c", "b"], '"b" is there twice'),
+        (_UNIQUE, ["a", "b", "c", "c", "b"], '"b" occurs twice'),
         (_BOOLEANS, [1], "1 is a number; write a list of booleans, such as [true, false]"),
         (_INTEGERS, [1.5], "1.5 is a number; write a list of integers, such as [0, 1]"),
         (

@@ -232,10 +232,10 @@ def test_joints_rest_at_zero_or_in_the_middle_of_their_range():
     [
         ({"left_slid": 0.1}, ['no moving joint "left_slid"', 'did you mean "left_slide"?']),
         ({"right_slide": 0.01}, ['joint "right_slide" follows joint "left_slide"']),
-        ({"lid_hinge": 0.4}, ['joint "lid_hinge": 0.4 is out of its limits, 0.5 to 1.5']),
-        ({"lid_hinge": 2.0}, ['joint "lid_hinge": 2 is out of its limits, 0.5 to 1.5']),
-        ({"lid_hinge": float("nan")}, ['joint "lid_hinge": nan is out of its limits']),
-        ({"left_slide": 0.08}, ['joint "right_slide": 0.08 is out of its limits, 0 to 0.05']),
+        ({"lid_hinge": 0.4}, ['joint "lid_hinge": 0.4 is beyond its limits, 0.5 to 1.5']),
+        ({"lid_hinge": 2.0}, ['joint "lid_hinge": 2 is beyond its limits, 0.5 to 1.5']),
+        ({"lid_hinge": float("nan")}, ['joint "lid_hinge": nan is beyond its limits']),
+        ({"left_slide": 0.08}, ['joint "right_slide": 0.08 is beyond its limits, 0 to 0.05']),
     ],
 )
 def test_a_wrong_pose_is_explained(given, words):

@@ -125,7 +125,7 @@ def test_live_changes_take_effect_or_are_rejected_with_the_reason(ros_domain, ar
         for change, words in (
             ({"robot_description": broken}, "linc1"),
             ({"robot_description": ""}, "empty"),
-            ({"robot_description": loose}, "falls into 2 parts"),
+            ({"robot_description": loose}, "is in 2 separate parts"),
             ({"frame_prefix": 5}, "frame_prefix: 5 is a number; write a string"),
             ({"publish_frequency": 2000.0}, "range"),
         ):
@@ -150,7 +150,7 @@ def test_an_edited_file_is_published(running):
     static = running.peer.hear(TFMessage, "/tf_static", LATCHED)
     wait_for(lambda: static, "/tf_static")
     running.file.write_text(ARM.format(x=6).replace("</robot>", ""))
-    wait_for(lambda: "stays as it was until this is mended" in running.node.output, "the report")
+    wait_for(lambda: "stays as it was until this is fixed" in running.node.output, "the report")
     assert len(static) == 1
     for x in (6.0, 5.0):
         running.file.write_text(ARM.format(x=x))
@@ -213,7 +213,7 @@ def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
         wait_for(lambda: peer.node.count_publishers("robot_description") == 1, "the first")
         killed.process.kill()
         with NodeProcess(MODULE, str(arm)) as one, NodeProcess(MODULE, str(arm)) as other:
-            warning = "/robot_state_publisher at once: two robots take turns"
+            warning = "/robot_state_publisher: nodes see two robots as one"
             for node in (one, other):
                 wait_for(lambda node=node: warning in node.output, "the warning")
                 assert "namespace:=" in node.output and "domain_id:=" in node.output

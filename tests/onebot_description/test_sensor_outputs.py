@@ -162,7 +162,7 @@ def test_sensors_of_one_name_on_two_links_have_the_link_in_their_topics():
         assert found.problems == ()
         names = [next(iter(sensor.topics.values())) for sensor in found.sensors]
         assert names == [f"a/{named}", f"b/{named}"]
-    assert "give it a <topic>" in read(rays(), rays()).problems[0]  # two on one link
+    assert "give it its own <topic>" in read(rays(), rays()).problems[0]  # two on one link
 
 
 def test_a_sensor_s_name_becomes_a_part_of_a_topic():
@@ -183,7 +183,9 @@ def test_two_outputs_of_a_sensor_on_one_topic_are_a_fault(written):
     found = read(written)
     (problem,) = found.problems
     assert found.sensors == ()
-    assert re.search(r'r:2: .*sensor "s": publishes two things on "(x|camera_info)"; give', problem)
+    assert re.search(
+        r'r:2: .*sensor "s": publishes two outputs on "(x|camera_info)"; give', problem
+    )
 
 
 def test_cameras_of_different_types_without_topics_are_named_by_themselves():
@@ -290,7 +292,7 @@ def test_each_plugin_of_a_sensor_publishes():
 def test_two_plugins_on_one_topic_are_a_fault():
     same = [plugin(ros("~/out:=scan"), name=f"p{n}") for n in range(2)]
     found = read(rays(*same))
-    assert found.sensors == () and "as another plugin of it does" in found.problems[0]
+    assert found.sensors == () and "as does another plugin of it" in found.problems[0]
 
 
 # Limits -------------------------------------------------------------------------------------------
@@ -301,11 +303,11 @@ def test_ranges_are_within_the_limits_of_the_plugin_and_have_its_noise():
     limits = child(topicName="/points", min_range=0.9, max_range=130, gaussianNoise=0.04)
     (sensor,) = read(rays(noise, plugin(limits, "libgazebo_ros_velodyne_laser.so"), rows=2)).sensors
     assert sensor.topics == {"points": "/points"}
-    assert (sensor.model.least, sensor.model.greatest) == (0.9, 10.0)  # of both the narrower
+    assert (sensor.model.range_min, sensor.model.range_max) == (0.9, 10.0)  # of both the narrower
     assert sensor.model.noise == Noise(stddev=pytest.approx(0.05))  # of two sources
     limits = ros("~/out:=c") + child(max_range=5, gaussian_noise=0.1, organize_cloud="False")
     (sensor,) = read(rays(plugin(limits, "libgazebo_ros_velodyne_gpu_laser.so"))).sensors
-    assert (sensor.model.least, sensor.model.greatest) == (0.1, 5.0)
+    assert (sensor.model.range_min, sensor.model.range_max) == (0.1, 5.0)
     assert sensor.model.noise.stddev == 0.1 and not sensor.model.is_organized
 
 
@@ -373,9 +375,9 @@ def test_a_range_has_a_field_of_view_and_a_radiation(inside, file, radiation, co
     [
         (child(alwaysOn=1, visualize="true", updateRate=5, min_intensity=0.0), ""),
         (child(frame_name="a", distortion_k1=0.0, Cx=0), ""),
-        (child(Cx=320.5, baseline=0.2), "<Cx>, <baseline>: nothing of the sensor reads this"),
-        ("<scan><a/></scan>", "<scan>: nothing"),
-        ("<ros><qos/><parameter>5</parameter></ros>", "<parameter>: nothing"),
+        (child(Cx=320.5, baseline=0.2), "<Cx>, <baseline>: not used by the sensor"),
+        ("<scan><a/></scan>", "<scan>: not used"),
+        ("<ros><qos/><parameter>5</parameter></ros>", "<parameter>: not used"),
     ],
 )
 def test_a_plugin_s_children_that_nothing_reads_are_one_warning(inside, warning):
@@ -431,7 +433,10 @@ def test_a_plugin_outside_of_a_sensor_is_one_warning_with_the_block_to_write(wri
 @pytest.mark.parametrize(
     ("file", "words"),
     [
-        ("libgazebo_ros_p3d.so", "~/ground_truth of velocity_controller"),
+        (
+            "libgazebo_ros_p3d.so",
+            "velocity_controller publishes the true pose and twist on ~/ground_truth",
+        ),
         (
             "libhector_gazebo_ros_gps.so",
             '<gazebo reference="a"><sensor name="NAME" type="TYPE"/></gazebo>, with TYPE one of: '
@@ -466,7 +471,7 @@ def test_a_sensor_in_the_wrong_place_is_one_warning_that_says_where_it_belongs(w
     found = read(written, joint if 'name="b"' in written else "")
     assert found.sensors == () and found.problems == ()
     (warning,) = found.warnings
-    assert warning.startswith("r:2: ") and 'sensor "s": lies ' in warning
+    assert warning.startswith("r:2: ") and 'sensor "s": is ' in warning
     assert f'write <gazebo reference="{link}"> around it, directly in <robot>' in warning
 
 

@@ -117,6 +117,6 @@ def test_nodes_warn_of_a_host_whose_clock_is_off(ros_domain: int, tmp_path: Path
         publish(peer, TwistStamped, commands, -3.0)
         for node in (state, viewer):
             wait_for(lambda n=node: f"stamps of {joints} are " in n.output, "a warning")
-            assert "ahead of this computer's clock: keep the clocks" in node.output
+            assert "ahead of this computer's clock: synchronize the clocks" in node.output
         wait_for(lambda: f"stamps of {commands} are " in controller.output, "a warning")
-        assert "behind this computer's clock: keep the clocks" in controller.output
+        assert "behind this computer's clock: synchronize the clocks" in controller.output

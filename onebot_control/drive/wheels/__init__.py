@@ -1,1 +1,1 @@
-"""The driven wheels of a robot: how they are found, their round shapes, and their geometry."""
+"""The driven wheels of a robot: finding them, their round shapes, and their geometry."""

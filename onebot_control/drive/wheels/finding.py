@@ -1,8 +1,8 @@
 """Finds the wheels of a drive among a robot's joints, by their geometry.
 
 A wheel turns about a level axis and reaches the ground with a round shape. Wheels on two sides turn
-about a lateral axis, are on the left or the right, and are not carried by a joint that swivels
-them. Names decide only if several sets of wheels remain.
+about a lateral axis, are on the left or the right, and no joint swivels them. Names matter only if
+several sets of wheels remain.
 """
 
 import math
@@ -32,8 +32,8 @@ _VERTICAL = 0.9  # cosine of the maximum angle of a swivel joint to the vertical
 _PASSIVE = re.compile(r"cast[eo]r|passive|free|idler|support|omni|dummy", re.IGNORECASE)
 # Matches the names of omnidirectional wheels and of their meshes.
 _SKEW = math.sin(math.radians(5.0))  # sine of the minimum angle of a mecanum wheel's rollers
-_FEWEST_OMNI = 3  # wheels of a drive by omni wheels
-_FEWEST_OBLIQUE = 2  # those of them that are not lateral; one may be
+_MIN_OMNI = 3  # wheels of an omni drive
+_MIN_OBLIQUE = 2  # wheels of an omni drive that are not lateral
 _ROLLERS = re.compile(r"mec+anum|omni|swedish", re.IGNORECASE)
 
 
@@ -46,12 +46,12 @@ class Axle(NamedTuple):
 
     @property
     def across(self) -> bool:
-        """Whether it points to the left or to the right within a degree, as a wheel's axle does."""
+        """Whether it points to the left or to the right within a degree, like a wheel's axle."""
         return abs(float(self.axis[1])) >= _ACROSS
 
     @property
     def level(self) -> bool:
-        """Whether it is level within a degree, as each wheel's axle is."""
+        """Whether it is level within a degree, like every wheel's axle."""
         return abs(float(self.axis[2])) <= _LEVEL
 
     @property
@@ -60,24 +60,24 @@ class Axle(NamedTuple):
         return 1.0 if self.axis[1] > 0.0 else -1.0
 
     def middle(self, tyre: Tyre | None) -> Floats:
-        """Return the middle of the wheel, (3,), m; without a tyre the joint's origin."""
+        """Return the centre of the wheel, (3,), m; without a tyre, the joint's origin."""
         position: Floats = self.pose[:3, 3]
         return position if tyre is None else position + tyre.offset * self.axis
 
 
 class Wheel(NamedTuple):
-    """What rolls, in the root link's frame with all joints at 0."""
+    """A rolling part, in the root link's frame with all joints at 0."""
 
-    name: str  # the joint's
-    x: float  # position of its middle in the frame of the root link, m
-    y: float  # likewise
+    name: str  # of the joint
+    x: float  # position of its centre in the root link's frame, m
+    y: float  # the same
     bottom: float  # z where it touches the ground, m
     radius: float  # m
     link: str
 
 
 class RunningGear:
-    """What a robot may roll on: its joints that turn, and the round shapes of their links.
+    """The parts that a robot may roll on: its rotating joints, and the round shapes of their links.
 
     Attributes:
         description: the robot.
@@ -101,14 +101,14 @@ class RunningGear:
 
     @classmethod
     def of(cls, description: Description) -> "RunningGear":
-        """Return the running gear of a robot, which is found once."""
+        """Return the running gear of a robot; the result is cached."""
         gear = description.derived.get(cls) or cls(description)
         description.derived[cls] = gear
         return gear
 
     @cached_property
     def rolling(self) -> Sequence[Wheel]:
-        """Everything that rolls, at any height: continuous joints with a level axis."""
+        """All rolling parts, at any height: continuous joints with a level axis."""
         wheels = []
         for name, axle in self.axles.items():
             if axle.joint.kind != "continuous" or not axle.level:
@@ -120,28 +120,28 @@ class RunningGear:
 
     @cached_property
     def lateral(self) -> Sequence[Wheel]:
-        """Everything that rolls on a lateral axis, at any height."""
+        """All rolling parts with a lateral axis, at any height."""
         return [wheel for wheel in self.rolling if self.axles[wheel.name].across]
 
     @cached_property
     def on_ground(self) -> Sequence[Wheel]:
-        """Everything that rolls on the ground and that no joint swivels."""
+        """All rolling parts on the ground that no joint swivels."""
         return [wheel for wheel in _on_ground(self.rolling) if self.swivel(wheel.name) is None]
 
     @cached_property
     def omni(self) -> Sequence[Wheel]:
-        """Three or more alike wheels of which at least two do not drive forward; or none."""
+        """At least three similar wheels, at least two of them not lateral; empty if not found."""
         groups = [
             group
             for group in _alike(self.on_ground)
-            if len(group) >= _FEWEST_OMNI
-            and sum(not self.axles[wheel.name].across for wheel in group) >= _FEWEST_OBLIQUE
+            if len(group) >= _MIN_OMNI
+            and sum(not self.axles[wheel.name].across for wheel in group) >= _MIN_OBLIQUE
         ]
         return groups[-1] if groups else ()
 
     @cached_property
     def steered(self) -> Mapping[str, str]:
-        """The joint that steers each steered wheel on the ground, by the wheel's joint."""
+        """The steering joint of each steered wheel on the ground, by the wheel's joint."""
         steered = {}
         for wheel in _on_ground(self.lateral):
             joint = self.swivel(wheel.name)
@@ -151,7 +151,7 @@ class RunningGear:
 
     @cached_property
     def front_driven(self) -> bool:
-        """Whether it is the steered wheels that ``<ros2_control>`` commands by velocity."""
+        """Whether ``<ros2_control>`` commands only steered wheels by velocity."""
         commanded = {
             name
             for name, listed in self.description.interfaces.items()
@@ -162,15 +162,15 @@ class RunningGear:
 
     @property
     def has_rollers(self) -> bool:
-        """Whether the wheels that no joint swivels have rollers, as those of a mecanum drive."""
+        """Whether the wheels that no joint swivels have rollers, as in a mecanum drive."""
         return bool(self._rollers_reason(self.on_ground))
 
     @cached_property
     def drives(self) -> bool:
-        """Whether the robot has wheels on the ground; otherwise it stands still.
+        """Whether the robot has wheels on the ground; otherwise its base is fixed.
 
-        What rolls counts as a wheel if its lowest point is at most its radius above the robot's;
-        higher up it belongs to an arm. A robot whose root link is ``world`` stands still.
+        A rolling part counts as a wheel if its lowest point is at most its radius above the
+        robot's; higher up it belongs to an arm. A robot with the root link ``world`` is fixed.
 
         Raises:
             OneBotError: the mesh of a collision shape cannot be read.
@@ -178,7 +178,7 @@ class RunningGear:
         if self.description.root_link == WORLD_FRAME:
             return False
         wheels = self.lateral or self.on_ground
-        if not self.lateral and len(wheels) < _FEWEST_OMNI:
+        if not self.lateral and len(wheels) < _MIN_OMNI:
             return False
         bottoms = [
             lowest_point(shape.shape, self.places[link.name] @ matrices.of_origin(shape.origin))
@@ -202,10 +202,10 @@ class RunningGear:
         """Find the wheels on two sides that drive the robot.
 
         Args:
-            rollers: whether they have rollers, as those of a mecanum drive; else that is refused.
+            rollers: whether they may have rollers, as in a mecanum drive; otherwise an error.
 
         Returns:
-            The wheels' joints on the left, and those on the right, from front to rear.
+            The joints of the left wheels, and of the right wheels, from front to rear.
 
         Raises:
             OneBotError: there are no such wheels, or several sets of them, or they are steered or
@@ -219,14 +219,14 @@ class RunningGear:
             raise self._not_driven(_why_not_one_set(sets))
         [drive] = sets
         if not rollers and (reason := self._rollers_reason(drive)):
-            text = f"it is no differential drive: {reason}; let the control file name the type of"
-            raise self._not_driven(f"{text} its drive, or none")
+            text = f"it is not a differential drive: {reason}; let the control file name the type"
+            raise self._not_driven(f"{text} of its drive, or none")
         drive.sort(key=lambda wheel: -wheel.x)
         left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
         return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
 
     def _rollers_reason(self, wheels: Sequence[Wheel]) -> str:
-        """Return why wheels have rollers by which they drive sideways, too; "" if they have not."""
+        """Return why wheels seem to have rollers, which drive sideways; "" if they do not."""
         description = self.description
         if len(wheels) <= 2:
             return ""
@@ -234,20 +234,20 @@ class RunningGear:
             return "by their names, its wheels are omnidirectional, with rollers around them"
         plugin = description.drive_plugin
         if plugin is not None and plugin.kind in ("mecanum", "planar"):
-            return f"it drives sideways, too ({plugin.where})"
+            return f"it also drives sideways ({plugin.where})"
         angles = description.rollers.items()
         if oblique := [link for link, angle in angles if abs(math.sin(angle)) > _SKEW]:
             return f"<fdir1> says that its wheels have rollers ({', '.join(oblique)})"
         return ""
 
     def _check_steering(self) -> None:
-        """Raise OneBotError if a wheel is steered, as a car's are."""
+        """Raise OneBotError if a wheel is steered, as in a car."""
         for wheel, joint in self.steered.items():
             raise OneBotError(
-                f'robot "{self.description.robot_name}" cannot be driven: it is no differential '
+                f'robot "{self.description.robot_name}" cannot be driven: it is not a differential '
                 f'drive: joint "{joint}" steers the wheel of "{wheel}". Let the control file name '
                 "the type of its drive, such as ackermann_steering_controller/"
-                "AckermannSteeringController, or none. If it is a caster, name it so, have its "
+                "AckermannSteeringController, or none. If it is a caster, name it so, make its "
                 "wheel trail it, or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
             )
 
@@ -259,7 +259,7 @@ class RunningGear:
             f"{self.description.root_link}, with a round shape on the ground. Name them: "
             "left_wheel:=JOINT right_wheel:=JOINT, or left_wheel_names and right_wheel_names in "
             "params_file (or start without a simulation: sim:=false). "
-            f"Its joints that turn: {'; '.join(joints) or 'none'}"
+            f"Its rotating joints: {'; '.join(joints) or 'none'}"
         )
 
 
@@ -267,7 +267,7 @@ def _why_not_one_set(sets: Sequence[Sequence[Wheel]]) -> str:
     if sets:
         names = " or ".join(", ".join(wheel.name for wheel in group) for group in sets)
         return f"it is not clear which of its wheels drive it: {names}"
-    return "no wheel on the left that has its like on the right was found among its joints"
+    return "its joints include no wheel on the left with a matching wheel on the right"
 
 
 def _seen(axle: Axle) -> str:
@@ -291,7 +291,7 @@ def _is_steered(wheel: Wheel, axle: Axle, swivel: Axle) -> bool:
 
 
 def _sets(wheels: Iterable[Wheel]) -> list[list[Wheel]]:
-    """Group wheels of similar radius; keep groups with as many wheels left as right."""
+    """Group wheels of similar radius; keep groups with equal numbers on the left and right."""
     alike = _alike(wheels)
     return [group for group in alike if sum(1 if wheel.y > 0.0 else -1 for wheel in group) == 0]
 
@@ -314,6 +314,6 @@ def _is_passive(wheel: Wheel) -> bool:
 def _has_rollers(description: Description, wheel: Wheel) -> bool:
     link = next(link for link in description.links if link.name == wheel.link)
     shapes = [geometry.shape for geometry in (*link.collisions, *link.visuals)]
-    # Only the folders next to the file; those above may belong to the user.
+    # Only the folders next to the file; folders above may belong to the user.
     files = ["/".join(shape.uri.split("/")[-3:]) for shape in shapes if isinstance(shape, Mesh)]
     return any(map(_ROLLERS.search, (wheel.name, wheel.link, *files)))

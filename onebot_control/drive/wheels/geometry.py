@@ -15,13 +15,13 @@ from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.model.rigid_bodies import Body
 from onebot_description.parameters.reader import ConfigError, Problem
 
-_SAME = 1e-6  # m by which lengths may differ and still count as the same
+_SAME = 1e-6  # m; lengths that differ by less count as equal
 _STEPS = 200  # fixed-point iterations; four equal loads need one
-_LEAST_LOAD = 0.01  # fraction of the mean load that each wheel carries at least
+_MIN_LOAD = 0.01  # minimum load of a wheel, as a fraction of the mean load
 
 
 class WheelGeometry(NamedTuple):
-    """Wheel separation and radius of a differential drive, on which its odometry is based."""
+    """Wheel separation and radius of a differential drive, for its odometry."""
 
     separation: float  # distance between left and right wheels, m; effective for skid steer
     radius: float  # radius of all driven wheels, m
@@ -35,19 +35,19 @@ class Wheels:
 
     Attributes:
         description: the robot.
-        gear: what it may roll on.
-        groups: names of the driven joints, those that turn as one wheel together.
-        steering: names of the joints that steer wheels.
+        gear: the parts that it may roll on.
+        groups: names of the driven joints, grouped if they turn as one wheel.
+        steering: names of the steering joints.
         free: names of the joints of wheels that roll freely, besides casters.
-        rollers: of driven wheels with rollers, the direction of the axle of the roller at the
-            ground, rad to the left of the wheel's forward, by the wheel's joint.
+        rollers: for driven wheels with rollers, the direction of the axle of the roller at the
+            ground, rad to the left of the wheel's forward direction, by the wheel's joint.
         skids: whether the wheels slide sideways in turns.
     """
 
     free: Sequence[str] = ()
     rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
-    several_radii = "driven wheels need the same"  # the remedy
+    several_radii = "driven wheels must have the same radius"  # how to fix different radii
 
     def __init__(
         self,
@@ -55,19 +55,19 @@ class Wheels:
         groups: Sequence[Sequence[str]] = (),
         steering: Sequence[str] = (),
     ) -> None:
-        """Read the joints that turn; a drive's own class may find out later which are its wheels.
+        """Read the rotating joints; subclasses may set the wheels later.
 
         Args:
             description: the robot.
-            groups: names of the driven joints, those that turn as one wheel together.
-            steering: names of the joints that steer wheels.
+            groups: names of the driven joints, grouped if they turn as one wheel.
+            steering: names of the steering joints.
         """
         self.groups, self.steering = groups, steering
         self.description, self.gear = description, RunningGear.of(description)
         self.axles, self.tyres, self.rigid = self.gear.axles, self.gear.tyres, self.gear.rigid
 
     def middle(self, name: str) -> Floats:
-        """Return the middle of the wheel on a joint, (3,), m, in the root link's frame."""
+        """Return the centre of the wheel on a joint, (3,), m, in the root link's frame."""
         return self.axles[name].middle(self.tyres.tyre(name))
 
     @property
@@ -82,7 +82,7 @@ class Wheels:
 
     @cached_property
     def directions(self) -> Mapping[str, float]:
-        """1 for each driven joint whose positive velocity drives forward, else -1."""
+        """1 for each driven joint whose positive velocity drives forward, otherwise -1."""
         return {name: self.axles[name].direction for name in self.names}
 
     @cached_property
@@ -104,17 +104,17 @@ class Wheels:
         if max(radii.values()) - min(radii.values()) > _SAME:
             listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
             raise OneBotError(
-                f'robot "{self.description.robot_name}" has wheels of several radii ({listed}): '
+                f'robot "{self.description.robot_name}" has wheels of different radii ({listed}): '
                 f"{self.several_radii}"
             )
         return next(iter(radii.values()))
 
     def check_names(self, **parameters: Sequence[str]) -> None:
-        """Check that each name is a joint that turns; ``parameters`` name them."""
+        """Check that all names in ``parameters`` are rotating joints."""
         problems = [
             Problem(
                 parameter,
-                f'robot "{self.description.robot_name}" has no joint "{name}" that turns'
+                f'robot "{self.description.robot_name}" has no rotating joint "{name}"'
                 f"{did_you_mean(name, list(self.axles), 'it has')}",
             )
             for parameter, names in parameters.items()
@@ -136,7 +136,7 @@ class Wheels:
                 direction = " ".join(f"{value:g}" for value in np.round(axle.axis, 3) + 0.0)
                 raise OneBotError(
                     f'robot "{self.description.robot_name}", joint "{name}": its axis points to '
-                    f"({direction}) in the frame of {self.description.root_link}; that of a wheel "
+                    f"({direction}) in the frame of {self.description.root_link}; a wheel's axis "
                     "must point to the left, (0 1 0), or to the right, (0 -1 0)"
                 )
 
@@ -150,8 +150,8 @@ class Wheels:
             return tyre
         raise OneBotError(
             f'robot "{self.description.robot_name}", joint "{name}": link '
-            f'"{self.axles[name].joint.child}" has no one sphere, cylinder or round mesh to read '
-            "the wheel's radius from; set wheel_radius (m)"
+            f'"{self.axles[name].joint.child}" has no sphere, cylinder or round mesh that defines '
+            "the wheel's radius; set wheel_radius (m)"
         )
 
 
@@ -170,7 +170,7 @@ class SideWheels(Wheels):
     def __init__(
         self, description: Description, left: Sequence[str] = (), right: Sequence[str] = ()
     ) -> None:
-        """Take the named wheels, or find the wheels if none are named.
+        """Use the named wheels, or find the wheels if none are named.
 
         Args:
             description: the robot.
@@ -207,8 +207,8 @@ class SideWheels(Wheels):
     def separation(self) -> float:
         """The distance between the wheels of the two sides, m.
 
-        It is measured across the driving direction; if the wheels are in line with it, the whole
-        distance is taken, as diff_drive_controller does. With several wheels on a side it is the
+        It is measured across the driving direction; if the wheels are in line with it, it is the
+        whole distance, as in diff_drive_controller. With several wheels on a side it is the
         effective separation; see ``skid_separation``.
 
         Raises:
@@ -235,13 +235,13 @@ class SideWheels(Wheels):
 
 
 def skid_separation(across: float, along: Floats, center: float) -> float:
-    """Return the effective separation of a skid-steer drive: that of two wheels that turn it alike.
+    """Return the effective separation of a skid-steer drive, for an equivalent two-wheel drive.
 
     Wheels one behind the other cannot turn the robot without sliding sideways. Friction opposes the
     whole sliding motion, so the wheels also slide forward and backward, and turn the robot less.
     The robot turns about the point at which neither forces nor moments of this (isotropic Coulomb)
-    friction accelerate it, which a fixed-point iteration finds. For four equally loaded wheels the
-    closed form is across * (1 + (L / across)^2), with the wheelbase L.
+    friction accelerate it, which is found by fixed-point iteration. For four equally loaded wheels,
+    the closed form is across * (1 + (L / across)^2), with the wheelbase L.
 
     Args:
         across: distance between the two sides, m.
@@ -252,8 +252,8 @@ def skid_separation(across: float, along: Floats, center: float) -> float:
     spread = float(np.mean(along**2))
     if spread <= _SAME**2:
         return across
-    loads = np.maximum(1.0 + along * center / spread, _LEAST_LOAD)
-    turning, slip = 0.0, across  # x of the point; m/s at a wheel for 1 rad/s: any will do
+    loads = np.maximum(1.0 + along * center / spread, _MIN_LOAD)
+    turning, slip = 0.0, across  # x of the point; slip at a wheel for 1 rad/s, m/s (any start)
     for _ in range(_STEPS):
         sideways = along - turning
         weights = loads / np.hypot(slip, sideways)

@@ -19,11 +19,11 @@ _SLANT = math.pi / 4.0  # rad; slant of rollers, unless the description says oth
 def _row(middle: Floats, forward: float, roller: float) -> Triple:
     """Return the path of a wheel for each motion of the body; see ``HolonomicKinematics``.
 
-    In the direction of the roller's axle, the wheel grips. So there, the velocity of the ground's
-    point below the wheel is that of the wheel's rim.
+    The wheel grips in the direction of the roller's axle, in which the contact point moves with the
+    velocity of the wheel's rim.
 
     Args:
-        middle: of the wheel, (3,), m.
+        middle: centre of the wheel, (3,), m.
         forward: the wheel's direction of travel, rad to the left of the robot's.
         roller: direction of the roller's axle, rad to the left of the wheel's direction.
     """
@@ -41,7 +41,7 @@ class MecanumWheels(Wheels):
     """
 
     def __init__(self, description: Description, names: Sequence[str] = ()) -> None:
-        """Take the named wheels, or find the wheels if none are named.
+        """Use the named wheels, or find the wheels if none are named.
 
         Args:
             description: the robot.
@@ -86,12 +86,12 @@ class MecanumWheels(Wheels):
         if not all(corners):
             raise OneBotError(
                 f'robot "{self.description.robot_name}" cannot be driven: a mecanum drive has '
-                f"wheels at four corners, and this one has {', '.join(places)}"
+                f"wheels at four corners, but this robot has {', '.join(places)}"
             )
         return corners
 
     def _slant(self, name: str, usual: float) -> float:
-        """Return the direction of a wheel's roller, as described, or else the ``usual`` one."""
+        """Return the direction of a wheel's roller from the description, or else ``usual``."""
         first = self.axles[name].joint.child
         links = [link for link, (body, _) in self.rigid.items() if body == first]
         written = [
@@ -108,7 +108,7 @@ class OmniWheels(Wheels):
     """
 
     def __init__(self, description: Description, names: Sequence[str] = ()) -> None:
-        """Take the named wheels, or find the wheels if none are named.
+        """Use the named wheels, or find the wheels if none are named.
 
         Args:
             description: the robot.
@@ -134,7 +134,7 @@ class OmniWheels(Wheels):
 
     @cached_property
     def directions(self) -> Mapping[str, float]:
-        """1 for each joint whose axis points outward, as omni_wheel_drive_controller's, else -1."""
+        """1 if a joint's axis points outward, as in omni_wheel_drive_controller, otherwise -1."""
         return {
             name: 1.0 if float(self.axles[name].axis @ self._outward(name)) >= 0.0 else -1.0
             for name in self.names
@@ -150,11 +150,11 @@ class OmniWheels(Wheels):
         return outward
 
     def _direction(self, name: str) -> float:
-        """Return the direction in which a wheel is, from 0 (forward) to 2 pi, anticlockwise."""
+        """Return the direction of a wheel from the centre, 0 (forward) to 2 pi, anticlockwise."""
         x, y, _ = self._outward(name)
         return round(math.atan2(y, x), 6) % math.tau
 
     def _forward(self, name: str) -> float:
-        """Return where a wheel drives, to the right of its outward axis, rad left of forward."""
+        """Return the driving direction of a wheel, across its axis, rad left of forward."""
         x, y, _ = self.directions[name] * self.axles[name].axis
         return math.atan2(y, x) - math.pi / 2.0

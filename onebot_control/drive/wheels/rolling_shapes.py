@@ -1,4 +1,4 @@
-"""Finds the round shapes that wheels roll on, and how low shapes reach, in the description."""
+"""Finds the round shapes that wheels roll on, and the lowest points of shapes."""
 
 import math
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ from onebot_description.elements.urdf import (
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
-_SAME = 1e-6  # m by which the radii of shapes that both touch the ground may differ
-# A cylinder, capsule or sphere is round about the axle if its middle is off by this at most,
-# relative to its radius; a mesh, if its extents in four directions differ by no more.
+_SAME = 1e-6  # m; maximum difference of radii of shapes that both touch the ground
+# A cylinder, capsule or sphere is round about the axle if its centre is off by at most this,
+# relative to its radius; a mesh, if its extents in four directions differ by at most this.
 _ROUND = 0.05
 
 
@@ -32,14 +32,14 @@ class Tyre(NamedTuple):
     """The round shape that a wheel rolls on."""
 
     radius: float  # m
-    offset: float  # distance of its middle from the joint, along the joint's axis, m
+    offset: float  # distance of its centre from the joint, along the joint's axis, m
 
 
 class Tyres:
     """Finds the round shapes of a robot's links, by the joint that turns them."""
 
     def __init__(self, description: Description, poses: Mapping[str, tuple[str, Floats]]) -> None:
-        """Collect the shapes of each rigid body; ``poses`` are the links', by ``rigid_frames``."""
+        """Collect the shapes of each rigid body; ``poses`` come from ``rigid_frames``."""
         self._joints = {joint.name: joint for joint in description.joints}
         self._collisions: dict[str, list[tuple[Geometry, Floats]]] = {}
         self._visuals: dict[str, list[tuple[Geometry, Floats]]] = {}
@@ -90,7 +90,7 @@ def _round_mesh(mesh: Mesh, pose: Floats, axis: Floats) -> Tyre | None:
     """Return the largest circle of a mesh about ``axis``; None if it is not round."""
     try:
         corners = mesh_corners(mesh)
-    except OneBotError:  # whoever needs the mesh reports it
+    except OneBotError:  # reported by code that needs the mesh
         return None
     corners = matrices.transformed(corners, pose)
     along = corners @ axis

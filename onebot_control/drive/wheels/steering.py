@@ -13,54 +13,54 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import clamp
 
 STEERING_SPEED = 3.0
-"""The maximum speed of a joint that steers, rad/s, as of model cars. Descriptions without a limit,
-or with one of 100 rad/s, would let it jump, and its reaction would turn the robot."""
+"""The maximum speed of a steering joint, rad/s, typical of model cars. Without a limit, or with
+100 rad/s, it would jump, and its reaction would turn the robot."""
 _QUARTER = math.pi / 2.0  # rad
-# How far the inner wheel of a car is steered, rad, if its joint is continuous. Near a quarter turn,
-# the two steered wheels and the driven ones would determine the turn in three different ways.
+# Maximum angle of the inner wheel of a car, rad, if its joint is continuous. Near a quarter turn,
+# the steered wheels and the driven wheels would contradict each other.
 _FARTHEST = math.pi / 3.0
-_AHEAD = 1e-3  # m by which the steered wheels must be in front of the others
+_AHEAD = 1e-3  # m; minimum distance of the steered wheels in front of the others
 
 
 class SteeredGeometry(NamedTuple):
     """The lengths of a drive that steers its front wheels.
 
-    Bicycle: both tracks are zero. Tricycle with two driven wheels: the steering track is. Car: none
-    is (Ackermann steering). A tricycle whose steered wheel is driven has ``front_driven``.
+    Bicycle: both tracks are zero. Tricycle with two driven wheels: the steering track is zero. Car
+    (Ackermann steering): none is zero. Tricycle with a driven steered wheel: ``front_driven``.
     """
 
     wheelbase: float  # distance between the axles, m
     radius: float  # radius of the driven wheels, m
-    traction_track: float = 0.0  # distance between the driven wheels, m; 0: there is one
-    steering_track: float = 0.0  # distance between the steered wheels, m; 0: there is one
-    limit: float = _QUARTER  # the maximum steering angle, rad
-    front_driven: bool = False  # the steered wheel is driven; then it is the only one
+    traction_track: float = 0.0  # distance between the driven wheels, m; 0: single wheel
+    steering_track: float = 0.0  # distance between the steered wheels, m; 0: single wheel
+    limit: float = _QUARTER  # maximum steering angle, rad
+    front_driven: bool = False  # the steered wheel is driven, and the only driven wheel
     axle: float = 0.0  # x of the rear axle in the base's frame, m
-    speed: float = STEERING_SPEED  # maximum of the steering joints, rad/s
+    speed: float = STEERING_SPEED  # maximum speed of the steering joints, rad/s
 
     @property
-    def least_radius(self) -> float:
-        """The minimum radius of a curve, m, of the middle of the rear axle."""
+    def minimum_radius(self) -> float:
+        """The minimum radius of a curve, m, at the middle of the rear axle."""
         return self.wheelbase / math.tan(self.limit) if self.limit < _QUARTER else 0.0
 
     def turning(self, speed: float, angle: float) -> float:
-        """Return the velocity of turning to the left, rad/s, at a speed, m/s, and a steering angle.
+        """Return the angular velocity to the left, rad/s, at a speed, m/s, and a steering angle.
 
-        The angle, rad to the left, is that of a wheel in the middle of the front axle, at most a
-        quarter turn.
+        The angle, rad to the left, is that of a virtual wheel in the middle of the front axle, at
+        most a quarter turn.
         """
         return speed * math.tan(clamp(angle, -_QUARTER, _QUARTER)) / self.wheelbase
 
     def __str__(self) -> str:
         text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
-        return f"{text}, least radius of a curve {self.least_radius:.3g} m"
+        return f"{text}, minimum turning radius {self.minimum_radius:.3g} m"
 
 
 def _middle_angle(inner: float, wheelbase: float, track: float) -> float:
-    """Return the steering angle, rad, of a wheel in the middle of the front axle.
+    """Return the steering angle, rad, of a virtual wheel in the middle of the front axle.
 
     Args:
-        inner: steering angle of the wheel at the inside of the curve, rad.
+        inner: steering angle of the wheel on the inside of the curve, rad.
         wheelbase: distance between the axles, m.
         track: distance between the steered wheels, m.
     """
@@ -83,17 +83,17 @@ class SteeredWheels(Wheels):
         *,
         front_driven: bool = False,
     ) -> None:
-        """Take the named joints, or find them if none are named.
+        """Use the named joints, or find them if none are named.
 
         Args:
             description: the robot.
             traction: joints of the driven wheels.
-            steering: joints that steer wheels.
+            steering: steering joints.
             front_driven: whether the steered wheel is driven if no joints are named.
 
         Raises:
-            OneBotError: a named joint is missing or its axis is not lateral or vertical; no such
-                wheels are found, or the rear ones are steered.
+            OneBotError: a named joint is missing or its axis is not lateral or vertical, no such
+                wheels are found, or rear wheels are steered.
         """
         super().__init__(description)
         steered = self.gear.steered
@@ -113,7 +113,7 @@ class SteeredWheels(Wheels):
         self._place_axles(rear)
 
     def _place_axles(self, rear: Sequence[str]) -> None:
-        """Find where the axles are; ``rear`` are the joints of the wheels that are not steered."""
+        """Find the axles; ``rear`` are the joints of the wheels that are not steered."""
         swivels = [self.gear.swivel(name) for name in self.names]
         self._front_driven = any(joint and joint.name in self.steering for joint in swivels)
         free = [name for name in rear if name not in self.names]
@@ -140,13 +140,13 @@ class SteeredWheels(Wheels):
         steering = steering_track or self._track(pivots)
         ranges = [self.axles[name].joint for name in self.steering]
         unlimited = _FARTHEST if len(pivots) > 1 else _QUARTER
-        most = min(
+        max_angle = min(
             unlimited if joint.kind == "continuous" else min(-joint.range[0], joint.range[1])
             for joint in ranges
         )
-        if most <= 0.0:
-            self._refuse(f"{', '.join(self.steering)} cannot be turned to both sides")
-        limit = _QUARTER if most >= _QUARTER else _middle_angle(most, wheelbase, steering)
+        if max_angle <= 0.0:
+            self._refuse(f"{', '.join(self.steering)} cannot turn to both sides")
+        limit = _QUARTER if max_angle >= _QUARTER else _middle_angle(max_angle, wheelbase, steering)
         plugin = self.description.drive_plugin
         return SteeredGeometry(
             wheelbase=wheelbase,
@@ -171,7 +171,7 @@ class SteeredWheels(Wheels):
         return float(places[-1][1] - places[0][1])
 
     def _check_counts(self) -> None:
-        for what, names in (("driven wheels", self.names), ("joints that steer", self.steering)):
+        for what, names in (("driven wheels", self.names), ("steering joints", self.steering)):
             if len(names) not in (1, 2):
                 listed = ", ".join(names) or "none"
                 self._refuse(f"it must have one or two {what} at the front or rear, not {listed}")

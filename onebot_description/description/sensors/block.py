@@ -1,4 +1,4 @@
-"""Reads values from one ``<sensor>`` and its plugins; what cannot be read becomes a problem."""
+"""Reads values from one ``<sensor>`` and its plugins; reports unreadable ones as problems."""
 
 import math
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from onebot_description.geometry.poses import Origin
 from onebot_description.parameters.values import Rule, ValueType
 
 Value = tuple[str, float | None, Rule]
-"""A value's element, its default (None if it has to be there), and its rule; see ``number``."""
+"""A value's element, its default (None if it is required), and its rule; see ``number``."""
 
 ANY, POSITIVE, NOT_NEGATIVE = Rule(), Rule(above=0.0), Rule(at_least=0.0)
 
@@ -18,7 +18,7 @@ _PLACEHOLDERS = ("__default_topic__", "__default__")
 
 
 def inside(element: Element) -> Iterator[Element]:
-    """Yield all elements inside of one, except those of plugins."""
+    """Yield all elements inside another, except those of plugins."""
     for child in element:
         if child.tag != "plugin":
             yield child
@@ -26,7 +26,7 @@ def inside(element: Element) -> Iterator[Element]:
 
 
 def text_of(element: Element, *tags: str) -> str:
-    """Return the text of the first of these elements inside that has one, outside of plugins."""
+    """Return the first text of elements with these tags, in order of tags, outside of plugins."""
     texts = [(child.tag, (child.text or "").strip()) for child in inside(element)]
     candidates = (text for tag in tags for name, text in texts if name == tag)
     return next((text for text in candidates if text and text not in _PLACEHOLDERS), "")
@@ -43,10 +43,10 @@ class Block:
     Attributes:
         findings: findings of its document; faults are added.
         element: the <sensor>.
-        link: link that it lies in.
+        link: the link that it is attached to.
         frames: frames of the robot.
         pose: pose of the sensor, relative to the link.
-        wrong: whether it has a problem, because of which it is left out.
+        wrong: whether it has a problem, so that it is left out.
     """
 
     def __init__(self, findings: Findings, element: Element, link: str, frames: Frames) -> None:
@@ -54,7 +54,7 @@ class Block:
         self.pose, self.wrong = Origin(), False
 
     def problem(self, text: str, element: Element | None = None) -> None:
-        """Report a problem, because of which the sensor is left out."""
+        """Report a problem; the sensor is then left out."""
         self.wrong = True
         self.findings.problem(self.element if element is None else element, text)
 
@@ -69,7 +69,7 @@ class Block:
         Args:
             parent: contains the value's element.
             path: path of that element.
-            default: the value if there is no such element; None if there has to be one.
+            default: the value if there is no such element; None if it is required.
             rule: rule of the value.
         """
         element = parent.find(path)
@@ -92,12 +92,12 @@ class Block:
         value = self.number(parent, path, default, Rule(at_least=1, at_most=most))
         if not value.is_integer():
             text = (parent.findtext(path) or "").strip()
-            self.problem(f"{text} is no whole number", parent.find(path))
+            self.problem(f"{text} is not a whole number", parent.find(path))
             return 0
         return int(value)
 
     def of_plugin(self, plugin: Element, tags: str, rule: Rule) -> float | None:
-        """Return the value of the first of these elements that a plugin has."""
+        """Return the value of the first of the elements ``tags`` that a plugin has."""
         written = (tag for tag in tags.split() if plugin.find(tag) is not None)
         return next((self.number(plugin, tag, 0.0, rule) for tag in written), None)
 
@@ -109,23 +109,24 @@ class Block:
         high = self.of_plugin(plugin, highs, POSITIVE)
         if low is None and high is None:
             return limits
-        least, greatest = limits
-        least, greatest = max(least, low or 0.0), min(greatest, math.inf if high is None else high)
-        if not least < greatest and not self.wrong:
+        minimum, maximum = limits
+        minimum = max(minimum, low or 0.0)
+        maximum = min(maximum, math.inf if high is None else high)
+        if not minimum < maximum and not self.wrong:
             tags = [tag for tag in (*lows.split(), *highs.split()) if plugin.find(tag) is not None]
             text = f"{' and '.join(map('<{}>'.format, tags))} leave nothing of "
             text += f"{limits[0]:g} to {limits[1]:g} m, which is measured; change them"
             self.problem(text, plugin)
-        return least, greatest
+        return minimum, maximum
 
     def limits(self, parent: Element, path: str, low: Value, high: Value) -> tuple[float, float]:
         """Return two values in the element at ``path``; report them if they are not in order."""
-        least, greatest = (
+        minimum, maximum = (
             self.number(parent, f"{path}/{name}", default, rule)
             for name, default, rule in (low, high)
         )
-        self.check_order(parent, path, (low[0], least), (high[0], greatest))
-        return least, greatest
+        self.check_order(parent, path, (low[0], minimum), (high[0], maximum))
+        return minimum, maximum
 
     def check_order(
         self, parent: Element, path: str, low: tuple[str, float], high: tuple[str, float]

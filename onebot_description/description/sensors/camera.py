@@ -1,4 +1,4 @@
-"""Cameras: of colours, of depths, and of both (RGB-D)."""
+"""Colour cameras, depth cameras, and RGB-D cameras."""
 
 import math
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ _OUTPUTS = {
         _INFO, "depth/camera_info", "camera_info_depth", "depthImageCameraInfoTopicName"
     ),
 }
-_MOST_PIXELS = 1920 * 1200
+_MAX_PIXELS = 1920 * 1200
 _FIELD_OF_VIEW = Rule(at_least=0.01, at_most=3.0)
 _NEAR, _FAR = ("near", 0.1, POSITIVE), ("far", 100.0, POSITIVE)
 _LENS = "horizontal_fov image clip noise depth_camera optical_frame_id camera_info_topic pose "
@@ -59,7 +59,7 @@ _LOWS, _HIGHS = "min_depth pointCloudCutoff", "max_depth pointCloudCutoffMax"
 
 
 class ColorCamera(Kind[Camera]):
-    """How a camera of colours is described.
+    """How a colour camera is described.
 
     Attributes:
         by_sensor: outputs of the <sensor>.
@@ -94,10 +94,10 @@ class ColorCamera(Kind[Camera]):
     def read(block: Block) -> Camera:
         camera = block.child("camera")
         fov = block.number(camera, "horizontal_fov", 1.047, _FIELD_OF_VIEW)
-        width = block.count(camera, "image/width", 320, _MOST_PIXELS)
-        height = block.count(camera, "image/height", 240, _MOST_PIXELS)
-        if width * height > _MOST_PIXELS and not block.wrong:
-            size = f"{width:g} x {height:g} pixels are more than {_MOST_PIXELS} (1920 x 1200)"
+        width = block.count(camera, "image/width", 320, _MAX_PIXELS)
+        height = block.count(camera, "image/height", 240, _MAX_PIXELS)
+        if width * height > _MAX_PIXELS and not block.wrong:
+            size = f"{width:g} x {height:g} pixels are more than {_MAX_PIXELS} (1920 x 1200)"
             block.problem(f"{size}; lower <width> or <height>", camera.find("image"))
         near, far = depth = block.limits(camera, "clip", _NEAR, _FAR)
         if camera.find("depth_camera/clip") is not None:
@@ -142,13 +142,13 @@ class ColorCamera(Kind[Camera]):
         return {output: f"{below or 'camera'}/{spec.ros_2}" for output, spec in _OUTPUTS.items()}
 
     def below_topic(self, outputs: tuple[str, ...]) -> dict[str, str]:
-        """Return the topics by the <topic> of the <sensor>, as in gz sim."""
+        """Return the topics below the <topic> of the <sensor>, as in gz sim."""
         info = joined(self.topic.rpartition("/")[0], "camera_info")
         return {outputs[0]: self.topic, "camera_info": info, "points": f"{self.topic}/points"}
 
 
 class DepthCamera(ColorCamera):
-    """How a camera of depths is described; its plugin publishes colours, too."""
+    """How a depth camera is described; its plugin also publishes colours."""
 
     types = ("depth", "depth_camera")
     substitutes = ()
@@ -157,7 +157,7 @@ class DepthCamera(ColorCamera):
 
 
 class RgbdCamera(ColorCamera):
-    """How a camera of colours and depths is described."""
+    """How an RGB-D camera is described."""
 
     types = ("rgbd", "rgbd_camera")
     substitutes = (Substitute("realsense|kinect|openni|depth|rgbd", "camera", "rgbd_camera", "30"),)

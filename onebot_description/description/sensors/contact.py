@@ -10,7 +10,7 @@ from onebot_description.elements.sensor import SensorModel
 
 @dataclass(frozen=True)
 class ContactSensor(SensorModel):
-    """A sensor of what touches its link, with all of the link's shapes."""
+    """A sensor of everything that touches its link, with all of the link's shapes."""
 
     @property
     def summary(self) -> str:

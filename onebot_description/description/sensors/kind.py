@@ -1,6 +1,6 @@
-"""What each kind of sensor defines, and the topics that a <sensor> and its plugins name.
+"""The base class of kinds of sensors, and the topic names of a <sensor> and its plugins.
 
-A plugin's topics are named as by gazebo_ros: namespace, camera name, topic, then remappings. An
+A plugin's topics are named as in gazebo_ros: namespace, camera name, topic, then remappings. An
 absolute name stays absolute; any other is in the robot's namespace.
 """
 
@@ -25,7 +25,7 @@ def word_of(name: str) -> str:
 
 
 def joined(*names: str) -> str:
-    """Join names to a path; an absolute name discards those before it."""
+    """Join names to a path; an absolute name discards the names before it."""
     path = ""
     for name in names:
         path = name if name.startswith("/") else f"{path}/{name}" if path and name else path or name
@@ -33,7 +33,7 @@ def joined(*names: str) -> str:
 
 
 class Substitute(NamedTuple):
-    """A <sensor> to write instead of a plugin that stands alone, in no <sensor>."""
+    """A <sensor> to write instead of a plugin that is outside of any <sensor>."""
 
     words: str  # pattern of the plugin's file or name
     name: str
@@ -43,19 +43,19 @@ class Substitute(NamedTuple):
 
 
 class Kind(ABC, Generic[M]):
-    """A <sensor> as one of its plugins, or the <sensor> itself, publishes it.
+    """A <sensor> as published by one of its plugins, or by the <sensor> itself.
 
-    Each kind of sensor is a subclass, and has what is declared and abstract here.
+    Each kind of sensor is a subclass, which defines the class attributes and abstract methods.
 
     Attributes:
         types: types of the <sensor>.
         message_types: message types of all outputs, by their names.
-        frame_tags: elements that name the frame of the messages, before those of all kinds.
-        elements: keyed by element, the elements in it that are read, or have no effect here.
-        plugin_elements: those in a plugin.
+        frame_tags: elements that name the frame of the messages, read before those of all kinds.
+        elements: for each element, the elements in it that are read, or have no effect here.
+        plugin_elements: the same for a plugin.
         substitutes: substitutes for plugins without a <sensor>.
         plugin: the plugin; None for the <sensor> itself.
-        topic: the <topic> of the <sensor>; "" without one.
+        topic: the <topic> of the <sensor>; "" if there is none.
         named: topics that the plugin names, by output; empty if it names none.
         fault: why nothing can be published; "" if something can.
         idle: remappings of the plugin that match no topic.
@@ -83,7 +83,7 @@ class Kind(ABC, Generic[M]):
     @staticmethod
     @abstractmethod
     def read(block: Block) -> M:
-        """Return what the sensor measures."""
+        """Return the model of the sensor."""
 
     @abstractmethod
     def limited(self, block: Block, model: M, plugin: Element, stddev: float) -> M:
@@ -92,7 +92,7 @@ class Kind(ABC, Generic[M]):
     def read_plugin(self, plugin: Element) -> dict[str, str]:
         """Return the topics that a plugin names, by output; empty if it names none.
 
-        It names one, of what it publishes, unless a kind overrides this.
+        Unless a kind overrides this, all outputs have one topic.
         """
         topic = text_of(plugin, "topicName")
         default = joined(self.space, topic) if topic else joined(self._node, "out")
@@ -103,11 +103,11 @@ class Kind(ABC, Generic[M]):
         return dict.fromkeys(self.message_types, name) if is_named else {}
 
     def made(self, rows: int) -> tuple[str, ...]:
-        """Return the outputs, the main one first; ``rows`` are those of a lidar's rays."""
+        """Return the outputs, the main one first; ``rows`` is the number of a lidar's rows."""
         return tuple(self.message_types)
 
     def default_topics(self, outputs: tuple[str, ...], below: str) -> Mapping[str, str]:
-        """Return topics by the <topic> of the <sensor>; those without are ours. See ``topics``."""
+        """Return topics named after the <topic> of the <sensor>, or else by default names."""
         return dict.fromkeys(outputs, self.topic or joined(below, outputs[0]))
 
     @property
@@ -141,7 +141,7 @@ class Kind(ABC, Generic[M]):
             if self._expanded(old).strip("/") in full:
                 self.idle.remove(rule)
                 return self._expanded(new)
-            if old in names and base != self._node:  # the camera's documentation has it so
+            if old in names and base != self._node:  # as in the camera plugin's documentation
                 self.idle.remove(rule)
                 return joined(base, new)
         return default

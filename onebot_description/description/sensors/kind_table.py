@@ -1,4 +1,4 @@
-"""The kinds of sensors that are simulated, and what all of them define together."""
+"""The kinds of sensors that are simulated, and tables collected from them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from onebot_description.description.sensors.imu import ImuKind
 from onebot_description.description.sensors.kind import Kind
 from onebot_description.description.sensors.lidar import LidarKind
 
-# Their substitutes are searched in this order.
+# This is the order in which their substitutes are searched.
 _KINDS: tuple[type[Kind[Any]], ...] = (
     *(RgbdCamera, DepthCamera, ImuKind, LidarKind, ColorCamera),
     ContactKind,
@@ -35,7 +35,7 @@ ELEMENTS = {
     tag: frozenset(" ".join(table.get(tag, "") for table in _TABLES).split())
     for tag in frozenset().union(*_TABLES)
 }
-"""By element, the elements in it that are read, or have no effect here."""
+"""For each element, the elements in it that are read, or have no effect here."""
 
 
 def clashes(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:

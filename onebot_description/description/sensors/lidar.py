@@ -24,8 +24,8 @@ class Fan(NamedTuple):
     """Ray directions evenly spread over an angle, including both ends."""
 
     samples: int = 1
-    least: float = 0.0  # rad
-    greatest: float = 0.0
+    lower: float = 0.0  # first angle, rad
+    upper: float = 0.0  # last angle, rad
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Lidar(SensorModel):
 
     horizontal: Fan  # rays of a row, about z
     vertical: Fan  # rows, upwards
-    least: float  # range, m
-    greatest: float
+    range_min: float  # m
+    range_max: float  # m
     noise: Noise = Noise()
     is_organized: bool = True  # whether clouds have points for rays that hit nothing, too
     radiation: str = "infrared"  # one of RADIATIONS, for Range messages
@@ -44,7 +44,7 @@ class Lidar(SensorModel):
     @property
     def field_of_view(self) -> float:
         """Field of view of Range messages: as set, or the maximum angle between rays, rad."""
-        spans = (fan.greatest - fan.least for fan in (self.horizontal, self.vertical))
+        spans = (fan.upper - fan.lower for fan in (self.horizontal, self.vertical))
         return self.cone or max(spans)
 
     @property
@@ -54,23 +54,23 @@ class Lidar(SensorModel):
     @property
     def summary(self) -> str:
         rows, columns = self.rays
-        ranges = f"{columns} {'range' if columns == 1 else 'ranges'} to {self.greatest:.4g} m"
+        ranges = f"{columns} {'range' if columns == 1 else 'ranges'} to {self.range_max:.4g} m"
         return f"{rows} × {ranges}" if rows > 1 else ranges
 
 
-_MOST_RAYS = 300_000
+_MAX_RAYS = 300_000
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
 _ANGLE = Rule(at_least=-_TURN, at_most=_TURN)
-_LEAST, _GREATEST = ("min", 0.0, NOT_NEGATIVE), ("max", None, POSITIVE)
+_MIN, _MAX = ("min", 0.0, NOT_NEGATIVE), ("max", None, POSITIVE)
 _MESSAGES = {
     "scan": "sensor_msgs/msg/LaserScan",
     "points": "sensor_msgs/msg/PointCloud2",
     "point_cloud": "sensor_msgs/msg/PointCloud",
     "range": "sensor_msgs/msg/Range",
 }
-# The output that a plugin asks for, by its type in sensor_msgs.
+# The output of a plugin that names a message type of sensor_msgs.
 _BY_TYPE = {message.rpartition("/")[2]: output for output, message in _MESSAGES.items()}
-# Else the one with the first of these words in the name of the plugin's file.
+# The output of other plugins: that of the first of these words in the name of the plugin's file.
 _WORDS = {
     "points": "ray_sensor velodyne ouster livox",
     "point_cloud": "block_laser",
@@ -84,12 +84,12 @@ def _fan(tag: str, samples: int, angle: float) -> str:
     return f"<{tag}><samples>{samples}</samples>{angles}</{tag}>"
 
 
-def _inside(tag: str, fans: str, least: float, greatest: float) -> str:
-    limits = f"<range><min>{least}</min><max>{greatest}</max></range>"
+def _inside(tag: str, fans: str, range_min: float, range_max: float) -> str:
+    limits = f"<range><min>{range_min}</min><max>{range_max}</max></range>"
     return f"<{tag}><scan>{fans}</scan>{limits}</{tag}>"
 
 
-# What is in the blocks that replace plugins.
+# The content of the blocks that replace plugins.
 _PLANE, _ROWS = _fan("horizontal", 360, 3.14), _fan("vertical", 16, 0.26)
 _IN_PLANE = _inside("lidar", _PLANE, 0.1, 12)
 _IN_ROWS = _inside("lidar", _PLANE + _ROWS, 0.1, 12)
@@ -125,21 +125,21 @@ class LidarKind(Kind[Lidar]):
     def read(block: Block) -> Lidar:
         ray = block.child("ray", "lidar")
         across, up = (_read_fan(block, ray, f"scan/{axis}") for axis in ("horizontal", "vertical"))
-        least, greatest = block.limits(ray, "range", _LEAST, _GREATEST)
-        if across.samples * up.samples > _MOST_RAYS and not block.wrong:
-            rays = f"{across.samples} x {up.samples} rays are more than {_MOST_RAYS}"
+        range_min, range_max = block.limits(ray, "range", _MIN, _MAX)
+        if across.samples * up.samples > _MAX_RAYS and not block.wrong:
+            rays = f"{across.samples} x {up.samples} rays are more than {_MAX_RAYS}"
             block.problem(f"{rays}; lower <samples>")
         noise = read_noise(block, block.element.find(".//noise"))  # some have it beside <ray>
-        return Lidar(across, up, least, greatest, noise)
+        return Lidar(across, up, range_min, range_max, noise)
 
     def limited(self, block: Block, model: Lidar, plugin: Element, stddev: float) -> Lidar:
-        limits = model.least, model.greatest
-        least, greatest = block.narrowed(plugin, "min_range", "max_range", limits)
+        limits = model.range_min, model.range_max
+        range_min, range_max = block.narrowed(plugin, "min_range", "max_range", limits)
         is_range = self._made == "range"
         return replace(
             model,
-            least=least,
-            greatest=greatest,
+            range_min=range_min,
+            range_max=range_max,
             noise=model.noise.plus(stddev),
             is_organized=not is_false(text_of(plugin, "organize_cloud")),
             cone=(is_range and block.of_plugin(plugin, "fov", NOT_NEGATIVE)) or 0.0,
@@ -154,7 +154,7 @@ class LidarKind(Kind[Lidar]):
         if kind := text_of(plugin, "output_type", "outputType"):
             self._made = _BY_TYPE.get(kind.rpartition("/")[2], "")
             if not self._made:
-                text = f"asks for {kind}, which cannot be made of rays, so it publishes nothing"
+                text = f"asks for {kind}, which rays cannot provide, so it publishes nothing"
                 types = ", ".join(f"sensor_msgs/{type_name}" for type_name in _BY_TYPE)
                 self.fault = f"{text}; write one of: {types}"
         else:
@@ -184,15 +184,15 @@ def _read_fan(block: Block, ray: Element, path: str) -> Fan:
         if path.endswith("horizontal"):
             block.problem(f"has no <{path}>; write its <samples>, <min_angle> and <max_angle>")
         return Fan()
-    samples = block.count(element, "samples", None, _MOST_RAYS)
+    samples = block.count(element, "samples", None, _MAX_RAYS)
     count = max(1, round(samples * block.number(element, "resolution", 1.0, POSITIVE)))
-    least = block.number(element, "min_angle", 0.0, _ANGLE)
-    greatest = block.number(element, "max_angle", 0.0, _ANGLE)
+    lower = block.number(element, "min_angle", 0.0, _ANGLE)
+    upper = block.number(element, "max_angle", 0.0, _ANGLE)
     if count > 1:
-        block.check_order(ray, path, ("min_angle", least), ("max_angle", greatest))
-        if greatest - least > _TURN:
+        block.check_order(ray, path, ("min_angle", lower), ("max_angle", upper))
+        if upper - lower > _TURN:
             block.problem("min_angle to max_angle is more than a turn (6.2832 rad)", element)
-    return Fan(count, least, greatest)
+    return Fan(count, lower, upper)
 
 
 def _radiation(plugin: Element) -> str:

@@ -20,7 +20,7 @@ class Noise:
     precision: float = 0.0  # step to which the sum is rounded; 0: no rounding
 
     def plus(self, stddev: float) -> "Noise":
-        """Return it with independent noise of another ``stddev`` added."""
+        """Return this noise with independent noise of another ``stddev`` added."""
         return replace(self, stddev=math.hypot(self.stddev, stddev)) if stddev else self
 
 

@@ -1,4 +1,4 @@
-"""Reads the sensors of a document; one with a fault is left out, and reported as a problem."""
+"""Reads the sensors of a document; a faulty sensor is left out, and reported as a problem."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -90,9 +90,9 @@ class _SensorReader(Block):
         self._outputs = [plugin for plugin in plugins if plugin.publishes] or [kind(element, None)]
 
     def read(self, links: Collection[str]) -> None:
-        """Read what the sensor measures."""
+        """Read the sensor's model, pose and rate."""
         if not self.link:
-            self.problem('lies in no link; write <gazebo reference="LINK"> around it')
+            self.problem('is in no link; write <gazebo reference="LINK"> around it')
         elif self.link not in links:
             hint = self.findings.hint(self.link, links, "links")
             self.problem(f'there is no link "{self.link}"{hint}')
@@ -107,9 +107,9 @@ class _SensorReader(Block):
         self._rate = self.number(self.element, "update_rate", 0.0, _RATE)
 
     def sensors(self, readers: Iterable["_SensorReader"]) -> list[Sensor]:
-        """Return one sensor for each publishing plugin; unusable if the block is ``wrong`` then.
+        """Return one sensor for each publishing plugin; unusable if the block is then ``wrong``.
 
-        ``readers`` are of all blocks of the robot.
+        ``readers`` are the readers of all blocks of the robot.
         """
         return [
             self._sensor(outputs, topics)
@@ -127,7 +127,7 @@ class _SensorReader(Block):
         names = [topics[output].lstrip("/") for output in keys if output != "depth_camera_info"]
         if len({*names}) < len(names) and not self.wrong:
             twice = max(names, key=names.count)
-            self.problem(f'publishes two things on "{twice}"; give each a topic of its own')
+            self.problem(f'publishes two outputs on "{twice}"; give each its own topic')
         return topics
 
     def _checked(self, topic: str) -> str:
@@ -136,12 +136,12 @@ class _SensorReader(Block):
         try:
             ValueType(str, _TOPIC).checked(name)
         except ValueError as error:
-            if not self.wrong:  # names are made of one another
+            if not self.wrong:  # a bad name affects the others, too
                 self.problem(f"its topic {error}")
         return name
 
     def _above(self, outputs: Kind[Any], readers: Iterable["_SensorReader"]) -> str:
-        """Return a prefix for topics that other sensors would have, too; "" if there are none."""
+        """Return a prefix for topics that other sensors would share; "" if there are none."""
         rays = self._model.rays
         defaults = outputs.defaults(rays[0])
         rivals = [(reader, reader.rivals(defaults, rays)) for reader in readers]
@@ -156,7 +156,7 @@ class _SensorReader(Block):
     def rivals(self, defaults: Collection[str], rays: tuple[int, int]) -> int:
         """Return how many of its plugins also have one of these default topics.
 
-        A single ray, as of a cliff sensor, does not compete with a scan of many ``rays``.
+        A single ray, such as a cliff sensor, does not compete with a scan of many ``rays``.
         """
         own_rays = self._model.rays
         if own_rays == (1, 1) != rays:
@@ -173,7 +173,7 @@ class _SensorReader(Block):
             stddev = self.of_plugin(plugin, "gaussianNoise gaussian_noise", NOT_NEGATIVE)
             model = outputs.limited(self, model, plugin, stddev or 0.0)
         frame = frame or text_of(self.element, *_FRAMES) or self.link
-        frame = frame.lstrip("/")  # ROS 1 wrote it; tf2 refuses it
+        frame = frame.lstrip("/")  # ROS 1 wrote a slash; tf2 rejects it
         return Sensor(
             name=self.name,
             link=self.link,
@@ -194,17 +194,17 @@ class _SensorReader(Block):
         for other_topics, reader in published:
             place = f"the one at {reader.place}" if reader is not self else "another plugin of it"
             for topic in clashes(other_topics, topics)[:1]:
-                text = f'publishes "{topic}", as {place} does'
-                self.problem(f"{text}; give it a <topic> of its own")
+                text = f'publishes "{topic}", as does {place}'
+                self.problem(f"{text}; give it its own <topic>")
             info = topics.get("camera_info", "")
             if not self.wrong and info and info in other_topics.values():
-                text = f'its CameraInfo is on "{info}", as that of {place} is'
+                text = f'its CameraInfo is on "{info}", as is that of {place}'
                 text += "; to tell them apart, write a <camera_info_topic> in it"
                 self.findings.warning(self.element, text)
                 return
 
     def warn_of_frames(self, sensors: Iterable[Sensor], links: Collection[str]) -> None:
-        """Warn once of each frame of the messages of these sensors that no link has."""
+        """Warn once about each frame in these sensors' messages that is not a link."""
         for frame in dict.fromkeys(sensor.frame for sensor in sensors):
             if frame not in links:
                 hint = self.findings.hint(frame, links, "links")

@@ -1,4 +1,4 @@
-"""Warns of what is not read: unknown elements, and sensors and plugins in the wrong place."""
+"""Warns about unread elements: unknown ones, and sensors and plugins in the wrong place."""
 
 import re
 from collections.abc import Collection, Iterator
@@ -8,12 +8,12 @@ from onebot_description.description.sensors.kind import Substitute
 from onebot_description.description.sensors.kind_table import ELEMENTS, SUBSTITUTES
 from onebot_description.elements.reading import Element, Findings, value_text
 
-RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two are plugins'
+RATES = ("update_rate", "updateRate", "updateRateHZ")  # the last two occur in plugins
 _IN_ANY_PLUGIN = (
     "ros namespace remapping argument qos robotNamespace frame_name frameName gz_frame_id "
     "ignition_frame_id frame_id always_on alwaysOn visualize"
 )
-_NOTHING = ("", "false", "none")  # Like zeros, these values of a plugin's child ask for nothing.
+_NOTHING = ("", "false", "none")  # like zeros, these values in a plugin have no effect
 
 _TRUTH = re.compile(r"p3d|ground_?truth")
 # Plugins of gz sim's world, and those that move a body, are not sensors.
@@ -24,7 +24,7 @@ _LINKS = ("bodyName", "body_name", "link")
 
 
 def warn_of_unknown(findings: Findings, element: Element) -> None:
-    """Warn of elements inside of a <sensor> that are not read: a name may be misspelt."""
+    """Warn about elements inside a <sensor> that are not read: a name may be misspelt."""
     known_tags = ELEMENTS.get(element.tag)
     if known_tags is None:
         return
@@ -39,7 +39,7 @@ def warn_of_unknown(findings: Findings, element: Element) -> None:
 def warn_of_unread(
     findings: Findings, plugin: Element, of_kind: str, idle: Collection[tuple[str, str]]
 ) -> None:
-    """Warn of what is not read of a plugin in a <sensor>, in one warning.
+    """Warn about unread elements and remappings of a plugin in a <sensor>, in one warning.
 
     Args:
         findings: the warning is added.
@@ -55,21 +55,21 @@ def warn_of_unread(
     rules = [f"<remapping> {old}:={new}" for old, new in idle]
     names = ", ".join([*(f"<{tag}>" for tag in dict.fromkeys(unread)), *rules])
     if names:
-        findings.warning(plugin, f"{names}: nothing of the sensor reads this")
+        findings.warning(plugin, f"{names}: not used by the sensor")
 
 
 def asks_for_something(element: Element) -> bool:
-    """Return whether an element asks for anything; zeros and false do not."""
+    """Return whether an element asks for an effect; zeros and false do not."""
     words = value_text(element).lower().split()
     return len(element) > 0 or any(word.strip("0.") not in _NOTHING for word in words)
 
 
 def warn_of_misplaced(findings: Findings, parents: Collection[Element]) -> None:
-    """Warn of sensors outside of ``parents``, and of sensor plugins outside of a <sensor>."""
+    """Warn about sensors outside ``parents``, and sensor plugins outside a <sensor>."""
     for element, path in _walk(findings.document.root, ()):
         if element.tag == "sensor" and element.keys() and path[-1] not in parents:
             link = _link_above(path) or "LINK"
-            text = f"lies in <{path[-1].tag}>, where it is not read; write <gazebo "
+            text = f"is in <{path[-1].tag}>, where it is not read; write <gazebo "
             text += f'reference="{link}"> around it, directly in <robot>'
             findings.warning(element, text)
         elif element.tag == "plugin":
@@ -108,7 +108,7 @@ def _warn_of_plugin(findings: Findings, plugin: Element, above: str) -> None:
     place = f' on link "{link}"' if link else ""
     text = f"is a sensor{place} without a <sensor>, so it is ignored"
     if is_truth:
-        text += "; the true pose and twist are on ~/ground_truth of velocity_controller"
+        text += "; velocity_controller publishes the true pose and twist on ~/ground_truth"
     elif substitute:
         text += f"; write {_written(substitute, link or 'LINK')}"
     else:

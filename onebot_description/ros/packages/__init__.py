@@ -1,9 +1,9 @@
-"""Packages that ROS 2's wheels lack, importable by their own names, and the finder of them.
+"""Packages that ROS 2's wheels lack, importable by their own names, and their import finder.
 
 Each folder here is a package: Python code (``__init__.py``), or interfaces (``msg/``, ``srv/``,
-``action/``), whose classes are made of their definitions. ``PackageFinder`` is the last that Python
-asks, so that a package that is installed or sourced takes precedence. ``onebot_packages.pth``
-installs it in every Python of the environment; it imports this module with the first package.
+``action/``), whose classes are made from their definitions. Python asks ``PackageFinder`` last, so
+that a package that is installed or sourced takes precedence. ``onebot_packages.pth`` installs it in
+every Python of the environment; it imports this module with the first package.
 
 The same finder raises one clear error if ROS 2 itself is missing: its wheels exist only for Linux
 on x86-64. An installed ROS works everywhere, once it is sourced; forgetting that should not end in
@@ -48,7 +48,7 @@ class MissingRosError(OneBotError, ModuleNotFoundError):
 
 
 class PackageFinder:
-    """A finder for the end of ``sys.meta_path``, which is asked for modules that were not found."""
+    """A finder at the end of ``sys.meta_path``, for modules that no other finder has."""
 
     is_onebot = True
 
@@ -59,7 +59,7 @@ class PackageFinder:
         """Return the spec of a module of a package here; None for any other module.
 
         Raises:
-            MissingRosError: the module is one of ROS that its wheels, or an installed ROS, have.
+            MissingRosError: the module is part of the ROS wheels or of an installed ROS.
         """
         if later := _later_spec(name, path, target):
             return later
@@ -68,7 +68,7 @@ class PackageFinder:
 
 
 def install() -> None:
-    """Have Python ask PackageFinder last, in place of the one of onebot_packages.pth."""
+    """Make Python ask PackageFinder last, in place of the finder of onebot_packages.pth."""
     for place, finder in enumerate(sys.meta_path):
         if getattr(finder, "is_onebot", False):
             sys.meta_path[place] = PackageFinder
@@ -79,7 +79,7 @@ def install() -> None:
 def _later_spec(
     name: str, path: "Sequence[str] | None", target: "ModuleType | None"
 ) -> "ModuleSpec | None":
-    """Return what the finders that were installed after this one have: they take precedence."""
+    """Return a spec from finders that were installed after this one: they take precedence."""
     for finder in sys.meta_path[sys.meta_path.index(PackageFinder) + 1 :]:
         find_spec = getattr(finder, "find_spec", None)
         if find_spec and (spec := find_spec(name, path, target)):
@@ -93,7 +93,7 @@ def _own_spec(name: str) -> "ModuleSpec | None":
     package, *inner = name.split(".")
     folder = os.path.join(os.path.dirname(__file__), package)
     added = f"{sys.prefix}/share/onebot_interfaces/{package}"
-    # Asked first: most of what is not found has nothing to do with ROS.
+    # First, because most modules that are not found have nothing to do with ROS.
     is_here = os.path.exists(folder) or os.path.exists(added) or "ROS_PACKAGE_PATH" in os.environ
     if not is_here or _is_replaced():
         return None
@@ -113,7 +113,7 @@ def _own_spec(name: str) -> "ModuleSpec | None":
     own_folder = own_package(package)
     if own_folder is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
         return None
-    if len(inner) == 2 and not inner[1].startswith("_"):  # a class: `from package.msg import Name`
+    if len(inner) == 2 and not inner[1].startswith("_"):  # a class, `from package.msg import Name`
         if not is_own:
             _fill(sys.modules[f"{package}.{inner[0]}"])
         return None
@@ -131,7 +131,7 @@ class _Loader:
     """Loads the modules of a package of interfaces."""
 
     def create_module(self, spec: "ModuleSpec") -> None:
-        """Leave it to Python."""
+        """Let Python create it."""
 
     def exec_module(self, module: "ModuleType") -> None:
         if "." in module.__name__:
@@ -159,12 +159,12 @@ def origin(name: str) -> str:
 
 
 def _is_replaced() -> bool:
-    """Whether a ROS that is sourced takes the place of the wheels, and of what they lack."""
+    """Return whether a sourced ROS replaces the wheels, and the packages here."""
     from importlib.machinery import PathFinder
 
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     roots = {os.path.realpath(prefix) for prefix in prefixes if os.path.exists(f"{prefix}/{_ROS}")}
-    if PathFinder.find_spec("ros_wheels_bootstrapper"):  # else the environment's own is no wheels'
+    if PathFinder.find_spec("ros_wheels_bootstrapper"):  # this environment's ROS is from wheels
         roots.discard(os.path.realpath(sys.prefix))
     return bool(roots)
 
@@ -189,19 +189,19 @@ def _explain(name: str) -> str:
     if name == _COMPILED:
         version = ".".join(map(str, sys.version_info[:2]))
         return (
-            f"the ROS 2 of {ros.origin} is made for another Python than this one, {version}: "
-            "make the environment with the Python of that ROS, or use a shell without it"
+            f"the ROS 2 of {ros.origin} is built for another Python than this one, {version}: "
+            "create the environment with the Python of that ROS, or use a shell without it"
         )
     return (
         f'the ROS 2 of {ros.origin} lacks the package "{name}": install it, '
-        f"as in apt install ros-jazzy-{name.replace('_', '-')}"
+        f"for example with apt install ros-jazzy-{name.replace('_', '-')}"
     )
 
 
 def _print_error(
     kind: type[BaseException], error: BaseException, traceback: TracebackType | None
 ) -> None:
-    """Print the exception that ended the process; this error without a traceback."""
+    """Print the exception that ended the process; a MissingRosError without a traceback."""
     if isinstance(error, MissingRosError):
         print(f"error: {error}", file=sys.stderr)
     else:

@@ -1,7 +1,7 @@
-"""Fills the modules of a package of interfaces, as generated code has them.
+"""Fills the modules of a package of interfaces, as in generated code.
 
-``package.msg`` has the classes of its messages, and ``package.msg._name`` that of one of them, as
-its ``__module__`` says. A class is made when it is first used.
+``package.msg`` has the classes of its messages, and ``package.msg._name`` the class of one of them,
+in line with its ``__module__``. A class is made when it is first used.
 """
 
 from itertools import product
@@ -18,12 +18,12 @@ _SERVICES = {
     "srv": tuple(f"_{part}" for part in _PARTS),
     "action": tuple(f"_{call}_{part}" for call, part in product(("SendGoal", "GetResult"), _PARTS)),
 }
-# What only the module of one action has.
+# Suffixes of classes that only the module of a single action has.
 _OTHERS = "_Goal", "_Result", "_Feedback", "_FeedbackMessage", "_SendGoal", "_GetResult"
 
 
 def fill(module: ModuleType) -> None:
-    """Have a module ``package.kind`` or ``package.kind._name`` offer its classes.
+    """Add the classes to a module ``package.kind`` or ``package.kind._name``.
 
     Raises:
         ModuleNotFoundError: the package has no interface of that name.

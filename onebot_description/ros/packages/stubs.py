@@ -1,8 +1,8 @@
 """Writes stubs (PEP 561) of packages of interfaces, for editors and type checkers.
 
-Their classes are made at run time, where those cannot see them. The build of the wheel writes
+Their classes are made at run time, where editors cannot see them. The build of the wheel writes
 ``package-stubs`` for each package here, ``onebot interface add`` for a user's own. This module
-imports nothing of ROS, nor what the build does not have.
+imports nothing from ROS, and only what the build has.
 """
 
 import re

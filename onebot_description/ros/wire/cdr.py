@@ -1,4 +1,4 @@
-"""CDR, the format of serialized ROS messages: stamps are read from it, and fields written.
+"""CDR, the format of serialized ROS messages: reads stamps, and writes fields.
 
 The layout is plain CDR (XCDR version 1, little endian), as every Jazzy node puts it on the wire:
 four bytes of encapsulation (00 01 00 00), then the fields in order, each aligned to its size
@@ -6,8 +6,7 @@ counted from the end of those four bytes; a string is its length with the closin
 bytes; a sequence is its length, then its elements (OMG DDSI-RTPS 2.5, section 10; OMG CORBA 3.0,
 section 15.3).
 
-``schema`` reads whole messages of it. Anything else (big endian, a truncated message) is refused
-with WireError.
+``schema`` reads whole messages. Anything else (big endian, a truncated message) raises WireError.
 """
 
 import struct
@@ -16,7 +15,7 @@ from typing import Protocol
 
 from onebot_description.timing import NS_PER_S
 
-SYSTEM_TIME_NS = 10**18  # the year 2001: stamps of simulated time are less
+SYSTEM_TIME_NS = 10**18  # the year 2001; stamps of simulated time are smaller
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _BODY = len(ENCAPSULATION)
@@ -56,9 +55,9 @@ class Writer:
     """Writes one CDR message from its start.
 
     Attributes:
-        data: what is written so far, from the encapsulation on.
-        mask: as long as ``data``: 255 where something is written, 0 where bytes are left out or
-            pad.
+        data: the bytes so far, including the encapsulation.
+        mask: as long as ``data``: 255 for bytes that were written, 0 for bytes that were left out,
+            and for padding.
     """
 
     def __init__(self) -> None:
@@ -82,13 +81,13 @@ class Writer:
         self._put(_STAMP.pack(*divmod(stamp_ns, NS_PER_S)))
 
     def doubles(self, numbers: Sequence[float]) -> None:
-        """Write 64-bit floating-point numbers, as of an array or of fields in a row."""
+        """Write 64-bit floating-point numbers, such as an array or consecutive fields."""
         if numbers:
             self.leave_out(0, 8)
             self._put(struct.pack(f"<{len(numbers)}d", *numbers))
 
     def leave_out(self, size: int, alignment: int) -> int:
-        """Leave out ``size`` bytes at a multiple of ``alignment``; return where they begin."""
+        """Leave out ``size`` bytes at a multiple of ``alignment``; return their position."""
         pad = -(len(self.data) - _BODY) % alignment
         self.data += bytes(pad + size)
         self.mask += bytes(pad + size)

@@ -1,6 +1,6 @@
 """Serializes message objects to CDR and back, for message classes made at run time.
 
-How a type is written follows from ``SLOT_TYPES`` of its class, and is compiled once. ``Schema``
+The writer of a type follows from ``SLOT_TYPES`` of its class, and is compiled once. ``Schema``
 reads messages, column by column; cdr.py describes the layout.
 """
 
@@ -27,7 +27,7 @@ from onebot_description.ros.wire.schema import Schema
 
 # Appends the CDR of a message, or of a field's value, to a body.
 Write = Callable[[bytearray, Any], None]
-# Makes the values of a field, one for each row of its column.
+# Returns the values of a field, one for each row of its column.
 Read = Callable[[Any], Iterable[Any]]
 
 _LETTERS = NUMBERS | {"boolean": "?", "octet": "c"}  # formats of ``struct``
@@ -36,7 +36,7 @@ _LENGTH = struct.Struct("<I")
 
 
 def _fields(kind: Any) -> Iterator[tuple[str, AbstractType]]:
-    """List the names and types of a message class's fields."""
+    """Return the names and types of a message class's fields."""
     return zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True)
 
 
@@ -46,7 +46,7 @@ def _fields(kind: Any) -> Iterator[tuple[str, AbstractType]]:
 def pack(kind: Any, message: Any) -> bytes:
     """Return the CDR of a message of a class, without its encapsulation.
 
-    A TypeError, AttributeError or UnicodeEncodeError names what does not fit.
+    A TypeError, AttributeError or UnicodeEncodeError names the field that does not fit.
     """
     body = bytearray()
     try:
@@ -60,7 +60,7 @@ def pack(kind: Any, message: Any) -> bytes:
 def _writer(kind: Any) -> Write:
     writers = [(name, _value_writer(slot)) for name, slot in _fields(kind)]
     if not writers:
-        return lambda body, _message: body.append(0)  # nothing takes a byte
+        return lambda body, _message: body.append(0)  # an empty struct takes a byte
 
     def write(body: bytearray, message: Any) -> None:
         for name, write_value in writers:
@@ -146,9 +146,9 @@ def _write_sequence(write: Write, body: bytearray, values: Any) -> None:
 
 
 def unpack(kind: Any, schema: Schema, data: bytes) -> Any:
-    """Return the message of a class from its CDR, encapsulation included; WireError if it is none.
+    """Return the message of a class from its CDR, including encapsulation.
 
-    ``schema`` is that of the class, from ``schema_of``.
+    ``schema`` is the class's, from ``schema_of``. Raises WireError for other bytes.
     """
     return _objects(kind, schema.read_table(data))[0]
 
@@ -181,7 +181,7 @@ def _reader(slot: AbstractType) -> Read:
 
 
 def _list_reader(slot: AbstractNestedType) -> Callable[[Any], Any]:
-    """Return what makes the value of an array or a sequence from a column of its items."""
+    """Return the function that makes an array or a sequence from a column of its items."""
     item = slot.value_type
     letter = NUMBERS.get(item.typename) if isinstance(item, BasicType) else None
     if letter is None:
@@ -200,7 +200,7 @@ def _octets(column: Any) -> list[bytes]:
 
 
 def schema_of(kind: Any, name: str) -> Schema:
-    """Return what reads messages of a class; ``name``: the full name of its type."""
+    """Return the schema that reads messages of a class; ``name``: the full name of its type."""
     sections: dict[str, str] = {}
     _add_sections(kind, name, sections)
     texts = (section(inner, text) for inner, text in sections.items())

@@ -1,7 +1,7 @@
 """Reads the definition of a message type as rosbag2 and MCAP store it ("ros2msg").
 
-That is the text of its .msg file, then those of the types in it, each after a line of ``=`` and one
-of ``MSG: package/Name``.
+It is the text of the .msg file, followed by the texts of the types in it, each after a line of
+``=`` and a line ``MSG: package/Name``.
 """
 
 import re
@@ -18,7 +18,7 @@ NUMBERS = {  # NumPy's names
         for size in (1, 2, 4, 8)
     },
 }
-STRINGS = {"string": 1, "wstring": 2}  # bytes of a character
+STRINGS = {"string": 1, "wstring": 2}  # bytes per character
 _KNOWN = {  # some writers leave them out
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
@@ -42,14 +42,14 @@ class Field(NamedTuple):
 
     name: str
     type: str  # one of NUMBERS or STRINGS, or package/Name
-    size: int | None  # an array's; 0: as many as the message has; None: one
+    size: int | None  # of an array; 0: a sequence; None: a single value
     where: str  # type, line and text, for a message
 
 
 def short_name(name: str) -> str:
     """Return ``package/Name`` of a message type."""
     if not _TYPE.fullmatch(name):
-        raise DefinitionError(f'"{printable(shortened(name))}" is no name of a message type')
+        raise DefinitionError(f'"{printable(shortened(name))}" is not the name of a message type')
     return name.replace("/msg/", "/")
 
 
@@ -76,7 +76,9 @@ def fields(kind: str, text: str) -> Iterator[Field]:
         where = f'{kind}, line {number}: "{printable(shortened(line))}"'
         match = _FIELD.match(line)
         if match is None:
-            raise DefinitionError(f"{where} is no field of a .msg file, such as `float64[3] point`")
+            raise DefinitionError(
+                f"{where} is not a field of a .msg file, such as `float64[3] point`"
+            )
         name = match["name"]
         size = int(match["size"] or 0) if match["array"] else None
         if match["constant"]:
@@ -88,7 +90,7 @@ def fields(kind: str, text: str) -> Iterator[Field]:
 
 
 def _full(name: str, home: str) -> str:
-    """Return the name of a type with its package, ``home`` if it names none."""
+    """Return the name of a type with its package, by default that of ``home``."""
     if name in NUMBERS or name in STRINGS:
         return name
     return name.replace("/msg/", "/") if "/" in name else f"{home.partition('/')[0]}/{name}"

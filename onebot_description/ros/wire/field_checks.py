@@ -1,7 +1,7 @@
-"""Checks values of message fields as generated classes do, with the same AssertionErrors.
+"""Checks values of message fields like generated classes, with the same AssertionErrors.
 
-As there, they are made only where ``ROS_PYTHON_CHECK_FIELDS`` is 1, or ``check_fields=True`` is
-passed to a constructor.
+As in generated classes, values are checked only if ``ROS_PYTHON_CHECK_FIELDS`` is 1, or if
+``check_fields=True`` is passed to a constructor.
 """
 
 import array
@@ -33,7 +33,7 @@ _DTYPES = {"float": "float32", "double": "float64"}  # NumPy's names, where they
 
 
 class _Item(NamedTuple):
-    """What a single value, or each value in a sequence, has to be."""
+    """The requirements for a single value, or for each value in a sequence."""
 
     is_type: Callable[[Any], bool]
     type_name: str
@@ -149,13 +149,13 @@ def _item(slot: AbstractType, class_of: Callable[[NamespacedType], Any]) -> _Ite
         is_bytes = lambda value: isinstance(value, (bytes, bytearray))  # noqa: E731
         return _Item(is_bytes, "bytes")
     if kind in _REALS:
-        most = _REALS[kind]
+        limit = _REALS[kind]
         return _Item(
             lambda value: isinstance(value, float),
             "float",
-            lambda value: not (value < -most or value > most) or math.isinf(value),
-            f"must be a {kind} in [{-most}, {most}]",
-            f"and each {kind} in [{-most:f}, {most:f}]",
+            lambda value: not (value < -limit or value > limit) or math.isinf(value),
+            f"must be a {kind} in [{-limit}, {limit}]",
+            f"and each {kind} in [{-limit:f}, {limit:f}]",
         )
     numbers = np.iinfo(kind)
     sign = "unsigned " if kind.startswith("u") else ""

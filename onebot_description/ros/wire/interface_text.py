@@ -1,10 +1,10 @@
 """Finds the text that defines an interface, as ROS calls a message, service or action type.
 
-An installed package has it in its share folder, as .msg, .srv or .action file. Packages that no
-wheel has are folders of ``onebot_description/ros/packages``; their names and types, which the type
-hash is made of, are those of ROS 2 Jazzy. A user's own are in ``ROS_PACKAGE_PATH``, or were added
-by ``onebot interface add``. ``common_definitions`` has those messages of installed packages that
-drawing a description takes, for where there is no ROS.
+An installed package has it in its share folder, as a .msg, .srv or .action file. Packages without
+wheels are folders of ``onebot_description/ros/packages``; their names and types, from which the
+type hash is made, are those of ROS 2 Jazzy. A user's own packages are in ``ROS_PACKAGE_PATH``, or
+were added by ``onebot interface add``. ``common_definitions`` has the messages of installed
+packages that are needed to draw a description without ROS.
 """
 
 import functools
@@ -24,23 +24,23 @@ _COMMON = Path(__file__).with_name("common_definitions")
 
 
 def own_packages() -> dict[str, Path]:
-    """Return the folders of the packages that are made of their definitions, by name."""
+    """Return the folders of the packages that are made from definitions, by name."""
     rooms = [room for room in (ADDED, _HERE) if room.is_dir()]
     names = {*packages_on_ros_path(), *(folder.name for room in rooms for folder in room.iterdir())}
     return {name: folder for name in sorted(names) if (folder := own_package(name))}
 
 
 def own_package(name: str) -> Path | None:
-    """Return the folder of a package of definitions; a user's own takes precedence.
+    """Return the folder of a package of definitions; None if there is none.
 
-    None: there is none.
+    A user's own package takes precedence.
     """
     folders = (packages_on_ros_path().get(name), ADDED / name, _HERE / name)
     return next((folder for folder in folders if folder and any(definitions(folder))), None)
 
 
 def definitions(folder: Path, kinds: Sequence[str] = KINDS) -> Iterator[Path]:
-    """List the files of a package that define interfaces."""
+    """Yield the files of a package that define interfaces."""
     for kind in kinds:
         if (inner := folder / kind).is_dir():
             yield from sorted(inner.glob(f"*.{kind}"))
@@ -48,7 +48,7 @@ def definitions(folder: Path, kinds: Sequence[str] = KINDS) -> Iterator[Path]:
 
 @functools.cache
 def own_interfaces(kind: str) -> tuple[str, ...]:
-    """List the full names of own interfaces of a kind (msg, srv, action)."""
+    """Return the full names of our own interfaces of a kind (msg, srv, action)."""
     return tuple(
         f"{package}/{kind}/{file.stem}"
         for package, folder in own_packages().items()
@@ -82,7 +82,7 @@ def interface_file(name: str) -> Path:
 
 
 def own_file(name: str) -> Path | None:
-    """Return the file of an interface of a package that is made of its definitions."""
+    """Return the file of an interface of a package that is made from definitions."""
     package, kind, type_name = name.split("/")
     folder = own_package(package)
     file = folder and folder / kind / f"{type_name}.{kind}"
@@ -90,7 +90,7 @@ def own_file(name: str) -> Path | None:
 
 
 def share_folders() -> Iterator[Path]:
-    """List the share folders of installed ROS packages, the preferred one first."""
+    """Yield the share folders of installed ROS packages, the preferred one first."""
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     yield from (Path(prefix, "share") for prefix in filter(None, prefixes))
 
@@ -99,7 +99,7 @@ def share_folders() -> Iterator[Path]:
 def full_definition(name: str) -> str:
     """Return the definition of a message type as rosbag2 stores it with the messages.
 
-    The .msg file comes first; those it refers to follow, each once and under a line of its own.
+    The .msg file comes first; the files it refers to follow, each once and after its own header.
     """
     return _joined(name, set())
 

@@ -2,9 +2,9 @@
 
     load_interface("control_msgs/action/FollowJointTrajectory")
 
-returns the class of an installed package, or else a class made from the definition in the folder
-``definitions``. Both are the same on the wire (the type's name, hash and description, and every
-field), so nodes that use the genuine package interoperate.
+returns the class of an installed package, or else a class made from a definition. Both are the same
+on the wire (the type's name, hash and description, and every field), so nodes that use the genuine
+package interoperate.
 
 rclpy loads the type support with the first publisher, subscription, service, client or conversion.
 If that fails, it raises a ``OneBotError`` that is also an ``ImportError``.
@@ -54,7 +54,7 @@ from onebot_description.ros.wire.message_class import (
 from onebot_description.ros.wire.type_description import Definition
 from onebot_description.ros.wire.type_support import TypeSupportError
 
-_IDL_NAMES = {  # names in IDL of the types in .msg files
+_IDL_NAMES = {  # IDL names of the types in .msg files
     "bool": "boolean",
     "byte": "octet",
     "char": "uint8",
@@ -63,7 +63,7 @@ _IDL_NAMES = {  # names in IDL of the types in .msg files
 }
 
 
-_OWN: dict[str, Any] = {}  # interfaces made of their definitions, by full name
+_OWN: dict[str, Any] = {}  # interfaces made from definitions, by full name
 _BEING_MADE: set[str] = set()
 _LOCK = threading.RLock()  # a class is made once, whichever threads use it first
 
@@ -89,7 +89,7 @@ def load_interface(name: str) -> Any:
 
 
 def own_interface(name: str) -> Any:
-    """Return the class of an interface of a package that is made of its definitions.
+    """Return the class of an interface of a package that is made from definitions.
 
     Raises:
         InterfaceError: its definition cannot be used.
@@ -107,23 +107,23 @@ def own_interface(name: str) -> Any:
 
 
 def make_interface(name: str) -> Any:
-    """Return a class made of the definition, whether or not the package is installed."""
+    """Return a class made from the definition, whether or not the package is installed."""
     package, kind, short = name.split("/")
     text = interface_text(name)
     make: Callable[[str, str, str], Any] = {"msg": _message, "srv": _service, "action": _action}[
         kind
     ]
     try:
-        with contextlib.redirect_stderr(io.StringIO()):  # the parser prints there, too
+        with contextlib.redirect_stderr(io.StringIO()):  # the parser also prints
             return make(package, short, text)
     except TypeSupportError:
         raise
-    except Exception as error:  # the parser raises many kinds
+    except Exception as error:  # the parser raises many types
         raise _explained(error, name, text) from None
 
 
 def _explained(error: Exception, name: str, text: str) -> InterfaceError:
-    """Return the error with the file and the line, which is where what stands above is sound."""
+    """Return the error with the file and the line: the first line up to which parsing fails."""
     package, kind, short = name.split("/")
     start, lines = 0, text.splitlines()
     for number, line in enumerate(lines):
@@ -154,7 +154,7 @@ def _message(package: str, short: str, text: str) -> Any:
 
 
 def _parsed(package: str, kind: str, short: str, specification: Any) -> Message:
-    """Return a parsed definition as rosidl's type; the classes of the messages in it exist then."""
+    """Return a parsed definition as rosidl's type; create the classes of the messages in it."""
     members = [
         MessageField(field.name, _slot(field.type), field.default_value)
         for field in specification.fields
@@ -165,7 +165,7 @@ def _parsed(package: str, kind: str, short: str, specification: Any) -> Message:
 
 
 def _make_message(message: Message, encoding: str = "implicit", text: str = "") -> Any:
-    """Return a message class; ``text`` and its encoding are those of a file that defines it."""
+    """Return a message class; ``text`` and ``encoding`` describe the file that defines it."""
     name = full_name(message.structure.namespaced_type)
     fields = [
         MessageField(member.name, member.type, getattr(member, "default", None))
@@ -181,7 +181,7 @@ def _make_message(message: Message, encoding: str = "implicit", text: str = "") 
 
 
 def _slot(kind: Any) -> AbstractType:
-    """Return a parsed type as generated classes have it."""
+    """Return a parsed type as in generated classes."""
     item = _item(kind)
     if not kind.is_array:
         return item
@@ -217,7 +217,7 @@ def _service(package: str, short: str, text: str) -> Any:
 
 
 def _make_service(service: Service, encoding: str = "implicit", text: str = "") -> Any:
-    """Return a service class; ``text`` and its encoding are those of a file that defines it."""
+    """Return a service class; ``text`` and ``encoding`` describe the file that defines it."""
     messages = {
         "Request": service.request_message,
         "Response": service.response_message,
@@ -252,7 +252,7 @@ def _make_class(definition: Definition, parts: dict[str, Any], support: Callable
 
 
 def _action(package: str, short: str, text: str) -> Any:
-    """Return an action class, with the services and the topic that ROS makes of it."""
+    """Return an action class, with the services and the topic that ROS derives from it."""
     specification = parser.parse_action_string(package, short, text)
     halves = {
         "Goal": specification.goal,

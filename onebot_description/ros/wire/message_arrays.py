@@ -22,7 +22,7 @@ _UNKNOWN: Floats = np.zeros(_COVARIANCE)
 
 
 class TfArrays(NamedTuple):
-    """A TFMessage; one row a transform."""
+    """A TFMessage, with one row per transform."""
 
     parents: tuple[str, ...]  # header.frame_id of each transform, N of them
     children: tuple[str, ...]  # child_frame_id of each
@@ -32,7 +32,7 @@ class TfArrays(NamedTuple):
 
 
 class JointStateArrays(NamedTuple):
-    """A JointState; a field that was left empty has shape (0,)."""
+    """A JointState; an empty field has shape (0,)."""
 
     stamp_ns: int
     frame_id: str
@@ -47,7 +47,7 @@ class OdometrySample(NamedTuple):
 
     stamp_ns: int
     frame_id: str  # the pose's frame
-    child_frame_id: str  # the frame that moves, in which the velocities are given
+    child_frame_id: str  # the moving frame, in which the velocities are given
     translation: Floats  # (3,) metres
     rotation: Floats  # (4,) quaternion x y z w
     linear: Floats  # (3,) metres a second
@@ -58,18 +58,18 @@ class OdometrySample(NamedTuple):
 
 @functools.cache
 def known_schema(name: str) -> Schema:
-    """Return the schema of a type that is always there, such as nav_msgs/msg/Odometry."""
+    """Return the schema of a type that is always available, such as nav_msgs/msg/Odometry."""
     return Schema(name, full_definition(name))
 
 
-# These raise WireError where the bytes are no whole message of plain little-endian CDR. The arrays
-# are views into the bytes where they can be.
+# These raise WireError if the bytes are not a whole message of plain little-endian CDR. The arrays
+# are views into the bytes where possible.
 
 
 def tf_arrays(data: bytes) -> TfArrays:
-    """Read a serialized tf2_msgs/msg/TFMessage; names that come again are the same tuples.
+    """Read a serialized tf2_msgs/msg/TFMessage; equal names are the same tuples.
 
-    The names are without the slash that they began with before tf2.
+    Leading slashes, which names had before tf2, are removed.
     """
     transforms = known_schema("tf2_msgs/msg/TFMessage").read(data).transforms
     header = transforms.header

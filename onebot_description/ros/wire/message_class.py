@@ -1,8 +1,8 @@
 """Makes classes of messages like those that rosidl generates, from their fields at run time.
 
-They have the same attributes, constructor, properties and text as generated ones, so that rclpy and
-tools that show any message take them for such. As with those, the types of values are checked when
-a message is sent, and when they are assigned only if ``ROS_PYTHON_CHECK_FIELDS`` asks for it.
+They have the same attributes, constructor, properties and text as generated classes, so that rclpy
+and generic tools accept them. As in generated classes, the types of values are checked when a
+message is sent, and on assignment only if ``ROS_PYTHON_CHECK_FIELDS`` is set.
 """
 
 import array
@@ -29,13 +29,13 @@ from rosidl_parser.definition import (
 
 from onebot_description.ros.wire.field_checks import check_of
 
-# Numbers that lists of are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
-# have in common.
+# Types whose lists are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
+# share.
 NUMBERS = {
     **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
     **{"int64": "q", "uint64": "Q", "float": "f", "double": "d"},
 }
-_DEFAULTS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}  # else 0
+_DEFAULTS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}  # 0 for others
 _IS_CHECKED = os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1"
 _CAPSULES = (
     "_CREATE_ROS_MESSAGE",
@@ -69,12 +69,12 @@ def full_name(slot: NamespacedType) -> str:
 
 
 def item_of(slot: AbstractType) -> AbstractType:
-    """Return the type of the values in an array or a sequence; another type is its own."""
+    """Return the type of the values in an array or a sequence; return other types unchanged."""
     return slot.value_type if isinstance(slot, AbstractNestedType) else slot
 
 
 def size_of(slot: AbstractType) -> int:
-    """Return the values in an array, or the most in a sequence; 0 if there is no bound."""
+    """Return the size of an array, or the maximum size of a sequence; 0 if unbounded."""
     if isinstance(slot, Array):
         return int(slot.size)
     return int(slot.maximum_size) if isinstance(slot, BoundedSequence) else 0
@@ -87,7 +87,7 @@ def class_of(slot: NamespacedType) -> Any:
 
 
 def module_name(name: str) -> str:
-    """Return the module that generated code of a type would lie in, by the type's full name."""
+    """Return the module of a type's generated code, by the type's full name."""
     package, folder, short = name.split("/")
     stem = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", short.split("_")[0])
     return f"{package}.{folder}._{stem.lower()}"
@@ -124,12 +124,12 @@ def _constant(value: Any) -> property:
 
 
 def made_class(name: str) -> Any:
-    """Return a class made before, by its full name, parts of services and actions included."""
+    """Return a class made before, by its full name, including parts of services and actions."""
     return _MADE[name]
 
 
 def keep_class(name: str, made: Any) -> Any:
-    """Have ``made_class`` return a class by a full name; return the class."""
+    """Register a class for ``made_class`` by its full name; return the class."""
     _MADE[name] = made
     return made
 
@@ -232,13 +232,13 @@ def _property(field: MessageField) -> property:
 
 
 def _letter(slot: AbstractType) -> str | None:
-    """Return the letter of the numbers in an array or a sequence; None for other things."""
+    """Return the letter of the numbers in an array or a sequence; None for other types."""
     item = item_of(slot)
     return NUMBERS.get(item.typename) if item is not slot and isinstance(item, BasicType) else None
 
 
 def _converter(slot: AbstractType) -> Callable[[Any], Any]:
-    """Return what turns an assigned value into the one that the message holds."""
+    """Return the function that converts an assigned value to the stored one."""
     if not (letter := _letter(slot)):
         return lambda value: value
     if isinstance(slot, Array):
@@ -247,7 +247,7 @@ def _converter(slot: AbstractType) -> Callable[[Any], Any]:
 
 
 def _default(field: MessageField) -> Callable[[], Any]:
-    """Return what makes the value of a field in a new message."""
+    """Return the function that creates the value of a field in a new message."""
     slot, default = field.type, field.default
     if isinstance(slot, NamespacedType):
         return lambda: class_of(slot)()
@@ -263,7 +263,7 @@ def _default(field: MessageField) -> Callable[[], Any]:
 
 
 def _type_name(slot: AbstractType) -> str:
-    """Return a field's type as ``get_fields_and_field_types`` names it."""
+    """Return a field's type as named by ``get_fields_and_field_types``."""
     if isinstance(slot, AbstractNestedType):
         item = _type_name(slot.value_type)
         if isinstance(slot, Array):

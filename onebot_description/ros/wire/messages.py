@@ -1,4 +1,4 @@
-"""Arrays and times as ROS messages, and a message of rclpy's own class from its bytes."""
+"""Converts arrays and times to ROS messages, and bytes to messages of rclpy's classes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,13 +14,13 @@ from onebot_description.timing import NS_PER_S
 
 
 def deserialize_message(data: bytes, kind: type) -> Any:
-    """Decode a message of the class ``kind`` as rclpy does, whose own errors are of many kinds."""
+    """Decode a message of the class ``kind`` with rclpy; raise ValueError for all its errors."""
     try:
         return serialization.deserialize_message(data, kind)
     except Exception as error:
-        # Behind the reason is a place in rclpy's sources.
+        # A place in rclpy's sources follows the reason.
         reason, _, _ = " ".join(str(error).split()).partition("., at /")
-        raise ValueError(f"it is no {kind.__name__}: {reason}") from error
+        raise ValueError(f"it is not a {kind.__name__}: {reason}") from error
 
 
 def time_message(stamp_ns: int) -> Time:

@@ -1,4 +1,4 @@
-"""Reads CDR messages of any type by its definition, installed or not.
+"""Reads CDR messages of any type from its definition, installed or not.
 
     schema = Schema.from_definition("nav_msgs/msg/Path", definition)
     path = schema.read(data)
@@ -7,13 +7,13 @@
     path.poses.pose.position.array()            # (N, 3)
     path.poses[0].pose.position.x               # float
 
-definition.py has the format of the definition, cdr.py that of the bytes. ``Schema.read`` checks a
-whole message; after that each field is made when it is asked for. Numbers of a sequence are a view
-into the message, which is never copied; structs of varying size (those with strings) are read into
-rows of equal size, in one compiled call.
+definition.py describes the format of the definition, cdr.py that of the bytes. ``Schema.read``
+checks a whole message; each field is then created on demand. Numbers of a sequence are a view into
+the message, which is never copied; structs of varying size (those with strings) are read into rows
+of equal size, in one compiled call.
 
-Strings are UTF-8, and invalid bytes are replaced, as by rclpy; the characters of a wstring are
-UTF-16, as Fast DDS from Jazzy on and Cyclone DDS write them. Upper bounds are not checked.
+Strings are UTF-8, and invalid bytes are replaced, as in rclpy; the characters of a wstring are
+UTF-16, as written by Fast DDS since Jazzy and by Cyclone DDS. Upper bounds are not checked.
 """
 
 import ctypes
@@ -47,55 +47,55 @@ _MAX_FIELDS = 10_000
 _MAX_DEPTH = 64  # types in types
 _MAX_SIZE = 2**31 - 1  # bytes
 _PLAIN = ENCAPSULATION[:2]  # the other two bytes are options, which receivers ignore
-_PHASES = 8  # the largest alignment: a layout depends on where it starts modulo this
+_PHASES = 8  # the largest alignment: a layout depends on its start modulo this
 
 
-# ---- What reads a field ----
+# ---- Readers of fields ----
 
 _COPIED, _SEQUENCE, _STRUCTS = range(3)  # kinds of operations
-_SLOT = struct.Struct("<II")  # a row's: where a sequence lies in the message, how many elements
+_SLOT = struct.Struct("<II")  # in a row: position of a sequence in the message, and its length
 
 
 class _Rows(NamedTuple):
-    """Structs of one type: in rows that a program has read, or in the message itself."""
+    """Structs of one type: in rows that a program has read, or in the message."""
 
     data: bytes  # the message
     block: bytes  # the programs
     rows: bytes
-    at: int  # byte in ``rows`` of the first one
+    at: int  # byte of the first struct in ``rows``
     stride: int
     length: int
 
     def chosen(self, which: range) -> "_Rows":
-        """Return some of them."""
+        """Return some of the structs."""
         at, stride = self.at + which.start * self.stride, which.step * self.stride
         return _Rows(self.data, self.block, self.rows, at, stride, len(which))
 
 
 class _Leaf:
-    """A field that is no struct; its place in a row is given as ``offset``."""
+    """A field that is not a struct; its place in a row is given as ``offset``."""
 
     kind = _SEQUENCE
     count = 0  # elements in every message, 0 if that varies
-    smallest = 4  # bytes in a message at least, without padding
-    boolean = False  # bytes need a check
-    dtype: np.dtype[Any] | None = None  # the elements', if they are numbers
-    program: "_Program | None" = None  # the elements', if they are structs
+    smallest = 4  # minimum number of bytes in a message, without padding
+    boolean = False  # whether bytes need a check
+    dtype: np.dtype[Any] | None = None  # type of the elements, if they are numbers
+    program: "_Program | None" = None  # program of the elements, if they are structs
 
     def __init__(self, element: int) -> None:
-        self.element = element  # bytes of an element, to which it is aligned
+        self.element = element  # bytes of an element, which are also its alignment
 
     def value(self, rows: _Rows, offset: int) -> Any:
-        """Return it from the first row."""
+        """Return the value in the first row."""
         raise NotImplementedError
 
     def column(self, rows: _Rows, offset: int) -> Any:
-        """Return it from all rows."""
+        """Return the values in all rows."""
         return Sequences(self, rows, offset)
 
 
 class _Number(_Leaf):
-    """A number or a fixed number of them."""
+    """A number, or an array of fixed size."""
 
     kind = _COPIED
     dtype: np.dtype[Any]
@@ -119,12 +119,12 @@ class _Number(_Leaf):
         return np.ndarray(shape, self.dtype, rows.rows, rows.at + offset, strides)
 
 
-_STANDARD = str.maketrans("lL", "qQ")  # NumPy's letters that ``struct`` has for others
+_STANDARD = str.maketrans("lL", "qQ")  # NumPy's letters with another meaning in ``struct``
 _COUNT = _Number(np.dtype("<u4"))
 
 
 class _Text(_Leaf):
-    """A string; ``element``: bytes of a character."""
+    """A string; ``element``: bytes per character."""
 
     def value(self, rows: _Rows, offset: int) -> str:
         return self._read(rows, offset, 1)[0]
@@ -167,7 +167,7 @@ class _Structs(_Leaf):
 
 
 class _Group:
-    """A struct: a field of one, or all of it."""
+    """A struct, nested or top-level."""
 
     def __init__(self, name: str, leaves: Iterable[tuple[tuple[str, ...], _Leaf, int]]) -> None:
         self.name, self.leaves = name, list(leaves)
@@ -208,17 +208,17 @@ class _Group:
         if not dot:
             return field
         if not isinstance(field[0], _Group):
-            raise LookupError(f'{self.name}.{name} has no field "{inner}": it is no message')
+            raise LookupError(f'{self.name}.{name} has no field "{inner}": it is not a message')
         return field[0].find(inner)
 
     @functools.cached_property
     def array(self) -> tuple[_Number, int]:
-        """All its numbers as one field; a TypeError if they are of several types or apart."""
+        """All its numbers as one field; TypeError if types differ or they are not adjacent."""
         _, leaves, offsets = zip(*self.leaves, strict=True)
         [dtype, *other_dtypes] = {leaf.dtype if leaf.kind == _COPIED else None for leaf in leaves}
         *places, end = itertools.accumulate((leaf.smallest for leaf in leaves), initial=offsets[0])
         if other_dtypes or dtype is None or places != [*offsets]:
-            raise TypeError(f"the fields of {self.name} are not numbers of one type, side by side")
+            raise TypeError(f"the fields of {self.name} are not adjacent numbers of one type")
         return _Number(dtype, ((end - places[0]) // dtype.itemsize,)), places[0]
 
 
@@ -226,7 +226,7 @@ class _Group:
 
 
 def _places(parts: Iterable[tuple[int, int]], at: int) -> list[int]:
-    """Return where parts of (size, count) lie from ``at`` on, each aligned, and where they end."""
+    """Return the aligned positions of parts of (size, count) after ``at``, and their end."""
     places = []
     for size, count in parts:
         at += -at % size
@@ -236,7 +236,7 @@ def _places(parts: Iterable[tuple[int, int]], at: int) -> list[int]:
 
 
 class _Program:
-    """How to read structs of one type."""
+    """A program that reads structs of one type."""
 
     def __init__(self, name: str, leaves: dict[tuple[str, ...], _Leaf], number: int) -> None:
         self.number = number
@@ -252,7 +252,7 @@ class _Program:
         if max(self.smallest, self.row_size) > _MAX_SIZE:
             raise DefinitionError(f"{name}: its arrays are larger than two gigabytes")
         if self.depth > _MAX_DEPTH:
-            raise DefinitionError(f"{name}: more than {_MAX_DEPTH} types in each other")
+            raise DefinitionError(f"{name}: types are nested more than {_MAX_DEPTH} deep")
         self.root = self._group(self._offsets)
         self._strides = [self._stride(phase) for phase in range(_PHASES)]
         self._layouts: dict[int, _Group] = {}
@@ -263,8 +263,8 @@ class _Program:
     def _stride(self, phase: int) -> int:
         """Return the bytes from a struct at ``phase`` to the next one; 0 if they vary.
 
-        If all fields of the second struct are equally far from those of the first, this distance is
-        a multiple of each alignment, so that all later structs follow at it, too.
+        If all fields of the second struct have the same distance from those of the first, this
+        distance is a multiple of each alignment, so all later structs follow at the same distance.
         """
         first = _places(self._on_wire, phase)
         second = _places(self._on_wire, first[-1])
@@ -272,7 +272,7 @@ class _Program:
         return distances.pop() if self._constant and len(distances) == 1 else 0
 
     def table(self, data: bytes, block: bytes, at: int, count: int) -> "Table | list[str]":
-        """Return the structs from a byte of a message on, in place if their stride is constant."""
+        """Return the structs from byte ``at`` of a message, in place if the stride is constant."""
         phase = (at - HEADER) % _PHASES
         stride = self._strides[phase]
         if not count or not stride:
@@ -285,11 +285,11 @@ class _Program:
         return self._layouts[phase].column(_Rows(data, block, data, at, stride, count))
 
     def read(self, data: bytes, block: bytes, at: int, count: int) -> _Rows:
-        """Read structs into rows; a WireError if they are not there."""
+        """Read structs into rows; raise WireError if they are missing."""
         reader = _compiled().onebot_read_structs
         rows = reader(data, len(data), at, count, block, self.number)
         if rows is None:
-            raise WireError(f"no {self._name}: it is truncated, or a bool in it is not 0 or 1")
+            raise WireError(f"not a {self._name}: it is truncated, or a bool in it is not 0 or 1")
         return _Rows(data, block, rows, 0, self.row_size, count)
 
     def header(self, operations_at: int, operations: int) -> list[int]:
@@ -301,7 +301,7 @@ class _Program:
         return [operations_at, operations, self.smallest, self.row_size, *sizes, *strides]
 
     def operations(self) -> list[list[int]]:
-        """Return each ``struct operation``; numbers of one size that lie together are one."""
+        """Return each ``struct operation``; adjacent numbers of one size are one operation."""
         steps: list[list[int]] = []
         for leaf, to in zip(self._leaves.values(), self._offsets, strict=True):
             number = leaf.program.number if leaf.program else 0
@@ -314,7 +314,7 @@ class _Program:
 
 
 class _Compiler:
-    """Makes the programs of a definition, which it numbers by their order in ``programs``."""
+    """Compiles the programs of a definition, numbered by their order in ``programs``."""
 
     def __init__(self, texts: dict[str, str]) -> None:
         self.programs: dict[str, _Program] = {}
@@ -340,7 +340,7 @@ class _Compiler:
                 yield from self._leaves(field.type, inner)
             else:
                 yield inner, self._leaf(field)
-        if not lines:  # nothing takes a byte
+        if not lines:  # an empty struct takes a byte
             yield (*path, ""), _Number(np.dtype("u1"))
         self._within.pop()
 
@@ -358,13 +358,13 @@ class _Compiler:
         self._fields += 1
         problem = None
         if self._fields > _MAX_FIELDS:
-            problem = f"more than {_MAX_FIELDS} fields in all"
+            problem = f"more than {_MAX_FIELDS} fields in total"
         elif field.type not in (*NUMBERS, *STRINGS, *self._files):
             problem = f"there is no definition of {field.type}"
         elif field.type in self._within:
             problem = f"{field.type} contains itself"
         elif len(self._within) > _MAX_DEPTH:
-            problem = f"more than {_MAX_DEPTH} types in each other"
+            problem = f"types are nested more than {_MAX_DEPTH} deep"
         if problem:
             raise DefinitionError(f"{field.where}: {problem}")
 
@@ -397,7 +397,7 @@ def _compiled() -> ctypes.PyDLL:
 
 
 class _Attribute:
-    """A field of a view, made when first asked for, then kept."""
+    """A field of a view, created on first use, then kept."""
 
     def __init__(self, name: str, leaf: _Leaf | _Group, offset: int) -> None:
         self._name, self._leaf, self._offset = name, leaf, offset
@@ -406,7 +406,7 @@ class _Attribute:
         if view is None:
             return self
         value = view._get(self._leaf, self._offset)
-        setattr(view, self._name, value)  # Python finds it first
+        setattr(view, self._name, value)  # from now on, Python finds this first
         return value
 
 
@@ -434,9 +434,9 @@ class _View:
         return self._get(*self._group.find(path))
 
     def array(self) -> NDArray[Any]:
-        """Return all its numbers as one array, whose last axis has as many as the struct.
+        """Return all its numbers as one array, with those of one struct in the last axis.
 
-        A field of this name takes its place.
+        A field with this name hides the method.
         """
         numbers: NDArray[Any] = self._get(*self._group.array)
         return numbers
@@ -452,7 +452,7 @@ class Message(_View):
 class Table(_View):
     """Messages of one type, by columns: a field is an array of all its numbers, or a list.
 
-    A number selects a message, a slice some of them.
+    An index selects one message, a slice several.
     """
 
     def _get(self, leaf: _Leaf | _Group, offset: int) -> Any:
@@ -490,7 +490,7 @@ class Sequences(Sequence[Any]):
 
     @property
     def counts(self) -> NDArray[np.uint32]:
-        """Elements of each; the viewer's markers need them."""
+        """The number of elements of each sequence."""
         counts: NDArray[np.uint32] = _COUNT.column(self._rows, self._offset + 4)
         return counts
 
@@ -517,7 +517,7 @@ class Schema:
     def read(self, data: bytes) -> Message:
         """Read a message; its arrays are views into ``data``.
 
-        Raises WireError for bytes that are no such message, or not plain little-endian CDR.
+        Raises WireError for bytes that are not such a message, or not plain little-endian CDR.
         """
         return self._program.root.value(self._rows(data))
 
@@ -536,7 +536,7 @@ class Schema:
         return self._block, self._program.number
 
     def numeric_fields(self) -> tuple[str, ...]:
-        """List the single numbers outside of arrays, such as ``twist.linear.x``.
+        """Return the names of single numbers outside arrays, such as ``twist.linear.x``.
 
         ``message[path]`` reads one.
         """

@@ -1,13 +1,13 @@
-"""JointState in, TFMessage out, by robot_state_publisher's rules.
+"""Converts JointStates to TFMessages, by robot_state_publisher's rules.
 
-There are two ways, to the same result:
+There are two paths, with the same result:
 
 - One compiled call (_state_converter.c) takes the bytes of a JointState and returns the bytes of a
-  TFMessage. It recognises the frame_id and the joint names of messages before, compared as bytes.
-- Messages as Python reads them and RobotModel's arrays take what that call does not recognise: the
-  first message of a publisher, broken bytes, positions that are not finite or enormous, stamps of 0
-  or set back, a clock that was set back. What can be recognised the next time is then made known to
-  the compiled call.
+  TFMessage. It recognises the frame_id and joint names of earlier messages, compared as bytes.
+- Python code with RobotModel's arrays handles messages that the call does not recognise: the first
+  message of a publisher, broken bytes, positions that are not finite or enormous, stamps of 0 or
+  set back, a clock that was set back. Where possible, it teaches the compiled call to recognise
+  the next such message.
 """
 
 import ctypes
@@ -39,11 +39,11 @@ from onebot_description.timing import NS_PER_S
 Warn = Callable[[str, str], None]
 ConvertBytes = Callable[[bytes, int], bytes | None]
 
-# Publishers of one topic, times the subsets of joints each sends; more only costs time. The same in
-# _state_converter.c.
+# Publishers of one topic, times the subsets of joints that each sends; more only cost time. It is
+# the same in _state_converter.c.
 _KNOWN = 16
-# A stamp this much older than the last one is of another clock, or the last one was wrong. Messages
-# are under way for less, and tf2 takes none that is so old.
+# A stamp this much older than the last one comes from another clock, or the last one was wrong.
+# Messages are in transit for less, and tf2 ignores older ones.
 _OTHER_CLOCK_NS = 10 * NS_PER_S
 
 # struct joint in _state_converter.c.
@@ -94,16 +94,16 @@ class _State(ctypes.Structure):
 
 
 class JointStatePlan:
-    """What the positions of a JointState with given names mean for one robot.
+    """Maps the positions of a JointState with given names to the joints of one robot.
 
-    Unknown names are ignored, the first of a duplicate counts, mimic joints follow unless the
-    message gives them a value of their own (robot_state_publisher's rules).
+    Unknown names are ignored, the first of a duplicate counts, and mimic joints follow unless the
+    message contains a value for them (robot_state_publisher's rules).
 
     Attributes:
         names: names of the message's joints.
-        rows: (K,) the model's joints that move.
+        rows: (K,) the moved joints, as indices in the model.
         joints: their arrays.
-        columns: (K,) which of the message's positions each joint follows.
+        columns: (K,) index of the message's position that each joint follows.
         multiplier, offset: (K,) of that position; radians or metres.
         parents, children: frames of the K transforms.
     """
@@ -125,9 +125,9 @@ class JointStatePlan:
         return self.joints.transforms(positions[self.columns] * self.multiplier + self.offset)
 
     def usable(self, positions: Floats) -> NDArray[np.bool_]:
-        """Return of each position, (len(names),), whether it gives finite transforms only.
+        """Return for each position, (len(names),), whether all its transforms are finite.
 
-        A joint that follows another one by a large multiplier may have none where that one has.
+        A joint that follows with a large multiplier may overflow although its leader does not.
         """
         with np.errstate(all="ignore"):
             finite = np.isfinite(self.transforms(positions)).all(axis=1)
@@ -140,11 +140,11 @@ class PublishedTimes:
     """Decides whether a message is published, by its stamp and its joints' last publication.
 
     Attributes:
-        interval_ns: least time between two publications of a joint; 0 for every message.
+        interval_ns: minimum time between two publications of a joint; 0 for every message.
         ignore_timestamp: publish whatever the stamp is.
         stamps: (joints,) stamp of each joint's last publication in nanoseconds; 0: never. The
-            compiled call reads and writes them, too.
-        newest_call: (1,) the node's clock at the last message; as well.
+            compiled call also reads and writes them.
+        newest_call: (1,) the node's clock at the last message, shared in the same way.
     """
 
     def __init__(self, joints: int, interval_ns: int = 0, ignore_timestamp: bool = False) -> None:
@@ -159,8 +159,8 @@ class PublishedTimes:
     def due(self, rows: NDArray[np.int64], stamp_ns: int, now_ns: int, warn: Warn) -> bool:
         """Return whether a message may be published; if so, note it as published.
 
-        ``rows`` are the joints it moves, ``now_ns`` is the node's clock; ``warn`` is called with
-        the reason why it is not, unless it is only early.
+        ``rows`` are the joints that it moves, ``now_ns`` is the node's clock; ``warn`` is called
+        with the reason if it is not, unless it is merely early.
         """
         if now_ns < self.newest_call[0]:
             warn("clock", "the clock was set back; publishing the joints' transforms afresh")
@@ -191,9 +191,9 @@ def _of_another_clock(older_ns: int, warn: Warn) -> bool:
     seconds = f"{older_ns / NS_PER_S:.3f} s"
     if older_ns < _OTHER_CLOCK_NS:
         text = f"joint state {seconds} older than the last one of its joints, ignored"
-        warn("old", f"{text}; do several nodes publish them?")
+        warn("old", f"{text}; do several nodes publish joint states?")
         return False
-    warn("back", f"the stamps of joint states went back by {seconds}; publishing by the new ones")
+    warn("back", f"the stamps of joint states went back by {seconds}; using the new stamps")
     return True
 
 
@@ -223,7 +223,7 @@ class _Known(NamedTuple):
 
 
 def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
-    """Return a plan's joints for the compiled call, and their TFMessage without its numbers."""
+    """Return a plan's joints for the compiled call, and their TFMessage with blank numbers."""
     joints = np.zeros(len(plan.rows), _JOINT)
     joints["half_turn"], joints["column"] = plan.joints.half_turns, plan.columns
     joints["multiplier"], joints["offset"] = plan.multiplier, plan.offset
@@ -240,7 +240,7 @@ def _blank_message(plan: JointStatePlan) -> tuple[NDArray[np.void], bytes]:
 
 
 class _CompiledCall:
-    """Makes the builtin and the layouts that it recognises."""
+    """Creates the builtin and the layouts that it recognises."""
 
     def __init__(self, times: PublishedTimes) -> None:
         self._times = times
@@ -254,7 +254,7 @@ class _CompiledCall:
         self._next = 0
 
     def bind(self, otherwise: ConvertBytes) -> ConvertBytes:
-        """Return the builtin, which calls ``otherwise`` with what it does not recognise."""
+        """Return the builtin, which calls ``otherwise`` for messages that it does not recognise."""
         library = load_library()
         library.onebot_state_converter.argtypes = [ctypes.py_object]
         library.onebot_state_converter.restype = ctypes.py_object
@@ -274,7 +274,7 @@ class _CompiledCall:
             return
         place = self._next % _KNOWN
         self._next += 1
-        # The place is written before the layout whose memory it held may go.
+        # Replace the layout before its memory may be freed.
         self._state.layouts[place] = entry.layout
         self._known[place : place + 1] = [entry]
         self._state.known = len(self._known)
@@ -285,8 +285,8 @@ class StateConverter:
 
     Attributes:
         convert_bytes: ``convert_bytes(data, now_ns)`` turns a serialized JointState into a
-            serialized TFMessage, or into None when nothing is to be published. ``now_ns`` is the
-            node's clock, to notice that it was set back.
+            serialized TFMessage, or into None if nothing has to be published. ``now_ns`` is the
+            node's clock, to detect that it was set back.
     """
 
     convert_bytes: ConvertBytes
@@ -305,7 +305,7 @@ class StateConverter:
         Args:
             model: the robot.
             frame_prefix: prepended to every frame.
-            interval_ns: least time between two publications of a joint; 0 for every message.
+            interval_ns: minimum time between two publications of a joint; 0 for every message.
             ignore_timestamp: publish whatever the stamp is.
             warn: called with a key and a text about input that is ignored.
         """
@@ -322,8 +322,8 @@ class StateConverter:
 
         Args:
             stamp_ns: stamp of the transforms, ns.
-            floating: whether to include floating joints; usually what moves their link, such as an
-                odometry, publishes them.
+            floating: whether to include floating joints; usually another node, such as an odometry
+                node, publishes them.
         """
         links, moved_by_others = self._model.fixed.children, self._model.floating
         rows = [row for row, link in enumerate(links) if floating or link not in moved_by_others]
@@ -343,7 +343,7 @@ class StateConverter:
         except WireError as error:
             self._warn("bytes", f"joint state that cannot be read is ignored: {error}")
             return None
-        # The stamp as it came, also where its nanoseconds are a second or more.
+        # The stamp is kept unchanged, even if its nanoseconds are a second or more.
         seconds, nanoseconds = struct.unpack("<iI", data[STAMP])
         stamp = Time(sec=seconds, nanosec=nanoseconds)
         transforms = self._convert(state, stamp, now_ns)
@@ -367,7 +367,7 @@ class StateConverter:
 
     def _without_unusable(self, state: JointStateArrays) -> JointStateArrays:
         """Leave out joints whose positions give no finite transforms, with a warning."""
-        # A joint left out may follow another one, and have no finite transform by that, either.
+        # Without its own position, a joint may follow another, again without a finite transform.
         while not (usable := self._plan(state.names).usable(state.positions)).all():
             bad = {name for name, good in zip(state.names, usable, strict=True) if not good}
             text = f"positions that are not finite, or too large, are ignored: {listing(bad)}"

@@ -1,6 +1,6 @@
-"""Describes types as REP-2011 has it, and hashes the description (RIHS01): a type's identity.
+"""Describes types as in REP-2011, and hashes the description (RIHS01), a type's identity.
 
-The structures are rosidl_runtime_c's of ROS 2 Jazzy; type ids are those of
+The structures are those of rosidl_runtime_c in ROS 2 Jazzy; type ids are those of
 type_description_interfaces/msg/FieldType.
 """
 
@@ -92,7 +92,7 @@ class _Hash(ctypes.Structure):
 
 
 class Facts(ctypes.Structure):
-    """``struct facts`` in _type_support.c: what a type says of itself."""
+    """``struct facts`` in _type_support.c: a type's hash, description and sources."""
 
     _fields_ = (
         ("hash", _Hash),
@@ -115,12 +115,12 @@ class _Handle(ctypes.Structure):
 
 
 class Definition(NamedTuple):
-    """What a type is described by.
+    """The definition of a type.
 
     Attributes:
         name: ``package/msg/Type``, or with srv or action.
-        fields: fields of a message; a service and an action have those that REP-2011 gives them.
-        encoding: encoding of the text: msg, srv or action; "implicit" without one.
+        fields: fields of a message; those of services and actions are defined in REP-2011.
+        encoding: encoding of the text: msg, srv or action; "implicit" without text.
         text: text of the file that defines it.
     """
 
@@ -131,7 +131,7 @@ class Definition(NamedTuple):
 
 
 def facts_of(handle: int) -> Facts:
-    """Return what a message type says of itself, by the address of its type support."""
+    """Return the facts of a message type, by the address of its type support."""
     support = _Handle.from_address(handle)
     description, sources = support.get_description(handle), support.get_sources(handle)
     return Facts(support.get_type_hash(handle).contents, description, sources)
@@ -144,7 +144,7 @@ def other_support(handle: int, identifier: str) -> int | None:
 
 
 def describe(definition: Definition, nested: Iterable[Facts]) -> Facts:
-    """Return what a type says of itself; ``nested``: the same of the types in its fields."""
+    """Return the facts of a type; ``nested``: the facts of the types in its fields."""
     individual = _individual(definition)
     source = _Source(*map(_string, (definition.name, definition.encoding, definition.text)))
     parts: dict[bytes, tuple[_Individual, _Source]] = {}

@@ -1,6 +1,6 @@
-"""Connects classes that are made at run time with the middleware, by _type_support.c.
+"""Connects classes that are made at run time to the middleware, with _type_support.c.
 
-Where that cannot be done, a TypeSupportError says what to do.
+If that is not possible, a TypeSupportError says what to do.
 """
 
 import ctypes
@@ -36,13 +36,13 @@ from onebot_description.ros.wire.type_description import (
     other_support,
 )
 
-_DISTRO = "jazzy"  # The structures of this ROS are repeated here and in C.
+_DISTRO = "jazzy"  # the structures of this ROS are repeated here and in C
 _INTROSPECTION = "rosidl_typesupport_introspection_c"
-# A type without fields has one in C, and in its description.
+# A type without fields has this one in C, and in its description.
 EMPTY = MessageField(EMPTY_STRUCTURE_REQUIRED_MEMBER_NAME, BasicType("uint8"))
 
 _FACTS: dict[Any, Facts] = {}  # facts of classes that were made at run time
-_KEPT: list[Any] = []  # memory that the library goes on to read
+_KEPT: list[Any] = []  # memory that the library continues to read
 
 
 class TypeSupportError(OneBotError, ImportError):
@@ -50,7 +50,7 @@ class TypeSupportError(OneBotError, ImportError):
 
 
 class _Member(ctypes.Structure):
-    """A field, from rosidl_typesupport_introspection_c: only what describes it."""
+    """A field, from rosidl_typesupport_introspection_c."""
 
     _fields_ = (
         ("name", ctypes.c_char_p),
@@ -145,7 +145,7 @@ def _keep(kind: Any, facts: Facts, *others: Any) -> None:
 
 
 def _facts(kind: Any) -> Facts:
-    """Return what a type says of itself, made at run time or generated."""
+    """Return the facts of a type, made at run time or generated."""
     handle = handle_of(kind)
     return _FACTS[kind] if kind in _FACTS else facts_of(handle)
 
@@ -173,7 +173,7 @@ def _member(field: MessageField, nested: dict[str, Any]) -> _Member:
 
 
 def handle_of(kind: Any) -> int:
-    """Return the address of a class's type support, which is loaded if need be."""
+    """Return the address of a class's type support, which is loaded if necessary."""
     if type(kind)._TYPE_SUPPORT is None:
         type(kind).__import_type_support__()
     get = ctypes.pythonapi.PyCapsule_GetPointer
@@ -198,7 +198,7 @@ def _library() -> ctypes.PyDLL:
     from std_msgs.msg import UInt8, UInt16, UInt32, UInt64
 
     distro = os.environ.get("ROS_DISTRO", _DISTRO)
-    # A sourced ROS sets both; an image of Docker has the second one only.
+    # A sourced ROS sets both variables; a Docker image sets only ROS_DISTRO.
     if "ROS_VERSION" in os.environ and distro != _DISTRO:
         raise _unfit(f"it is {distro}")
     library = load_library()
@@ -224,7 +224,7 @@ def _library() -> ctypes.PyDLL:
 
 
 def configure(library: ctypes.PyDLL, handles: Sequence[int]) -> None:
-    """Have the library use the type supports of UInt8, UInt16, UInt32 and UInt64."""
+    """Make the library use the type supports of UInt8, UInt16, UInt32 and UInt64."""
     library.onebot_types_configure.restype = ctypes.c_char_p
     problem = library.onebot_types_configure((ctypes.c_void_p * len(handles))(*handles))
     if problem is not None:
@@ -233,6 +233,6 @@ def configure(library: ctypes.PyDLL, handles: Sequence[int]) -> None:
 
 def _unfit(detail: str) -> TypeSupportError:
     return TypeSupportError(
-        f"the types here are made for ROS 2 Jazzy, and the installed ROS differs: {detail}. "
+        f"the types here are built for ROS 2 Jazzy, but the installed ROS differs: {detail}. "
         "Install the ros-jazzy-* packages that onebot asks for, or the tf2_msgs of the other ROS."
     )

@@ -1,4 +1,4 @@
-"""Arithmetic of angles, rad, as the package angles has it."""
+"""Arithmetic of angles, rad, as in the package angles."""
 
 from math import fabs, fmod, pi
 
@@ -6,12 +6,12 @@ _TURN = 2.0 * pi
 
 
 def normalize_angle_positive(angle: float) -> float:
-    """Return an angle as one from 0 to 2 pi."""
+    """Return an angle wrapped to 0 to 2 pi."""
     return angle % _TURN
 
 
 def normalize_angle(angle: float) -> float:
-    """Return an angle as one from -pi, exclusive, to pi."""
+    """Return an angle wrapped to -pi, exclusive, to pi."""
     positive = normalize_angle_positive(angle)
     return positive - _TURN if positive > pi else positive
 
@@ -39,19 +39,19 @@ def shortest_angular_distance_with_limits(
         left_limit: where the valid interval begins, from -pi to pi.
         right_limit: where it ends, counterclockwise; it may contain pi.
     """
-    begins_inside, least, most = _find_min_max_delta(from_angle, left_limit, right_limit)
+    begins_inside, lower, upper = _find_min_max_delta(from_angle, left_limit, right_limit)
     turn = shortest_angular_distance(from_angle, to_angle)
     turns = turn, two_pi_complement(turn)
     if begins_inside:
         for one in turns:
-            if least <= one <= most:
+            if lower <= one <= upper:
                 return True, one
         # The end is outside: go to the limit that is nearer to it.
-        _, least, most = _find_min_max_delta(to_angle, left_limit, right_limit)
-        least, most = most, least
-    if fabs(least) < fabs(most):
+        _, lower, upper = _find_min_max_delta(to_angle, left_limit, right_limit)
+        lower, upper = upper, lower
+    if fabs(lower) < fabs(upper):
         return False, min(turns)
-    if fabs(least) > fabs(most):
+    if fabs(lower) > fabs(upper):
         return False, max(turns)
     return False, turns[0] if fabs(turns[0]) < fabs(turns[1]) else turns[1]
 
@@ -59,7 +59,7 @@ def shortest_angular_distance_with_limits(
 def shortest_angular_distance_with_large_limits(
     from_angle: float, to_angle: float, left_limit: float, right_limit: float
 ) -> tuple[bool, float]:
-    """Return whether a turn stays within limits that may lie beyond -pi and pi, and the turn."""
+    """Return whether a turn stays within limits that may be beyond -pi and pi, and the turn."""
     turn = shortest_angular_distance(from_angle, to_angle)
     turns = sorted((turn, two_pi_complement(turn)), key=fabs)
     if left_limit <= right_limit:
@@ -80,8 +80,8 @@ def _find_min_max_delta(
         return True, left, max(right, right_back)
     if right == 0:
         return True, min(left, left_back), right
-    least, other_least = min(left, left_back), max(left, left_back)
-    most, other_most = max(right, right_back), min(right, right_back)
-    if least <= other_most or most >= other_least:
-        return left_limit == -pi and right_limit == pi, other_most, other_least
-    return True, least, most
+    lower, other_lower = min(left, left_back), max(left, left_back)
+    upper, other_upper = max(right, right_back), min(right, right_back)
+    if lower <= other_upper or upper >= other_lower:
+        return left_limit == -pi and right_limit == pi, other_upper, other_lower
+    return True, lower, upper

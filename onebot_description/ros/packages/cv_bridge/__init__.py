@@ -1,6 +1,6 @@
-"""Pictures as arrays, as the package cv_bridge has them, without OpenCV.
+"""Images as arrays, as in the package cv_bridge, without OpenCV.
 
-``cvtColorForDisplay`` is not here.
+``cvtColorForDisplay`` is missing.
 """
 
 from cv_bridge.core import CvBridge as CvBridge

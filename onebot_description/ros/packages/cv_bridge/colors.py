@@ -1,4 +1,4 @@
-"""Conversions between the colors of pictures, with the formulas and rounding of OpenCV."""
+"""Conversions between the colors of images, with the formulas and rounding of OpenCV."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ def converted(image: Picture, layout: str, wanted: str) -> Picture:
 
 
 def _from_yuv(image: Picture) -> Picture:
-    """Return red, green, blue of rows of y u y v (ITU-R BT.601)."""
+    """Return red, green, blue from rows of y u y v (ITU-R BT.601)."""
     pairs = image[..., 1].reshape(image.shape[0], -1, 2).astype(np.int64) - 128
     chroma = np.repeat(pairs @ _YUV.T, 2, axis=1)
     luma = np.maximum(image[..., :1].astype(np.int64) - 16, 0) * _LUMA
@@ -47,7 +47,7 @@ def _from_yuv(image: Picture) -> Picture:
 
 
 def _from_bayer(image: Picture, pattern: str) -> Picture:
-    """Return red, green, blue of a mosaic by bilinear interpolation."""
+    """Return red, green, blue of a Bayer mosaic by bilinear interpolation."""
     wide = np.pad(image.astype(np.int64), 1, mode="reflect")
     rows, columns = image.shape
 
@@ -70,6 +70,6 @@ def _from_bayer(image: Picture, pattern: str) -> Picture:
             }
         for color, value in values.items():
             rgb[..., "rgb".index(color)][places] = value[places]
-    rgb[:, [0, -1]] = rgb[:, [1, -2]]  # OpenCV repeats what is beside the edges
+    rgb[:, [0, -1]] = rgb[:, [1, -2]]  # OpenCV repeats the pixels beside the edges
     rgb[[0, -1]] = rgb[[1, -2]]
     return rgb

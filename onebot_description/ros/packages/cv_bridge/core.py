@@ -1,7 +1,7 @@
 """``CvBridge``: converts sensor_msgs/Image and CompressedImage messages to arrays, and back.
 
-Arrays are those of OpenCV: (height, width) or (height, width, channels), colors as blue, green, red
-where a function does not say otherwise. Pillow reads and writes compressed pictures.
+Arrays are as in OpenCV: (height, width) or (height, width, channels), with colors as blue, green,
+red unless a function says otherwise. Pillow reads and writes compressed images.
 """
 
 import io
@@ -57,7 +57,7 @@ class CvBridge:
         return self.cvdepth_to_numpy_depth[cvtype & 7], (cvtype >> 3) + 1
 
     def encoding_to_cvtype2(self, encoding: str) -> int:
-        """Return the type of OpenCV of an encoding."""
+        """Return OpenCV's type for an encoding."""
         return getCvType(encoding)
 
     def encoding_to_dtype_with_channels(self, encoding: str) -> tuple[str, int]:
@@ -137,7 +137,7 @@ class CvBridge:
 
         data = bytes(cmprs_img_msg.data)
         if data[1:4] == b"PNG" and data[24:25] == b"\x10" and data[25:26] not in b"\0":
-            raise CvBridgeError("Pillow has no colors of 16 bits")
+            raise CvBridgeError("Pillow cannot read colors with 16 bits")
         try:
             with Image.open(io.BytesIO(data)) as picture:
                 image = _pixels(picture)
@@ -157,7 +157,7 @@ class CvBridge:
 
         Args:
             cvim: the picture: gray, or with blue, green, red and perhaps alpha.
-            dst_format: the ending of such a file's name, such as jpg or png.
+            dst_format: the file name extension of the format, such as jpg or png.
 
         Raises:
             CvBridgeError: such a picture cannot be written in this format.
@@ -191,7 +191,7 @@ class CvBridge:
 
 
 def getCvType(encoding: str) -> int:  # noqa: N802
-    """Return the type of OpenCV of an encoding.
+    """Return OpenCV's type for an encoding.
 
     Raises:
         CvBridgeError: the encoding is not known.
@@ -232,7 +232,7 @@ def convert(image: Picture, source: str, target: str) -> Picture:
 
 
 def _with_depth(image: Picture, depth: str, new_depth: str) -> Picture:
-    """Return a picture with other numbers; those of 8 and 16 bits are scaled to each other."""
+    """Return a picture with another depth; 8 and 16 bits are scaled to each other."""
     if depth == new_depth:
         return image.copy()
     bits = depth[:-1], new_depth[:-1]
@@ -256,7 +256,7 @@ def _parsed(encoding: str) -> tuple[str, str, int]:
 
 
 def _pixels(picture: Any) -> Picture:
-    """Return what OpenCV reads from a picture of Pillow."""
+    """Return the array that OpenCV would read, from a picture of Pillow."""
     if picture.mode.startswith("I"):
         return np.asarray(picture).astype(np.uint16)
     if picture.mode in ("1", "L"):

@@ -1,6 +1,6 @@
-"""Filters of messages that belong together in time, as the package message_filters has them.
+"""Filters that match messages by time, as in the package message_filters.
 
-A filter calls the callbacks registered with it; those of a synchronizer get one message of each
+A filter calls the callbacks registered with it; callbacks of a synchronizer get one message of each
 input.
 """
 
@@ -22,7 +22,7 @@ class SimpleFilter:
         self.callbacks: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
 
     def registerCallback(self, cb: Callable[..., None], *args: Any) -> int:  # noqa: N802
-        """Have ``cb`` called with the output, and ``args`` after it; return its number."""
+        """Register ``cb``, to call with the output and then ``args``; return its number."""
         number = len(self.callbacks)
         self.callbacks[number] = cb, args
         return number
@@ -54,7 +54,7 @@ class Subscriber(SimpleFilter):
         return str(self.topic)
 
     def __getattr__(self, key: str) -> Any:
-        """Have the attributes of the subscription, too."""
+        """Return an attribute of the subscription."""
         if key == "sub":
             raise AttributeError(key)
         return getattr(self.sub, key)
@@ -79,7 +79,7 @@ class Cache(SimpleFilter):
         self.connectInput(f)
 
     def connectInput(self, f: SimpleFilter) -> None:  # noqa: N802
-        """Get the messages of a filter."""
+        """Receive the messages of a filter."""
         self.incoming_connection = f.registerCallback(self.add)
 
     def add(self, msg: Any) -> None:
@@ -138,7 +138,7 @@ class TimeSynchronizer(SimpleFilter):
         self.connectInput(fs)
 
     def connectInput(self, fs: Sequence[SimpleFilter]) -> None:  # noqa: N802
-        """Get the messages of filters; ``queues`` has those that wait, by stamp, nanoseconds."""
+        """Receive the messages of filters; ``queues`` holds them by stamp, nanoseconds."""
         self.queues: list[dict[int, Any]] = [{} for _ in fs]
         self.input_connections = [
             signal.registerCallback(self.add, queue, index)
@@ -212,7 +212,7 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
 
 
 def _stamp(msg: Any, allow_headerless: bool, logger: str) -> Time | None:
-    """Return the stamp of a message; None, with a warning, if it has none and has to."""
+    """Return the stamp of a message; None, with a warning, if it has none but needs it."""
     stamp = getattr(getattr(msg, "header", None), "stamp", None)
     if stamp is not None:
         return stamp if hasattr(stamp, "nanoseconds") else Time.from_msg(stamp)

@@ -1,6 +1,6 @@
-"""Messages as dictionaries, and classes by their names, as the package rosidl_runtime_py has them.
+"""Messages as dictionaries, and classes by their names, as in the package rosidl_runtime_py.
 
-Its ``message_to_csv``, and the functions that list interfaces, are not here.
+Its ``message_to_csv``, and the functions that list interfaces, are missing.
 """
 
 from rosidl_runtime_py.convert import get_message_slot_types as get_message_slot_types

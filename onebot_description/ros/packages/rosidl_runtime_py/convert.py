@@ -22,8 +22,8 @@ def message_to_ordereddict(
     Args:
         msg: the message.
         truncate_length: shorten texts and sequences to this length.
-        no_arr: have a text with type and length for a sequence.
-        no_str: have one with the length for a text.
+        no_arr: replace sequences by a text with type and length.
+        no_str: replace texts by their length.
     """
 
     def plain(value: Any, kind: Any = None) -> Any:

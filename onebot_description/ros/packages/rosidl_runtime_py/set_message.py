@@ -21,16 +21,16 @@ def set_message_fields(
 
     Args:
         msg: the message.
-        values: the value of each field; of a message, its values.
-        expand_header_auto: whether "auto" for a header stands for one with the present time.
-        expand_time_now: whether "now" for a time stands for the present time.
+        values: the value of each field; for a message, the values of its fields.
+        expand_header_auto: whether "auto" as a header means a header with the current time.
+        expand_time_now: whether "now" as a time means the current time.
 
     Returns:
-        Functions to call with the present time, one for each such field.
+        Functions to call with the current time, one for each such field.
 
     Raises:
         AttributeError: the message has no such field.
-        TypeError: a value is not of its field's type.
+        TypeError: a value does not have its field's type.
     """
     setters: list[Any] = []
 

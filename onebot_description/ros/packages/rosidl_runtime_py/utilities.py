@@ -15,7 +15,7 @@ def get_message(identifier: str) -> Any:
     """Return the class of a message; its name may leave out ``msg/``.
 
     Raises:
-        ValueError: it is another interface.
+        ValueError: it is another kind of interface.
     """
     return _get(identifier, get_message_namespaced_type, is_message, "a message")
 
@@ -52,17 +52,17 @@ def get_action_namespaced_type(identifier: str) -> NamespacedType:
 
 
 def is_message(interface: Any) -> bool:
-    """Return whether a class is a message's."""
+    """Return whether a class is a message."""
     return hasattr(interface, "SLOT_TYPES")
 
 
 def is_service(interface: Any) -> bool:
-    """Return whether a class is a service's."""
+    """Return whether a class is a service."""
     return hasattr(interface, "Request") and hasattr(interface, "Response")
 
 
 def is_action(interface: Any) -> bool:
-    """Return whether a class is an action's."""
+    """Return whether a class is an action."""
     return all(hasattr(interface, name) for name in ("Goal", "Result", "Feedback"))
 
 

@@ -1,1 +1,1 @@
-"""Point clouds as arrays, as the package sensor_msgs_py has them: see ``point_cloud2``."""
+"""Point clouds as arrays, as in the package sensor_msgs_py; see ``point_cloud2``."""

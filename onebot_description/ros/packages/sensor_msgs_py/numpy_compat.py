@@ -1,4 +1,4 @@
-"""What sensor_msgs_py has for versions of numpy without these functions."""
+"""Functions that sensor_msgs_py provides for old versions of numpy."""
 
 from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 

@@ -1,4 +1,4 @@
-"""Reads sensor_msgs/PointCloud2 messages as structured arrays of numpy, and makes them.
+"""Converts sensor_msgs/PointCloud2 messages to structured numpy arrays, and back.
 
 The array of ``read_points`` is a view of the message, so nothing is copied.
 """
@@ -102,9 +102,9 @@ def read_points_list(
 
 
 def dtype_from_fields(fields: Iterable[PointField], point_step: int | None = None) -> np.dtype[Any]:
-    """Return the type of a point of ``point_step`` bytes, by default as long as its fields.
+    """Return the type of a point of ``point_step`` bytes, by default the size of its fields.
 
-    A field of several numbers becomes as many, with the suffixes _0, _1, ...
+    A field of several numbers becomes several fields, with the suffixes _0, _1, ...
     """
     names: list[str] = []
     formats: list[str] = []
@@ -134,8 +134,8 @@ def create_cloud(
         header: its header.
         fields: its fields.
         points: a structured array of these fields, an array with a column for each, or one sequence
-            of numbers for each point. Of two dimensions of points, they are width and height.
-        point_step: bytes from one point to the next; as long as the fields by default.
+            of numbers for each point. Two dimensions of points are width and height.
+        point_step: bytes from one point to the next; by default the size of the fields.
     """
     dtype = dtype_from_fields(fields, point_step)
     if not isinstance(points, np.ndarray):

@@ -26,12 +26,12 @@ from onebot_description.geometry import poses as _poses
 
 
 def to_msg_msg(msg: Any) -> Any:
-    """Return a message as it is."""
+    """Return the message unchanged."""
     return msg
 
 
 def from_msg_msg(msg: Any) -> Any:
-    """Return a message as it is."""
+    """Return the message unchanged."""
     return msg
 
 
@@ -51,7 +51,7 @@ def do_transform_point(point: PointStamped, transform: TransformStamped) -> Poin
 
 
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
-    """Return a vector in the transform's axes; it is only turned."""
+    """Return a vector in the transform's axes; it is only rotated."""
     turn = _rotation(transform.transform.rotation)
     x, y, z = _poses.rotate(turn, _triple(vector3.vector))
     return Vector3Stamped(header=transform.header, vector=Vector3(x=x, y=y, z=z))
@@ -96,7 +96,7 @@ def _triple(vector: Any) -> _poses.Triple:
 
 
 def _rotation(quaternion: Any) -> _poses.Quaternion:
-    """Return a unit quaternion; no rotation for one of length 0."""
+    """Return a unit quaternion; the identity for a quaternion of length 0."""
     parts = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     squared = sum(part * part for part in parts)
     if squared < np.finfo(float).eps:

@@ -1,4 +1,4 @@
-"""tf2's buffer of transforms, as the package tf2_py has it, on the buffer of OneBot's own nodes."""
+"""tf2's transform buffer, as in the package tf2_py, based on the buffer of OneBot's own nodes."""
 
 from tf2_py._tf2_py import BufferCore as BufferCore
 from tf2_py._tf2_py import ConnectivityException as ConnectivityException

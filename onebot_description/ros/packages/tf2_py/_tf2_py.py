@@ -1,4 +1,4 @@
-"""``BufferCore``: messages, times and arguments of tf2_py over the transform buffer."""
+"""``BufferCore``: the interface of tf2_py to the transform buffer."""
 
 import math
 import struct
@@ -37,7 +37,7 @@ from onebot_description.ros.transform_buffer import (
 from onebot_description.timing import NS_PER_S
 
 _ROW = struct.Struct("=3q7d")  # a row of transform_buffer.ROW
-_LEAST_SPAN_NS = 100_000  # a history's rate is computed over this at least
+_MIN_SPAN_NS = 100_000  # minimum time over which a history's rate is computed
 _NO_PARENT = "NO_PARENT"
 _logger = RcutilsLogger()
 
@@ -46,7 +46,7 @@ class BufferCore:
     """Stores transforms over time, and computes the transform between two frames.
 
     Times are objects with ``nanoseconds``, or with ``sec`` and ``nanosec``; time 0 is the latest
-    time at which the frames are connected. ``set_transform`` logs what it ignores.
+    time at which the frames are connected. ``set_transform`` logs transforms that it ignores.
 
     Args:
         cache_time: how long transforms are kept; 10 s by default.
@@ -112,7 +112,7 @@ class BufferCore:
     def lookup_transform_full_core(
         self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> TransformStamped:
-        """Return the transform between two times, by way of a frame that is fixed in between."""
+        """Return the transform between two times, through a frame that is fixed in between."""
         names = {"target": target_frame, "source": source_frame, "fixed": fixed_frame}
         for role, name in names.items():
             self._validate(name, f"lookupTransform argument {role}_frame")
@@ -153,7 +153,7 @@ class BufferCore:
         try:
             time_ns = self._core.common_time(target_frame, source_frame)
         except TransformException as error:
-            raise TransformException(str(error)) from None  # tf2_py raises no subclass here, either
+            raise TransformException(str(error)) from None  # no subclass, as in tf2_py
         return Time(nanoseconds=time_ns)
 
     def _find(self, target: str, source: str, time_ns: int) -> Found:
@@ -287,7 +287,7 @@ class BufferCore:
         return "".join([*lines, "}"])
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        """Whether a frame was received."""
+        """Return whether a frame was received."""
         return frame_id in self._core.numbers
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
@@ -297,7 +297,7 @@ class BufferCore:
     def _chain(
         self, target_frame, target_time, source_frame, source_time, fixed_frame
     ) -> list[str]:
-        """Return the frames that a transform leads through; its order and ends are tf2's."""
+        """Return the frames that a transform passes through, in tf2's order."""
         target_ns, source_ns = _nanoseconds(target_time), _nanoseconds(source_time)
         chain = self._way(fixed_frame, source_frame, source_ns)
         if source_ns == target_ns:
@@ -396,7 +396,7 @@ def _faults(parent: str, child: str, values: tuple[float, ...], authority: str) 
 
 
 def _message(target: str, source: str, found: Found) -> TransformStamped:
-    """Return what was found as a message; to set its fields is twice as fast as to pass them."""
+    """Return a transform as a message; setting its fields is twice as fast as passing them."""
     message = TransformStamped()
     header, transform = message.header, message.transform
     header.frame_id, message.child_frame_id = target, source
@@ -407,7 +407,7 @@ def _message(target: str, source: str, found: Found) -> TransformStamped:
 
 
 def _nanoseconds(time: Any, what: str = "time") -> int:
-    """Return a time or duration of any of tf2_py's kinds."""
+    """Return the nanoseconds of a time or duration of any type that tf2_py accepts."""
     try:
         return int(time.sec) * NS_PER_S + int(time.nanosec)
     except AttributeError:
@@ -425,5 +425,5 @@ def _from_seconds(time: float) -> int:
 
 
 def _rate(state: Any) -> float:
-    span_ns = max(state.latest_ns - state.oldest_ns, _LEAST_SPAN_NS)
+    span_ns = max(state.latest_ns - state.oldest_ns, _MIN_SPAN_NS)
     return float(state.samples * 1e9 / span_ns)

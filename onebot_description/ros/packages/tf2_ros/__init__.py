@@ -1,10 +1,11 @@
-"""Transforms between frames for nodes of rclpy, as the package tf2_ros of Jazzy has them.
+"""Transforms between frames for nodes of rclpy, as in the package tf2_ros of Jazzy.
 
-``Buffer`` answers, ``TransformListener`` fills it from /tf and /tf_static, broadcasters publish.
+``Buffer`` looks up transforms, ``TransformListener`` fills it from /tf and /tf_static, and
+broadcasters publish.
 Like the genuine package, it also has the public names of its modules, such as ``TransformStamped``.
 """
 
-# ruff: noqa: F401  (what is imported is exported)
+# ruff: noqa: F401  (imports are exports)
 
 from typing import Any
 
@@ -43,7 +44,7 @@ _MODULES = (buffer_interface, buffer, transform_listener, transform_broadcaster)
 
 
 def __getattr__(name: str) -> Any:
-    """Find what the modules import, and the client, whose action takes long to import."""
+    """Return a name of the modules, or the client, whose action is slow to import."""
     import importlib
 
     if not name.startswith("_"):

@@ -19,17 +19,17 @@ from tf2_ros.buffer_interface import BufferInterface
 
 _NO_TIMEOUT = Duration()
 _POLL = 0.02  # s
-_LONGEST_JUMP = Duration(seconds=3.0)  # backwards; waits go on
+_LONGEST_JUMP = Duration(seconds=3.0)  # backwards, during which waiting continues
 
 
 class Buffer(BufferCore, BufferInterface):
     """Stores transforms over time, and computes the transform between two frames.
 
-    It is cleared when its clock jumps back. A time may be of rclpy or a message; 0 is the latest.
+    It is cleared when its clock jumps back. Times may be rclpy's or messages; 0 is the latest.
 
     Args:
         cache_time: how long transforms are kept; 10 s by default.
-        node: gets the service ``tf2_frames``, which returns the frames as YAML.
+        node: the node for the service ``tf2_frames``, which returns the frames as YAML.
     """
 
     def __init__(self, cache_time: Duration | None = None, node: Node | None = None) -> None:
@@ -39,7 +39,7 @@ class Buffer(BufferCore, BufferInterface):
         self._new_data_callbacks: list[Callable[[], None]] = []
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
-            from tf2_msgs.srv import FrameGraph  # takes long to import
+            from tf2_msgs.srv import FrameGraph  # slow to import
 
             self.srv = node.create_service(FrameGraph, "tf2_frames", self._get_frames)
         threshold = JumpThreshold(
@@ -91,7 +91,7 @@ class Buffer(BufferCore, BufferInterface):
     def lookup_transform_full(
         self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout=_NO_TIMEOUT
     ) -> TransformStamped:
-        """Return the transform between two times, by way of a frame that is fixed in between."""
+        """Return the transform between two times, through a frame that is fixed in between."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
         self.can_transform_full(*arguments, timeout)
         return self.lookup_transform_full_core(*arguments)
@@ -192,7 +192,7 @@ class Buffer(BufferCore, BufferInterface):
 def _await(
     is_known: Callable[[], tuple[int, str]], timeout: Duration, return_debug_tuple: bool
 ) -> Any:
-    """Return whether something is known, after waiting for it by the wall clock."""
+    """Return whether a transform is known, after waiting for it in wall-clock time."""
     result = is_known()
     if timeout != _NO_TIMEOUT:
         clock = rclpy.clock.Clock()

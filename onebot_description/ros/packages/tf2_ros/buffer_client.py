@@ -1,4 +1,4 @@
-"""``BufferClient``: asks the buffer of another node, by an action."""
+"""``BufferClient``: queries the buffer of another node through an action."""
 
 import threading
 from typing import Any
@@ -38,7 +38,7 @@ class BufferClient(BufferInterface):
     Args:
         node: the node of the action client.
         ns: the name of the action.
-        check_frequency: as the genuine one's; an answer is noticed at once.
+        check_frequency: as in the genuine client; an answer is noticed immediately.
         timeout_padding: how long to wait for an answer beyond the timeout of the look-up.
     """
 
@@ -77,7 +77,7 @@ class BufferClient(BufferInterface):
         fixed_frame,
         timeout=Duration(),  # noqa: B008
     ) -> TransformStamped:
-        """Return the transform between two times, by way of a frame that is fixed in between."""
+        """Return the transform between two times, through a frame that is fixed in between."""
         goal = LookupTransform.Goal()
         goal.target_frame, goal.source_frame = target_frame, source_frame
         goal.target_time, goal.source_time = _message(target_time), _message(source_time)

@@ -1,4 +1,4 @@
-"""What buffers of transforms have in common, and how types of data are transformed and converted.
+"""The interface of transform buffers, and how types of data are transformed and converted.
 
 A package such as tf2_geometry_msgs registers its types with ``TransformRegistration``.
 """
@@ -179,27 +179,27 @@ class ConvertRegistration:
     _convert: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
 
     def add_from_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
-        """Register what makes a type from a message."""
+        """Register the function that converts a message to a type."""
         self._from_msg[key] = callback
 
     def add_to_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
-        """Register what makes a message from a type."""
+        """Register the function that converts a type to a message."""
         self._to_msg[key] = callback
 
     def add_convert(self, key: tuple[Any, Any], callback: Callable[[Any], Any]) -> None:
-        """Register what converts the first type into the second."""
+        """Register the function that converts the first type to the second."""
         self._convert[key] = callback
 
     def get_from_msg(self, key: Any) -> Callable[[Any], Any]:
-        """Return what makes a type from a message."""
+        """Return the function that converts a message to a type."""
         return _registered(self._from_msg, key)
 
     def get_to_msg(self, key: Any) -> Callable[[Any], Any]:
-        """Return what makes a message from a type."""
+        """Return the function that converts a type to a message."""
         return _registered(self._to_msg, key)
 
     def get_convert(self, key: tuple[Any, Any]) -> Callable[[Any], Any]:
-        """Return what converts the first type into the second."""
+        """Return the function that converts the first type to the second."""
         return _registered(self._convert, key)
 
 
@@ -210,7 +210,7 @@ def _registered(functions: dict[Any, _Function], key: Any) -> _Function:
 
 
 def convert(a: Any, b_type: Any) -> Any:
-    """Convert an object to another type, by way of a message if there is no direct way."""
+    """Convert an object to another type, through a message if there is no direct conversion."""
     registration = ConvertRegistration()
     try:
         return registration.get_convert((type(a), b_type))(a)

@@ -14,7 +14,7 @@ class StaticTransformBroadcaster:
 
     Args:
         node: the node that publishes them.
-        qos: quality of service; the last message, latched, by default.
+        qos: quality of service; by default the last message, latched.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:

@@ -13,7 +13,7 @@ class TransformBroadcaster:
 
     Args:
         node: the node that publishes them.
-        qos: quality of service; the 100 last by default.
+        qos: quality of service; by default the last 100 messages.
     """
 
     def __init__(self, node: Node, qos: QoSProfile | int | None = None) -> None:

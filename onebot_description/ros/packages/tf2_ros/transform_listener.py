@@ -24,14 +24,14 @@ class ListenerExecutor(SingleThreadedExecutor):
 
 
 class TransformListener:
-    """Receives transforms, and puts them into a buffer.
+    """Receives transforms, and adds them to a buffer.
 
     Args:
-        buffer: gets the transforms.
+        buffer: the buffer to fill.
         node: the node that receives them.
         spin_thread: whether its own thread runs the callbacks of the node.
-        qos: quality of service for /tf; the 100 last by default.
-        static_qos: quality of service for /tf_static; the 100 last, latched, by default.
+        qos: quality of service for /tf; by default the last 100 messages.
+        static_qos: quality of service for /tf_static; by default the last 100 messages, latched.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class TransformListener:
         static_qos: QoSProfile | int | None = None,
     ) -> None:
         self.buffer, self.node = buffer, node
-        # Reentrant, so that transforms come in while another callback of the node waits for them.
+        # Reentrant, so that transforms arrive while another callback of the node waits for them.
         self.group = ReentrantCallbackGroup()
         self.tf_sub = node.create_subscription(
             TFMessage,
@@ -70,7 +70,7 @@ class TransformListener:
         if hasattr(self, "dedicated_listener_thread"):
             self.executor.shutdown()
             self.dedicated_listener_thread.join()
-        with suppress(AttributeError):  # there are no subscriptions if they could not be made
+        with suppress(AttributeError):  # creating the subscriptions may have failed
             self.unregister()
 
     def unregister(self) -> None:

@@ -15,12 +15,12 @@ from onebot_description.geometry import matrices, poses
 
 
 def to_msg_msg(msg: Any) -> Any:
-    """Return a message as it is."""
+    """Return the message unchanged."""
     return msg
 
 
 def from_msg_msg(msg: Any) -> Any:
-    """Return a message as it is."""
+    """Return the message unchanged."""
     return msg
 
 
@@ -32,7 +32,7 @@ def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray
 
 
 def do_transform_cloud(cloud: PointCloud2, transform: Transform | TransformStamped) -> PointCloud2:
-    """Return a cloud in the transform's frame; fields other than x, y and z stay as they are."""
+    """Return a cloud in the transform's frame; fields other than x, y and z are unchanged."""
     header = Header(stamp=cloud.header.stamp, frame_id=cloud.header.frame_id)
     if isinstance(transform, TransformStamped):
         header.frame_id, transform = transform.header.frame_id, transform.transform

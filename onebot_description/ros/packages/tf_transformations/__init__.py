@@ -1,8 +1,8 @@
-"""Rotations and homogeneous matrices, as the package tf_transformations has them.
+"""Rotations and homogeneous matrices, as in the package tf_transformations.
 
-Quaternions are x, y, z, w. Matrices are (4, 4). Angles are in radians; three of them are about the
-axes that a name has: "sxyz" are the fixed axes x, y, z, "rzyx" the axes that turn along. Like the
-genuine package, it computes most by transforms3d, whose quaternions are w, x, y, z.
+Quaternions are x, y, z, w. Matrices are (4, 4). Angles are in radians; Euler angles are about the
+axes in a name: "sxyz" means the fixed axes x, y, z, "rzyx" the rotating axes z, y, x. Like the
+genuine package, it computes most results with transforms3d, whose quaternions are w, x, y, z.
 """
 
 import math
@@ -36,7 +36,7 @@ def __getattr__(name: str) -> Any:
 
 
 def identity_matrix() -> Matrix:
-    """Return the matrix that changes nothing."""
+    """Return the identity matrix."""
     return numpy.identity(4)
 
 
@@ -51,7 +51,7 @@ def translation_from_matrix(matrix: ArrayLike) -> Matrix:
 
 
 def rotation_matrix(angle: float, direction: ArrayLike, point: ArrayLike | None = None) -> Matrix:
-    """Return the matrix of a rotation about an axis, through a point if it is given."""
+    """Return the matrix of a rotation about an axis, through a point if given."""
     return axangles.axangle2aff(direction, angle, point=point)
 
 
@@ -62,12 +62,12 @@ def rotation_from_matrix(matrix: ArrayLike) -> tuple[float, Matrix, Matrix]:
 
 
 def reflection_matrix(point: Any, normal: ArrayLike) -> Matrix:
-    """Return the matrix that mirrors at the plane with a point and a normal."""
+    """Return the matrix that reflects in the plane with a point and a normal."""
     return reflections.rfnorm2aff(normal, point[:3])
 
 
 def reflection_from_matrix(matrix: ArrayLike) -> tuple[Matrix, Matrix]:
-    """Return a point and the normal (3,) of the plane at which a matrix mirrors."""
+    """Return a point and the normal (3,) of the plane in which a matrix reflects."""
     normal, point = reflections.aff2rfnorm(matrix)
     return point, normal
 
@@ -75,7 +75,7 @@ def reflection_from_matrix(matrix: ArrayLike) -> tuple[Matrix, Matrix]:
 def scale_matrix(
     factor: float, origin: ArrayLike | None = None, direction: ArrayLike | None = None
 ) -> Matrix:
-    """Return the matrix that scales from an origin, in one direction if it is given."""
+    """Return the matrix that scales from an origin, in one direction if given."""
     return zooms.zfdir2aff(factor, direction=direction, origin=origin)
 
 
@@ -100,7 +100,7 @@ def compose_matrix(
     scale: Any = None, shear: Any = None, angles: Any = None, translate: Any = None,
     perspective: Any = None,
 ) -> Matrix:  # fmt: skip
-    """Return the matrix that scales, shears, turns about fixed axes and translates.
+    """Return the matrix that scales, shears, rotates about fixed axes and translates.
 
     As in the genuine package, ``perspective`` is ignored.
     """
@@ -130,7 +130,7 @@ def projection_matrix(
         normal: its normal.
         direction: the direction to project in.
         perspective: the point to project from, instead.
-        pseudo: whether the order in depth stays, with ``perspective``.
+        pseudo: with ``perspective``, whether to preserve relative depth.
     """
     across, place = unit_vector(normal[:3]), numpy.asarray(point, float)[:3]
     along = across if direction is None else numpy.asarray(direction, float)[:3]
@@ -188,7 +188,7 @@ def clip_matrix(
 
 
 def orthogonalization_matrix(lengths: ArrayLike, angles: ArrayLike) -> Matrix:
-    """Return the matrix of the coordinates in a crystal's cell, of lengths and angles, degrees."""
+    """Return the matrix of the coordinates in a crystal's cell, given lengths and angles, deg."""
     a, b, c = numpy.asarray(lengths, float)
     (cos_a, cos_b, cos_g), (sin_a, sin_b, _) = (
         f(numpy.radians(angles)) for f in (numpy.cos, numpy.sin)
@@ -202,9 +202,9 @@ def orthogonalization_matrix(lengths: ArrayLike, angles: ArrayLike) -> Matrix:
 def superimposition_matrix(
     v0: ArrayLike, v1: ArrayLike, scaling: bool = False, usesvd: bool = True
 ) -> Matrix:
-    """Return the matrix that moves points (3 or 4, N) best onto others, and scales them if asked.
+    """Return the matrix that best moves points (3 or 4, N) onto others, with or without scaling.
 
-    ``usesvd`` makes no difference.
+    ``usesvd`` has no effect.
     """
     source, target = (numpy.asarray(points, float)[:3] for points in (v0, v1))
     if source.shape != target.shape or source.shape[1] < 3:
@@ -370,7 +370,7 @@ def _with_w_last(quaternion: Any) -> Quaternion:
 
 
 def _eigenvectors(matrix: Matrix, value: float) -> list[Matrix]:
-    """Return the real eigenvectors of a value."""
+    """Return the real eigenvectors of an eigenvalue."""
     values, vectors = numpy.linalg.eig(matrix)
     found = numpy.flatnonzero(abs(numpy.real(values) - value) < _NEAR)
     return [numpy.real(vectors[:, index]) for index in found]
