@@ -28,6 +28,8 @@ NEEDS_ROS = (
     "onebot_bringup/cli/teleop",
     "onebot_bringup/cli/doctor",
     "onebot_bringup/bags/writer",
+    "onebot_bringup/bags/bag_recorder",
+    "onebot_description/ros/run_node",
     "onebot_description/ros/wake_detector",
     "onebot_description/ros/shared_memory",
     "onebot_description/ros/signals.py:1",  # StopSignals, from line 100 on
