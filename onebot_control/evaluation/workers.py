@@ -14,7 +14,7 @@ from concurrent.futures import (
     TimeoutError,
     wait,
 )
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
@@ -52,16 +52,27 @@ class _Process(SpawnProcess):
         from onebot_description.ros.process_start import blas_variables
 
         main = sys.modules["__main__"]
-        with _starting, patch.multiple(main, create=True, __file__=None, __spec__=None):
+        as_no_script = patch.multiple(main, create=True, __file__=None, __spec__=None)
+        with _starting, as_no_script, _ctrl_c_blocked():
             os.environ.update(added := blas_variables())
-            # Ctrl-C is blocked in this thread, so in the process from its beginning.
-            former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 return SpawnProcess._Popen(process_obj)
             finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
                 for name in added:
                     del os.environ[name]
+
+
+@contextmanager
+def _ctrl_c_blocked() -> Iterator[None]:
+    """Block Ctrl-C in this thread, and so in processes that it starts; Windows cannot."""
+    if sys.platform == "win32":
+        yield
+        return
+    former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
 
 
 class _Context(SpawnContext):
