@@ -1,4 +1,4 @@
-"""What a robot covers of the ground, and how it can move: what the planner has to know of it."""
+"""The footprint and motion limits of a robot, as the planner needs them."""
 
 import math
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from onebot_description.errors import OneBotError
 if TYPE_CHECKING:
     from onebot_description.description import Description
 
-_OVERHANG = 0.01  # m by which circles may reach beyond the footprint
-# Limits where a controller has none: m/s and m/s^2, rad/s and rad/s^2.
+_OVERHANG = 0.01  # m by which circles may extend beyond the footprint
+# Default limits if a controller has none: m/s and m/s^2, rad/s and rad/s^2.
 _LINEAR, _ANGULAR = (0.5, 1.0), (1.5, 3.0)
-_FASTEST_TURN = 2.5  # rad/s; faster, scans of 10 Hz are hard to match
-_BRAKING = 2.6  # s in which the robot has to be able to stop
-_SPACING = 0.01  # m between points of its edge and in it
+_FASTEST_TURN = 2.5  # rad/s; above it, scans of 10 Hz are hard to match
+_BRAKING = 2.6  # s, maximum time to stop
+_SPACING = 0.01  # m between sample points of the footprint
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Vehicle:
         footprint: (N, 2), corners of a convex polygon, counterclockwise, in the robot's frame, m.
         forward: maximum speed forward, m/s.
         backward: maximum speed backward, m/s.
-        sideways: maximum speed to either side, m/s; 0: it cannot.
-        turning: maximum velocity of turning, rad/s.
+        sideways: maximum lateral speed, m/s; 0: it cannot move sideways.
+        turning: maximum angular velocity, rad/s.
         acceleration: of ``forward`` and ``sideways``, m/s^2.
         turning_acceleration: rad/s^2.
-        minimum_radius: of its curves, m; 0: it can turn on the spot.
+        minimum_radius: minimum turning radius, m; 0: it can turn on the spot.
     """
 
     footprint: Floats
@@ -49,7 +49,7 @@ class Vehicle:
 
     @property
     def half_width(self) -> float:
-        """Half of the width of the narrowest gap that the robot can drive through, m."""
+        """Half the width of the narrowest gap that the robot can drive through, m."""
         across = np.abs(self.footprint).max(axis=0)
         return float(across.min() if self.sideways else across[1])
 
@@ -59,10 +59,10 @@ class Vehicle:
         return float(np.hypot(*self.footprint.T).max())
 
     def circles(self) -> tuple[Floats, Floats]:
-        """Return centres (N, 2) and radii (N,), m, of circles that together cover the footprint.
+        """Return centers (N, 2) and radii (N,), m, of circles that together cover the footprint.
 
-        They reach at most 10 mm beyond it. Of the circles that cover the part of its edge that the
-        fewest cover, that which covers most of what is left is taken next.
+        They extend at most 10 mm beyond it. The selection is greedy: the edge point with the
+        fewest covering circles gets the one that covers the most uncovered points.
         """
         start, edge = self.footprint, np.roll(self.footprint, -1, axis=0) - self.footprint
         length = np.hypot(*edge.T)

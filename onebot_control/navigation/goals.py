@@ -8,19 +8,19 @@ from typing import Any, Protocol
 from onebot_control.navigation.navigator import Failure, Navigator
 from onebot_description.geometry.poses import PlanarPose
 
-_PASSED = 0.5  # m from a pose that is only passed, at which the next one counts
-_MONITORED = 0.1  # s between two feedbacks
+_PASSED = 0.5  # m from an intermediate pose at which the next one becomes the target
+_MONITORED = 0.1  # s between two feedback messages
 Begin = Callable[[Navigator], None]
 
 
 class Client(Protocol):
-    """Who has sent a goal."""
+    """The sender of a goal."""
 
     def feed(self, goal: "Goal", navigator: Navigator) -> None:
-        """Take notice of how the goal stands."""
+        """Receive the progress of the goal."""
 
     def ended(self, goal: "Goal", reason: str, failure: Failure | None) -> None:
-        """Take notice of how the goal has ended: reached, if there is no reason."""
+        """Receive the result of the goal: reached if ``reason`` is empty."""
 
 
 @dataclass
@@ -28,18 +28,18 @@ class Goal:
     """A goal that drives the robot.
 
     Attributes:
-        client: who has sent it; None for a goal of the topic.
-        poses: those to reach, in the map; empty for a motion.
-        motion: begins a motion, if there are no poses.
-        stops: whether each pose is reached, and missed ones are left out; else only the last one.
-        stops_on_failure: whether it ends at the first pose that is missed.
-        loops: how often the poses are driven again.
-        lasts: how long the robot waits, s; 0 for a goal that drives.
-        index: of the next pose.
+        client: the sender; None for a goal of the topic.
+        poses: target poses in the map; empty for a motion.
+        motion: starts a motion, if there are no poses.
+        stops: whether the robot stops at each pose and skips missed ones; else only at the last.
+        stops_on_failure: whether the goal ends at the first missed pose.
+        loops: number of further repetitions.
+        lasts: time to wait, s; 0 for a goal that drives.
+        index: index of the next pose.
         missed: index and failure of poses that were not reached.
-        handle: by which its client knows it.
-        began: time of the navigator, s.
-        driven: m.
+        handle: the client's handle of the goal.
+        began: start time of the navigator, s.
+        driven: distance driven, m.
     """
 
     client: Client | None
@@ -57,7 +57,7 @@ class Goal:
     last: PlanarPose | None = None
 
     def next(self, navigator: Navigator) -> bool:
-        """Begin the next pose, or the motion; return whether there is one."""
+        """Start driving to the next pose, or the motion; return whether there is one."""
         if self.poses and self.index >= len(self.poses) and self.loops > 0:
             self.loops, self.index = self.loops - 1, 0
         if self.index < len(self.poses):
@@ -70,7 +70,7 @@ class Goal:
         return False
 
     def passes(self, navigator: Navigator) -> bool:
-        """Return whether the robot passes a pose at which it need not stop."""
+        """Return whether the robot passes an intermediate pose."""
         if self.stops or self.index >= len(self.poses) - 1:
             return False
         x, y, _ = self.poses[self.index]
@@ -78,7 +78,7 @@ class Goal:
 
 
 class Goals:
-    """Starts goals, watches them, and reports to their clients how they end."""
+    """Starts goals, monitors them, and reports their results to their clients."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class Goals:
         log: Callable[[str], object],
         warn: Callable[[str], object],
     ) -> None:
-        """Begin without a goal.
+        """Start without a goal.
 
         Args:
             navigator: returns the navigator; raises OneBotError while there is none.
@@ -101,15 +101,15 @@ class Goals:
 
     @property
     def active(self) -> bool:
-        """Whether a goal drives the robot."""
+        """Whether a goal is active."""
         return self._goal is not None
 
     def start(self, goal: Goal) -> None:
-        """Drive to a goal, in place of any other.
+        """Start a goal, which replaces any other.
 
         Raises:
-            OneBotError: it cannot be done now.
-            ValueError: a motion has a number that it cannot have.
+            OneBotError: it cannot start now.
+            ValueError: a number of a motion is out of range.
         """
         self._prepare()
         navigator = self._navigator()
@@ -120,12 +120,12 @@ class Goals:
         self._log(_described(goal))
 
     def cancel(self, reason: str, client: Client | None = None) -> None:
-        """End the goal, if there is one; with ``client`` only one of that client's."""
+        """Cancel the goal, if there is one; with ``client`` only if that client sent it."""
         if self._goal is not None and client in (None, self._goal.client):
             self._end(reason)
 
     def step(self) -> None:
-        """Look at how the goal stands; call this after each update of the navigator."""
+        """Check the progress of the goal; call this after each update of the navigator."""
         goal = self._goal
         if goal is None:
             return
@@ -149,12 +149,12 @@ class Goals:
     def _leg_ended(self, goal: Goal, navigator: Navigator) -> None:
         failure = navigator.failure
         if failure is not None and goal.stops:
-            self._log(f"pose {goal.index} is missed: {navigator.reason}")
+            self._log(f"pose {goal.index} was not reached: {navigator.reason}")
             goal.missed.append((goal.index, failure))
-            goes_on = not goal.stops_on_failure
+            continues = not goal.stops_on_failure
         else:
-            goes_on = navigator.status == "arrived"
-        if not goes_on:
+            continues = navigator.status == "arrived"
+        if not continues:
             self._end(navigator.reason, failure)
             return
         goal.index += 1
@@ -162,7 +162,7 @@ class Goals:
             self._end("")
 
     def _end(self, reason: str, failure: Failure | None = None) -> None:
-        """End the goal: it is reached if there is no reason."""
+        """End the goal, as reached if ``reason`` is empty."""
         goal, self._goal = self._goal, None
         if goal is None:
             return

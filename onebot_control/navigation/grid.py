@@ -1,8 +1,8 @@
-"""The map that a robot makes by its scans: an occupancy grid by log-odds, with points of walls.
+"""The map that a robot builds from its scans: a log-odds occupancy grid, with points of walls.
 
 Rays clear the cells that they cross, and their ends fill cells (Thrun, Burgard and Fox,
-"Probabilistic Robotics", chapter 9). Each cell also has the mean of the ends in it, which places
-walls more exactly than its edges, for scan matching.
+"Probabilistic Robotics", chapter 9). Each cell also stores the mean of the ends in it, which
+locates walls with subcell accuracy for scan matching.
 """
 
 import math
@@ -20,66 +20,67 @@ from onebot_description.geometry.poses import PlanarPose
 
 Mask = NDArray[np.bool_]
 
-_HIT, _MISS = 0.9, -0.4  # log-odds by which a ray's end fills a cell, and a ray clears it
-_MIN_LOG_ODDS, _MAX_LOG_ODDS = -2.0, 3.5  # bounds that let a cell change within a second
-_FULL = 30.0  # ends in a cell, after which its mean stays
+_HIT, _MISS = 0.9, -0.4  # log-odds added to a cell with the end of a ray, and to a crossed cell
+_MIN_LOG_ODDS, _MAX_LOG_ODDS = -2.0, 3.5  # bounds with which a cell can change within a second
+_FULL = 30.0  # number of ends in a cell after which its mean is fixed
 _CHUNK = 64  # cells by which a map grows
-_MARGIN = 1.5  # cells before its end in which a ray clears nothing
+_MARGIN = 1.5  # cells at the end of a ray that it does not clear
 _MAX_CELLS = 16_000_000
 _LEVEL = math.cos(0.1)  # cosine of a lidar plane's maximum inclination
 
 
 def is_level(mount: Floats) -> bool:
-    """Return whether a lidar, at a pose (4, 4) in the robot's frame, sees in a level plane."""
+    """Return whether a lidar at a pose (4, 4) in the robot's frame scans a level plane."""
     return bool(abs(mount[2, 2]) > _LEVEL)
 
 
 class LevelScan(NamedTuple):
-    """A scan in the frame of its lidar, which is mounted at ``mount`` in the robot's."""
+    """A scan in the frame of its lidar, whose pose in the robot's frame is ``mount``."""
 
-    ranges: Singles  # (N,), m; infinite: nothing in range; NaN or minus infinity: not known
-    least: float  # angle of the first ray, rad; positive to the left
+    ranges: Singles  # (N,), m; infinite: nothing in range; NaN or minus infinity: unknown
+    first_angle: float  # angle of the first ray, rad; positive to the left
     step: float  # angle between rays, rad
     reach: float  # maximum range, m
     mount: PlanarPose = PlanarPose()
 
     @classmethod
     def mounted(
-        cls, ranges: Singles, least: float, step: float, reach: float, mount: Floats
+        cls, ranges: Singles, first_angle: float, step: float, reach: float, mount: Floats
     ) -> "LevelScan":
-        """Return a scan as its lidar counts: in either direction, upright or hanging.
+        """Return the scan of a lidar that turns in either direction, upright or upside down.
 
         Args:
             ranges: (N,), m.
-            least: angle of the first ray, rad, about the lidar's z axis.
+            first_angle: angle of the first ray, rad, about the lidar's z axis.
             step: angle between rays, rad; negative: clockwise about that axis.
             reach: maximum range, m.
             mount: (4, 4), pose of the lidar in the robot's frame.
         """
-        if mount[2, 2] < 0.0:  # it hangs, so that its angles are positive to the right
-            least, step = -least, -step
+        if mount[2, 2] < 0.0:  # upside down: its angles are positive to the right
+            first_angle, step = -first_angle, -step
         if step < 0.0:
-            ranges, least, step = ranges[::-1], least + step * (len(ranges) - 1), -step
-        return cls(ranges, least, step, reach, to_planar(mount))
+            first_angle += step * (len(ranges) - 1)
+            ranges, step = ranges[::-1], -step
+        return cls(ranges, first_angle, step, reach, to_planar(mount))
 
     @property
     def points(self) -> Floats:
-        """Ends of the rays that hit something, (N, 2), in the robot's frame, m."""
+        """The end points of the rays that hit something, (N, 2), in the robot's frame, m."""
         hit = np.flatnonzero(np.isfinite(self.ranges))
-        ranges, angles = self.ranges[hit].astype(float), self.least + self.step * hit
+        ranges, angles = self.ranges[hit].astype(float), self.first_angle + self.step * hit
         ends = np.stack((ranges * np.cos(angles), ranges * np.sin(angles)), axis=1)
         return placed(ends, self.mount)
 
 
 def placed(points: Floats, pose: PlanarPose) -> Floats:
-    """Return points (N, 2) of a frame that is at ``pose`` in its parent's frame."""
+    """Transform points (N, 2) from a frame at ``pose`` to its parent frame."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     moved: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + (pose.x, pose.y)
     return moved
 
 
 class Window(NamedTuple):
-    """A part of a map, in cells."""
+    """A rectangular part of a map, in cells."""
 
     top: int  # first row
     left: int  # first column
@@ -88,7 +89,7 @@ class Window(NamedTuple):
 
     @classmethod
     def around(cls, cell: Sequence[int], cells: int, shape: tuple[int, ...]) -> "Window":
-        """Return the part up to so many cells from one, within a map of that shape."""
+        """Return the part up to ``cells`` from one cell, clipped to a map of that shape."""
         row, column = cell
         return cls(row, column, row + 1, column + 1).grown(cells, shape)
 
@@ -98,7 +99,7 @@ class Window(NamedTuple):
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def grown(self, cells: int, shape: tuple[int, ...]) -> "Window":
-        """Return a part that is larger on each side, within a map of that shape."""
+        """Return the part enlarged on each side, clipped to a map of that shape."""
         return Window(
             max(0, self.top - cells),
             max(0, self.left - cells),
@@ -107,7 +108,7 @@ class Window(NamedTuple):
         )
 
     def union(self, other: "Window | None") -> "Window":
-        """Return the smallest part that holds this one and another."""
+        """Return the smallest part that contains this one and another."""
         if other is None:
             return self
         low, high = map(min, self[:2], other[:2]), map(max, self[2:], other[2:])
@@ -115,23 +116,23 @@ class Window(NamedTuple):
 
 
 class GridMap:
-    """An occupancy grid in which scans are entered; it grows as far as they reach.
+    """An occupancy grid into which scans are entered; it grows with them.
 
     Attributes:
         resolution: edge of a cell, m.
         origin: x and y of the lower left corner of the first cell, m.
         log_odds: (rows, columns); above 0 occupied, below 0 free, 0 unknown.
-        ends: (rows, columns, 3): number of ends in a cell, and the sums of their x and y from the
-            cell's middle, m.
+        ends: (rows, columns, 3): number of ends in a cell, and the sums of their x and y relative
+            to the cell's center, m.
         version: changes when the map grows.
     """
 
     def __init__(self, resolution: float = 0.05, reach: float = 10.0) -> None:
-        """Begin with an empty map.
+        """Start with an empty map.
 
         Args:
             resolution: edge of a cell, m.
-            reach: how far scans are entered, m.
+            reach: maximum range of the entered scans, m.
         """
         self.resolution, self.reach = resolution, reach
         self.origin = (0.0, 0.0)
@@ -141,7 +142,7 @@ class GridMap:
 
     @classmethod
     def of(cls, grid: OccupancyGrid, reach: float = 10.0) -> "GridMap":
-        """Return a map that begins with what is known."""
+        """Return a map that starts with a given grid."""
         copy = cls(grid.resolution, reach)
         copy.origin = grid.origin
         data = grid.data
@@ -159,16 +160,16 @@ class GridMap:
         return rows, columns
 
     def cells(self, points: Floats) -> NDArray[np.intp]:
-        """Return row and column (N, 2) of points (N, 2); they may be outside of the map."""
+        """Return row and column (N, 2) of points (N, 2), which may be outside of the map."""
         return np.floor((points[:, ::-1] - self.origin[::-1]) / self.resolution).astype(np.intp)
 
     def around(self, pose: PlanarPose, radius: float) -> Window:
-        """Return the part of the map up to ``radius``, m, from a pose, along rows and columns."""
+        """Return the square part of the map up to ``radius``, m, from a pose."""
         [cell] = self.cells(np.array([pose[:2]])).tolist()
         return Window.around(cell, math.ceil(radius / self.resolution), self.shape)
 
     def middle(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
-        """Return the middles (N, 2) of cells, m."""
+        """Return the centers (N, 2) of cells, m."""
         middles = np.stack((columns, rows), axis=1) + 0.5
         return np.asarray(middles * self.resolution + self.origin, float)
 
@@ -177,7 +178,7 @@ class GridMap:
         return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=1))
 
     def cover(self, low: tuple[float, float], high: tuple[float, float]) -> bool:
-        """Let the map grow to a rectangle between two corners, m; return whether it has grown.
+        """Grow the map to the rectangle between two corners, m; return whether it has grown.
 
         Raises:
             ValueError: the map would be too large.
@@ -194,7 +195,7 @@ class GridMap:
             first = np.floor(corners[0] / chunk) * chunk
             self.origin = (float(first[0]), float(first[1]))
             edges = np.array([first, first])
-        # Whole chunks before the present first cell, and behind the last one.
+        # Whole chunks before the current first cell, and behind the last one.
         chunks_before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
         behind = np.ceil(np.maximum(0.0, corners[1] - edges[1]) / chunk).astype(int) * _CHUNK
         rows, columns = (np.array(self.shape)[::-1] + chunks_before + behind)[::-1]
@@ -213,7 +214,7 @@ class GridMap:
 
         Args:
             scan: the scan.
-            points: its ends in the robot's frame that are no part of the robot, (N, 2), m.
+            points: its end points in the robot's frame without the robot itself, (N, 2), m.
             pose: the robot's pose in the map.
         """
         sensor = pose.compose(scan.mount)
@@ -234,7 +235,7 @@ class GridMap:
         return window
 
     def _reach(self, scan: LevelScan) -> float:
-        """Return how far the scan clears, m: to the maximum range that was measured."""
+        """Return the range that the scan clears, m: up to the maximum measured range."""
         ranges = scan.ranges
         if np.isposinf(ranges).any():
             return min(self.reach, scan.reach)
@@ -244,7 +245,7 @@ class GridMap:
     def _clear(
         self, scan: LevelScan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
     ) -> Window:
-        """Clear the cells before the ends of the rays on both of their sides."""
+        """Clear the cells in front of the ends of both adjacent rays."""
         half = math.ceil(reach / self.resolution)
         row, column = self.cells(np.array([sensor[:2]]))[0].tolist()
         window = Window(row - half, column - half, row + half + 1, column + half + 1)
@@ -256,10 +257,10 @@ class GridMap:
         )
         measured = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
         lengths = np.minimum(measured, reach) / self.resolution - _MARGIN
-        turn = round(math.tau / scan.step) == len(lengths)  # whether the rays go all around
+        turn = round(math.tau / scan.step) == len(lengths)  # whether the rays cover a full turn
         behind = np.append(lengths[1:], lengths[0] if turn else 0.0)
         limit = np.append(np.minimum(lengths, behind), 0.0).astype(np.float32)
-        offset = (sensor.yaw + scan.least) % math.tau
+        offset = (sensor.yaw + scan.first_angle) % math.tau
         rays = bearings[at] - np.float32(offset)
         rays[rays < 0.0] += np.float32(math.tau)
         index = (rays * np.float32(1.0 / scan.step)).astype(np.int32)
@@ -280,7 +281,7 @@ class GridMap:
         index = tuple(cells.T)
         part = np.maximum(self.log_odds[index], np.float32(0.0))
         self.log_odds[index] = np.minimum(part + np.float32(_HIT), np.float32(_MAX_LOG_ODDS))
-        # Walls that are well known stay where they are, so that the map does not drift.
+        # Well-known walls are fixed, so that the map does not drift.
         cells, ends = (part[self.ends[index][:, 0] < _FULL] for part in (cells, ends))
         index = tuple(cells.T)
         offsets = ends - self.middle(*index)
@@ -288,7 +289,7 @@ class GridMap:
         np.add.at(self.ends, index, counted)
 
     def clear_around(self, pose: PlanarPose, radius: float) -> Window:
-        """Forget what is within ``radius``, m, of a pose, and return that part."""
+        """Clear the obstacles within ``radius``, m, of a pose, and return that part."""
         window = self.around(pose, radius)
         self.log_odds[window.cells] = np.minimum(self.log_odds[window.cells], 0.0)
         self.ends[window.cells] = 0.0
@@ -298,8 +299,8 @@ class GridMap:
         """Return points of walls, (N, 2), m: the mean end in each occupied cell.
 
         Args:
-            near: only those in a square around this pose.
-            radius: half its edge, m.
+            near: center of a square to restrict them to; None: no restriction.
+            radius: half the edge of the square, m.
         """
         window = Window(0, 0, *self.shape) if near is None else self.around(near, radius)
         ends = self.ends[window.cells]
@@ -309,7 +310,7 @@ class GridMap:
         return np.asarray(self.middle(rows + window.top, columns + window.left) + means)
 
     def occupancy(self) -> OccupancyGrid:
-        """Return the map as it is now."""
+        """Return the current map."""
         data = np.select(
             [self.log_odds > 0.0, self.log_odds < 0.0], [OCCUPIED, FREE], UNKNOWN
         ).astype(np.int8)
@@ -318,7 +319,7 @@ class GridMap:
 
 @cache
 def _polar(half: int) -> tuple[Singles, Singles]:
-    """Return bearing, rad from 0 to 2 pi, and distance, in cells, of the cells around one."""
+    """Return the bearing, rad from 0 to 2 pi, and distance, in cells, of the cells around one."""
     away = np.arange(-half, half + 1, dtype=np.float32)
     x, y = np.meshgrid(away, away)
     return np.arctan2(y, x) % np.float32(math.tau), np.hypot(x, y)

@@ -1,11 +1,11 @@
 """Chooses the next command by trying many: model predictive path integral control (MPPI).
 
-Sequences of commands around the last best one, and some of a fixed kind (turn, then drive; back;
-stop), are rolled out with the robot's acceleration limits and its footprint, and priced by how near
-they come to obstacles and by the cost to go at their ends; the command is their mean, weighted by
-exponentials of the prices (Williams, Drews, Goldfain, Rehg and Theodorou, "Aggressive driving with
-model predictive path integral control", ICRA 2016). A command is sent only if the robot, once it
-has obeyed it for a while, could still brake without touching anything.
+Sequences of commands around the last best one, and some fixed ones (turn, then drive; back up;
+stop), are rolled out with the robot's acceleration limits and footprint. Their cost depends on the
+distance to obstacles and on the cost to go at their ends; the command is their mean, weighted by
+exponentials of the costs (Williams, Drews, Goldfain, Rehg and Theodorou, "Aggressive driving with
+model predictive path integral control", ICRA 2016). A command is sent only if the robot can still
+brake without touching anything after executing it for two periods.
 """
 
 import math
@@ -18,49 +18,48 @@ from onebot_control.navigation.footprint import Vehicle
 from onebot_description.arrays import Floats, Singles
 from onebot_description.geometry.poses import PlanarPose, Triple
 
-_BLOCK = 0.36  # s for which the noise of a sequence stays
-_SPREAD = 0.3, 0.3, 0.35  # its standard deviation, of the limits of speed
-_FINE = 0.2  # share of it that a third of the sequences has, for narrow places
-_BATCHES = 8  # sets of noise, which take turns
-_TURNS = 16  # directions to turn to, and then to drive
-_SOFT = 0.05  # m in which the price of being near falls to 1/e
-_MIN_CLEARANCE = 0.005  # m, clearance that is kept from obstacles
-_PER_SPEED = 0.04  # m of further clearance for each m/s of speed
-_FAST = 10.0  # price of being faster than that
-_FAR = 0.2  # m, clearance from which it does not matter how much it is
-_CREEP = 0.1  # m/s, which is slow enough anywhere
-_HIT = 60.0  # price of touching something
-_HEADING = 0.8  # price of an end that does not point down the field
-_AHEAD = 0.35  # m ahead of the end where the field is looked up, too
+_BLOCK = 0.36  # s for which the noise of a sequence is constant
+_SPREAD = 0.3, 0.3, 0.35  # standard deviation of the noise, as a share of the speed limits
+_FINE = 0.2  # factor of the noise for a third of the sequences, for narrow places
+_BATCHES = 8  # sets of noise, used in turn
+_TURNS = 16  # directions to turn to before driving
+_SOFT = 0.05  # m in which the cost of proximity falls to 1/e
+_MIN_CLEARANCE = 0.005  # m, minimum clearance from obstacles
+_PER_SPEED = 0.04  # m of additional clearance per m/s of speed
+_FAST = 10.0  # cost of exceeding that speed
+_FAR = 0.2  # m, clearance above which its exact value does not matter
+_CREEP = 0.1  # m/s, slow enough anywhere
+_HIT = 60.0  # cost of touching something
+_HEADING = 0.8  # cost of an end that does not point down the field
+_AHEAD = 0.35  # m ahead of the end where the field is also looked up
 _TEMPERATURE = 0.15
-_TRIED = 12  # best sequences from which the first safe one is taken
-_CAREFUL, _TIGHT = 0.5, 0.06  # m/s, speed in places where the clearance is less, m
-_NARROW = 0.2  # m of clearance below which the way itself is tried, too
-_PURSUED = (0.08, 0.15, 0.3)  # m/s, speeds at which it is
-_LOOKED = (3, 5, 8)  # cells ahead on it that are pursued
-_PURSUIT = 3  # steps for which such a command stays
-_RANGE = 2.9  # m that the prices were chosen for
-_APART = 0.08  # m that the robot may drive between two poses whose clearance is looked up
+_TRIED = 12  # number of best sequences from which the first safe one is taken
+_CAREFUL, _TIGHT = 0.5, 0.06  # maximum speed, m/s, below this clearance, m
+_NARROW = 0.2  # m of clearance below which sequences along the path are also tried
+_PURSUED = (0.08, 0.15, 0.3)  # m/s, speeds of these sequences
+_LOOKED = (3, 5, 8)  # their lookahead distances, cells
+_PURSUIT = 3  # steps for which their commands are constant
+_RANGE = 2.9  # m, length of the roll-outs for which the costs were tuned
+_APART = 0.08  # m, maximum distance between two poses whose clearance is looked up
 
 
 class Surroundings(NamedTuple):
-    """What is around the robot: the map's distances and costs to go."""
+    """The surroundings of the robot: distances to obstacles and costs to go in the map."""
 
-    distances: Singles  # (2 rows, 2 columns), from the middles of quarters of cells, m
+    distances: Singles  # (2 rows, 2 columns), from the centers of quarter cells, m
     field: Floats  # (rows, columns), cost to go
-    most: float  # maximum cost to go; also that of unknown places
+    maximum: float  # maximum cost to go, also used for unknown places
     origin: tuple[float, float]  # lower left corner of the first cell, m
     resolution: float  # edge of a cell, m
-    path: Floats = np.zeros((0, 2))  # first points of the way, one for each cell, m
+    path: Floats = np.zeros((0, 2))  # first points of the path, one per cell, m
 
     def clearance(self, circles: Singles, x: Singles, y: Singles, yaw: Singles) -> Singles:
-        """Return how far circles are from obstacles at poses, m; negative: one touches.
+        """Return the clearance of circles at poses, m; negative: one touches an obstacle.
 
-        It is a lower bound where that is more than ``_FAR``. What lies outside of the map is not
-        known, whatever is found for it.
+        It is a lower bound above ``_FAR``, and meaningless outside of the map.
 
         Args:
-            circles: (N, 3), centre and radius in the robot's frame, m.
+            circles: (N, 3), center and radius in the robot's frame, m.
             x: x coordinates of the poses, in an array of any shape, m.
             y: y coordinates, m.
             yaw: headings, rad.
@@ -80,21 +79,22 @@ class Surroundings(NamedTuple):
         return np.asarray(clearance.reshape(x.shape))
 
     def _nearest(self, row: Singles, column: Singles) -> Singles:
-        """Return the distances at rows and columns of quarters of cells."""
+        """Return the distances at rows and columns of quarter cells."""
         index = row.astype(np.int32)
         index *= np.int32(self.distances.shape[1])
         index += column.astype(np.int32)
         return np.asarray(self.distances.take(index, mode="wrap"))
 
     def to_go(self, x: Singles, y: Singles) -> Singles:
-        """Return the cost to go at points, interpolated between the middles of cells."""
+        """Return the cost to go at points, interpolated between the centers of cells."""
         rows, columns = self.field.shape
         column = ((x - self.origin[0]) / self.resolution - 0.5).clip(0.0, columns - 1.001)
         row = ((y - self.origin[1]) / self.resolution - 0.5).clip(0.0, rows - 1.001)
         left, low = column.astype(np.int32), row.astype(np.int32)
         right, up = column - left, row - low
         corners = np.minimum(
-            [self.field[low + a, left + b] for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))], self.most
+            [self.field[low + a, left + b] for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))],
+            self.maximum,
         )
         below = corners[0] * (1 - right) + corners[1] * right
         above = corners[2] * (1 - right) + corners[3] * right
@@ -102,7 +102,7 @@ class Surroundings(NamedTuple):
 
 
 class _Paths(NamedTuple):
-    """Roll-outs, (steps, sequences), of the steps that are looked at."""
+    """Roll-outs, (steps, sequences), at every ``_stride``-th step."""
 
     speeds: Singles  # (steps, 3, sequences), forward, to the left, turning
     x: Singles
@@ -149,16 +149,16 @@ class LocalPlanner:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, from standing."""
+        """Restart from standstill."""
         self._plan = np.zeros((self._steps, 3, 1), np.float32)
         self._turn = 0
 
     def _fixed(self) -> Singles:
-        """Return the sequences of a fixed kind, (steps, 3, N)."""
+        """Return the fixed sequences, (steps, 3, N)."""
         vehicle, times = self.vehicle, np.arange(self._steps) * self._dt
         rows: list[tuple[Any, Any, Any]] = [(0.0, 0.0, 0.0)]
         if not vehicle.minimum_radius:
-            # Turn by an angle as fast as the acceleration allows, then drive on.
+            # Turn as fast as the acceleration allows, then drive.
             for angle in np.linspace(-math.pi, math.pi, _TURNS + 1):
                 top = min(vehicle.turning, math.sqrt(abs(angle) * vehicle.turning_acceleration))
                 turns = times < (abs(angle) / top if top else 0.0)
@@ -180,11 +180,11 @@ class LocalPlanner:
         return sequences
 
     def _scale(self, share: float = 1.0) -> float:
-        """Return how far the robot comes at a share of its speed, over ``_RANGE``, at least 0.3."""
+        """Return the range at a share of the maximum speed, as a factor of ``_RANGE``, >= 0.3."""
         return max(0.3, share * self.vehicle.forward * self._horizon / _RANGE)
 
     def _pursuits(self, path: Floats, pose: PlanarPose) -> Singles:
-        """Return sequences that pursue points of the way ahead, slowly: through narrow places."""
+        """Return slow sequences that pursue points of the path ahead, for narrow places."""
         kernel = np.ones(min(5, len(path)))
         weights = np.convolve(np.ones(len(path)), kernel, "same")
         smooth = np.convolve(path @ (1.0, 1.0j), kernel, "same") / weights
@@ -208,14 +208,14 @@ class LocalPlanner:
         return commands
 
     def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
-        """Return where sequences of commands, (steps, 3, N), lead to."""
+        """Return the roll-outs of sequences of commands, (steps, 3, N)."""
         axes = slice(None, None, 1 if self.vehicle.sideways else 2)
-        most = (self._rates * np.float32(self._dt))[axes]
+        limit = (self._rates * np.float32(self._dt))[axes]
         speeds = np.zeros_like(commands)
         now = np.repeat(np.array(speed, np.float32)[axes, None], commands.shape[-1], axis=1)
         for command, reached in zip(commands[:, axes], speeds[:, axes], strict=True):
             np.subtract(command, now, out=reached)
-            np.clip(reached, -most, most, out=reached)
+            np.clip(reached, -limit, limit, out=reached)
             reached += now
             if self.vehicle.minimum_radius:
                 curve = np.abs(reached[0]) / np.float32(self.vehicle.minimum_radius)
@@ -224,7 +224,7 @@ class LocalPlanner:
         return self._driven(speeds, pose)
 
     def _driven(self, speeds: Singles, pose: PlanarPose) -> _Paths:
-        """Return where velocities, (steps, 3, N), lead to, at each ``_stride``-th step."""
+        """Return the roll-outs of velocities, (steps, 3, N), at every ``_stride``-th step."""
         if self._stride > 1:
             speeds = speeds.reshape(-1, self._stride, *speeds.shape[1:]).mean(axis=1)
         moves = speeds * np.float32(self._dt * self._stride)
@@ -242,7 +242,7 @@ class LocalPlanner:
         return _Paths(speeds, x, y, yaw)
 
     def clearance(self, around: Surroundings, pose: PlanarPose) -> float:
-        """Return how far the robot is from obstacles at a pose, m; negative: it touches one."""
+        """Return the clearance of the robot at a pose, m; negative: it touches an obstacle."""
         x, y, yaw = (np.array([value], np.float32) for value in pose)
         return float(around.clearance(self._circles, x, y, yaw)[0])
 
@@ -253,16 +253,16 @@ class LocalPlanner:
         speed: Triple,
         goal: tuple[float, float],
     ) -> tuple[Triple, bool]:
-        """Return the next command, and whether there is a way on.
+        """Return the next command, and whether the robot can continue.
 
         Args:
-            around: what is around the robot.
+            around: the surroundings of the robot.
             pose: the robot's pose in the map.
             speed: its velocity forward, to the left, m/s, and turning, rad/s.
-            goal: where the field ends, m.
+            goal: goal of the field, m.
         """
         now = self.clearance(around, pose)
-        # In tight places it looks less far ahead, in smaller steps.
+        # In tight places, use a shorter lookahead with smaller steps.
         careful = now < _TIGHT and max(abs(speed[0]), abs(speed[1])) <= _CAREFUL
         share = min(1.0, _CAREFUL / self.vehicle.forward) if careful else 1.0
         commands = np.concatenate((self._noise[self._turn], self._primitives), axis=2)
@@ -274,10 +274,10 @@ class LocalPlanner:
         shares = np.array([[share], [share], [1.0]], np.float32)
         np.clip(commands, self._low * shares, self._high * shares, out=commands)
         paths, scale = self._roll_out(commands, pose, speed), self._scale(share)
-        prices, touching = self._prices(around, paths, now, goal, scale)
-        weights = np.exp((prices.min() - prices) / np.float32(_TEMPERATURE * scale))
+        costs, touching = self._costs(around, paths, now, goal, scale)
+        weights = np.exp((costs.min() - costs) / np.float32(_TEMPERATURE * scale))
         weights /= weights.sum()
-        best = np.argsort(prices, kind="stable")[:_TRIED]
+        best = np.argsort(costs, kind="stable")[:_TRIED]
         tried = np.concatenate(((commands @ weights)[..., None], commands[..., best]), axis=2)
         safe = self._safe(around, tried[0], pose, speed, min(_MIN_CLEARANCE, now - 0.002))
         if touching[best[0]] or not safe.any():
@@ -289,7 +289,7 @@ class LocalPlanner:
         forward, left, turning = chosen[0, :, 0].tolist()
         return (forward, left, turning), True
 
-    def _prices(
+    def _costs(
         self,
         around: Surroundings,
         paths: _Paths,
@@ -297,13 +297,13 @@ class LocalPlanner:
         goal: tuple[float, float],
         scale: float,
     ) -> tuple[Singles, NDArray[np.bool_]]:
-        """Return the price of each path, and whether it touches something.
+        """Return the cost of each path, and whether it touches something.
 
         Args:
-            around: what is around the robot.
+            around: the surroundings of the robot.
             paths: the paths.
-            now: how far the robot is from obstacles, m.
-            goal: where the field ends, m.
+            now: current clearance of the robot, m.
+            goal: goal of the field, m.
             scale: see ``_scale``.
         """
         dt = self._dt * self._stride
@@ -317,14 +317,14 @@ class LocalPlanner:
         speeds = np.abs(paths.speeds[:, 0])
         if self.vehicle.sideways:
             speeds += np.abs(paths.speeds[:, 1])
-        prices = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
-        prices *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
+        costs = np.exp(np.maximum(clearance, 0.0) * np.float32(-1.0 / _SOFT))
+        costs *= np.float32(0.3) + speeds * np.float32(3.0 / scale)
         fast = clearance < np.float32(_MIN_CLEARANCE) + speeds * np.float32(_PER_SPEED)
         speeds -= np.float32(_CREEP)
-        prices += fast * np.maximum(speeds, 0.0) * np.float32(_FAST / scale)
-        prices += np.float32(0.15)
-        prices *= ~arrived
-        total = prices.sum(axis=0) * np.float32(dt * scale)
+        costs += fast * np.maximum(speeds, 0.0) * np.float32(_FAST / scale)
+        costs += np.float32(0.15)
+        costs *= ~arrived
+        total = costs.sum(axis=0) * np.float32(dt * scale)
         later = np.linspace(1.0, 0.0, len(hit), endpoint=False, dtype=np.float32)
         total += (later @ hit) * np.float32(20.0 * dt) + hit[-1] * np.float32(_HIT)
         x, y, yaw = paths.x[-1], paths.y[-1], paths.yaw[-1]
@@ -339,11 +339,16 @@ class LocalPlanner:
         return total, hit[-1]
 
     def _safe(
-        self, around: Surroundings, commands: Singles, pose: PlanarPose, speed: Triple, least: float
+        self,
+        around: Surroundings,
+        commands: Singles,
+        pose: PlanarPose,
+        speed: Triple,
+        minimum: float,
     ) -> NDArray[np.bool_]:
-        """Return after which commands, (3, N), obeyed for two periods, the robot could brake.
+        """Return which commands, (3, N), let the robot brake after executing them for two periods.
 
-        It keeps a clearance of ``least``, m, on the whole way.
+        The clearance must be at least ``minimum``, m, until it has stopped.
         """
         times = np.arange(1, self._steps + 1, dtype=np.float32)[:, None, None] * np.float32(
             self._dt
@@ -355,15 +360,15 @@ class LocalPlanner:
         speeds -= np.clip(speeds, -braked, braked)
         paths = self._driven(speeds, pose)
         clearance = around.clearance(self._circles, paths.x, paths.y, paths.yaw)
-        return np.asarray((clearance >= least).all(axis=0))
+        return np.asarray((clearance >= minimum).all(axis=0))
 
     def is_safe(
         self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple
     ) -> bool:
-        """Return whether the robot could still brake after it has obeyed a command for a while.
+        """Return whether the robot could still brake after executing a command for two periods.
 
-        It keeps more clearance than on its way, as nothing makes it go there.
+        The required clearance is larger than for ``command``, as the robot need not move there.
         """
-        least = min(3.0 * _MIN_CLEARANCE, self.clearance(around, pose) - 0.002)
+        minimum = min(3.0 * _MIN_CLEARANCE, self.clearance(around, pose) - 0.002)
         commands = np.array([command], np.float32).T
-        return bool(self._safe(around, commands, pose, speed, least)[0])
+        return bool(self._safe(around, commands, pose, speed, minimum)[0])

@@ -1,9 +1,9 @@
-"""Where the robot is in the map: its odometry, corrected by matched scans.
+"""The pose of the robot in the map: its odometry, corrected by scan matching.
 
-The odometry, with the turning of an IMU in place of the wheels' if there is one, predicts how the
-robot has moved since the last scan, which is then matched to the walls of the map. Wheels lie: a
-skid-steered robot turns by a third more than they say, so the prediction's error grows with each
-turn, and how much more it turns is learnt.
+The odometry, with the heading from an IMU if there is one, predicts the motion since the last scan,
+which is then matched to the walls of the map. Wheel odometry is biased in turns: a skid-steered
+robot may turn a third more than its wheels indicate. The error of the prediction therefore grows
+with each turn, and the ratio is learnt.
 """
 
 import math
@@ -15,17 +15,17 @@ from onebot_control.navigation.scan_matching import Match, Walls
 from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import PlanarPose, clamp
 
-_KEPT = 100  # poses of the odometry
-_SLIP, _SKID = 0.3, 0.4  # error of a way, m per m, and of a turn by the wheels, rad per rad
-_GYRO_SKID = 0.01  # rad per rad, of an IMU
+_KEPT = 100  # number of remembered odometry poses
+_SLIP, _SKID = 0.3, 0.4  # odometry error of a distance, m per m, and of a turn, rad per rad
+_GYRO_SKID = 0.01  # error of a turn by an IMU, rad per rad
 _STILL = 0.004  # m and rad, error of each step
-_TRUSTED = 0.4  # share of a scan on walls from which a match counts
-_MIN_RATIO, _MAX_RATIO = 0.7, 1.6  # bounds of a turn relative to the wheels' turn
-_LEARNT = 0.15  # rad; from such turns between matches it is learnt how wheels lie
+_TRUSTED = 0.4  # minimum share of a scan on walls for a valid match
+_MIN_RATIO, _MAX_RATIO = 0.7, 1.6  # bounds of the actual turn relative to the odometry's
+_LEARNT = 0.15  # rad of turning between two updates of the learnt ratio
 
 
 def interpolated(start: PlanarPose, end: PlanarPose, share: float) -> PlanarPose:
-    """Return the pose at a share, 0 to 1, of the way between two poses."""
+    """Return the pose at a share, 0 to 1, of the motion between two poses."""
     turn = math.remainder(end.yaw - start.yaw, math.tau)
     return PlanarPose(
         start.x + share * (end.x - start.x),
@@ -35,32 +35,32 @@ def interpolated(start: PlanarPose, end: PlanarPose, share: float) -> PlanarPose
 
 
 class Localizer:
-    """Keeps the robot's pose in the map.
+    """Estimates the robot's pose in the map.
 
     Attributes:
         covariance: (3, 3), of the pose's x, y and yaw, m and rad.
-        share: of the last scan's ends that lay on walls, 0 to 1.
-        turn_ratio: by how much more the robot turns than its wheels say.
+        share: share of the last scan's ends that are on walls, 0 to 1.
+        turn_ratio: ratio of the robot's actual turn to the odometry's.
     """
 
     def __init__(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
-        """Begin at a pose in the map, with its covariance (3, 3); None: it is known exactly."""
+        """Start at a pose in the map, with its covariance (3, 3); None: it is exact."""
         self.place(pose, covariance)
         self.turn_ratio = 1.0
-        self._last: PlanarPose | None = None  # pose by the odometry
-        self._turned = np.zeros(2)  # absolute sums by wheels and by matches, rad
+        self._last: PlanarPose | None = None  # pose of the odometry
+        self._turned = np.zeros(2)  # absolute sums from wheels and from matches, rad
 
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
-        """Take the robot to be at a pose, with a covariance (3, 3); None: it is known exactly."""
+        """Set the pose, with its covariance (3, 3); None: it is exact."""
         self._pose = pose
-        least = np.diag([1e-4, 1e-4, 1e-4])  # no pose is exact, even if it is given as such
-        self.covariance = least if covariance is None else covariance + least
+        minimum = np.diag([1e-4, 1e-4, 1e-4])  # no given pose is really exact
+        self.covariance = minimum if covariance is None else covariance + minimum
         self.share = 1.0
         self._history = deque[tuple[float, PlanarPose]](maxlen=_KEPT)
         self._turn = 0.0
 
     def rebase(self) -> None:
-        """Take the next odometry as that of the present pose, as after a jump of it."""
+        """Take the next odometry as that of the current pose, after the odometry has jumped."""
         self._last = None
 
     @property
@@ -69,12 +69,12 @@ class Localizer:
         return self._pose._replace(yaw=math.remainder(self._pose.yaw, math.tau))
 
     def predict(self, time: float, odometry: PlanarPose, turn: float | None = None) -> None:
-        """Move the pose as the odometry has moved.
+        """Apply the motion of the odometry to the pose.
 
         Args:
-            time: of the odometry, s.
-            odometry: pose in the odometry's frame.
-            turn: how far an IMU has turned since the last call, rad; None: there is none.
+            time: time of the odometry, s.
+            odometry: pose in the odometry frame.
+            turn: turn measured by an IMU since the last call, rad; None: there is no IMU.
         """
         last, self._last = self._last or odometry, odometry
         motion = last.inverse().compose(odometry)
@@ -109,11 +109,11 @@ class Localizer:
         return later[1] if later else self._pose
 
     def correct(self, time: float, points: Floats, walls: Walls) -> Match:
-        """Match a scan to walls, and correct the pose by it.
+        """Match a scan to walls, and correct the pose.
 
         Args:
-            time: of the scan, s.
-            points: ends of its rays in the robot's frame, (N, 2), m.
+            time: time of the scan, s.
+            points: end points of its rays in the robot's frame, (N, 2), m.
             walls: the walls of the map.
         """
         predicted = self.at(time)
@@ -131,7 +131,7 @@ class Localizer:
         return match
 
     def _learn(self, error: float) -> None:
-        """Learn from a match by how much more the robot has turned than predicted, rad."""
+        """Update ``turn_ratio`` with the error of the predicted heading, rad."""
         by_wheels, self._turn = self._turn, 0.0
         actual = by_wheels * self.turn_ratio + error
         self._turned = self._turned + (abs(by_wheels), math.copysign(1.0, by_wheels) * actual)

@@ -1,4 +1,4 @@
-"""Maps as files, as Nav2's map_server reads and writes them: a YAML file and a picture.
+"""Map files in the format of Nav2's map_server: a YAML file and an image.
 
 Example:
     >>> import tempfile
@@ -32,24 +32,24 @@ _MAX_CELLS = 16_000_000
 
 @dataclass(frozen=True)
 class MapFile:
-    """What a map's YAML file says, by its names."""
+    """The content of a map's YAML file, with its names."""
 
-    image: str = parameter(REQUIRED, "picture, from the file's folder", not_empty=True)
+    image: str = parameter(REQUIRED, "image file, relative to the YAML file", not_empty=True)
     resolution: float = parameter(REQUIRED, "edge of a cell, m", above=0.0)
     origin: tuple[float, float, float] = parameter(
         REQUIRED, "x, y, m, and yaw, rad, of the lower left corner"
     )
     negate: int = parameter(0, "1: white is occupied", at_least=0, at_most=1)
-    occupied_thresh: float = parameter(0.65, "share from which it is occupied", at_least=0.0)
-    free_thresh: float = parameter(0.196, "share to which it is free", at_least=0.0)
-    mode: str = parameter("trinary", "what shades mean", choices=("trinary", "scale", "raw"))
+    occupied_thresh: float = parameter(0.65, "a cell is occupied from this value", at_least=0.0)
+    free_thresh: float = parameter(0.196, "a cell is free up to this value", at_least=0.0)
+    mode: str = parameter("trinary", "meaning of shades", choices=("trinary", "scale", "raw"))
 
 
 def load_map(file: str | Path) -> OccupancyGrid:
-    """Read a map from its YAML file and the picture that this names.
+    """Read a map from its YAML file and the image named in it.
 
     Raises:
-        OneBotError: a file is missing or wrong; the text names it, and what would be right.
+        OneBotError: a file is missing or wrong; the text names it and how to fix it.
     """
     path = Path(file)
     try:
@@ -59,7 +59,9 @@ def load_map(file: str | Path) -> OccupancyGrid:
     except yaml.YAMLError as error:
         raise OneBotError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(content, dict):
-        raise OneBotError(f"{path}: holds no map; write image: FILE, resolution:, origin:")
+        raise OneBotError(
+            f"{path}: does not contain a map; write image: FILE, resolution:, origin:"
+        )
     negate = content.get("negate", 0)
     try:
         values = read(MapFile, {**content, "negate": int(negate) if negate in (0, 1) else negate})
@@ -68,26 +70,28 @@ def load_map(file: str | Path) -> OccupancyGrid:
     if values.free_thresh >= values.occupied_thresh:
         raise OneBotError(f"{path}: free_thresh must be below occupied_thresh")
     if abs(math.remainder(values.origin[2], math.tau)) > 1e-6:
-        raise OneBotError(f"{path}: origin has a yaw of {values.origin[2]:g} rad; only 0 is read")
+        raise OneBotError(
+            f"{path}: origin has a yaw of {values.origin[2]:g} rad; only 0 is supported"
+        )
     data = _cells(_picture(path.parent / values.image), values)
     return OccupancyGrid(data[::-1].copy(), values.resolution, values.origin[:2])
 
 
 def _picture(path: Path) -> Image.Image:
-    """Return the picture in a file.
+    """Return the image in a file.
 
     Raises:
-        OneBotError: it is missing, no picture, or too large.
+        OneBotError: it is missing, not an image, or too large.
     """
     try:
         with Image.open(path) as picture:
             if picture.width * picture.height > _MAX_CELLS:
                 text = f"{picture.width} x {picture.height} pixels are too many"
-                raise OneBotError(f"{path}: {text}; at most {_MAX_CELLS:,} are read")
+                raise OneBotError(f"{path}: {text}; the maximum is {_MAX_CELLS:,}")
             picture.load()
             return picture.copy()
     except (UnidentifiedImageError, Image.DecompressionBombError):
-        raise OneBotError(f"{path}: is not a picture; write a PGM or PNG file") from None
+        raise OneBotError(f"{path}: is not an image; write a PGM or PNG file") from None
     except (OSError, ValueError, SyntaxError) as error:
         raise OneBotError(f"{path}: cannot be read: {_why(error)}") from None
 
@@ -97,7 +101,7 @@ def _why(error: Exception) -> str:
 
 
 def _cells(picture: Image.Image, values: MapFile) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
-    """Return the values of the cells, rows from the top."""
+    """Return the values of the cells, with rows from the top."""
     has_alpha = picture.mode in ("LA", "RGBA", "PA") or "transparency" in picture.info
     alpha = np.asarray(picture.convert("RGBA"))[..., 3] if has_alpha else None
     shades = np.asarray(picture.convert("RGB"), float).mean(axis=2)
@@ -121,7 +125,7 @@ def save_map(grid: OccupancyGrid, name: str | Path, picture: str = "pgm") -> Pat
         OneBotError: a file cannot be written.
     """
     if picture not in _FORMATS:
-        raise OneBotError(f"{picture}: no such format of pictures; write {listing(_FORMATS)}")
+        raise OneBotError(f"{picture}: not an image format; write {listing(_FORMATS)}")
     base = Path(name)
     base = base.with_suffix("") if base.suffix in (".yaml", ".pgm", ".png") else base
     yaml_file, image_file = (Path(f"{base}.{ending}") for ending in ("yaml", picture))

@@ -1,9 +1,9 @@
-"""Drives a robot to goals: what happens from a goal to its end.
+"""Drives a robot to goals.
 
-``Navigator.update`` is called with odometry and scans, and returns commands of velocity. It keeps
-the map and the robot's pose in it, plans, follows, waits before what blocks the way, recovers, and
-gives up with a reason. It reads no clock and imports no ROS: a simulation, a node beside a real
-robot or a bag may drive it.
+``Navigator.update`` is called with odometry and scans, and returns velocity commands. It maintains
+the map and the robot's pose in it, plans, follows the plan, waits when something blocks the path,
+recovers, and gives up with a reason. It reads no clock and does not import ROS, so it works in a
+simulation, in a node on a real robot and with a bag.
 
 Example:
     >>> from onebot_control.navigation.footprint import Vehicle
@@ -40,35 +40,35 @@ from onebot_description.geometry.poses import PlanarPose, Triple
 
 _STOP: Triple = (0.0, 0.0, 0.0)
 _OLDEST_SCAN = 0.3  # s
-_WALLS_EVERY = 4  # scans after which the walls that scans are matched to are gathered anew
+_WALLS_EVERY = 4  # scans between two updates of the walls for scan matching
 _WALLS_REACH = 8.0  # m
-_BEYOND = 6.0  # price by which the field is known beyond the robot
-_SLICE = 30_000  # cells of a first field in one update
+_BEYOND = 6.0  # cost up to which the field is computed beyond the robot
+_SLICE = 30_000  # cells of the initial field computed in one update
 _REPAIR_EVERY = 0.2  # s between repairs of the field
-_BARRED = 20.0  # s of visits that a place counts where the robot got stuck
-_JUMP = 0.2  # m or rad by which odometry may differ from what the robot can drive
-_RESET = 0.01  # m from its origin at which odometry that jumps was set to it
-_EXACT = 0.01  # m or rad at which a motion has ended
-_MARGIN = 0.01  # m that a gap is to be wider than the robot on either side
-_SOON = 30  # cells of the way that the local planner gets
-_OWN = 0.02  # m around the footprint in which a scan sees the robot itself
-_PATIENCE = 2.0  # s to wait before what blocks the way
-_HOPELESS = 6.0  # s without any way to the goal until it is given up
-_STUCK = 5.0  # s in which the robot has to move
-_MOVED = 0.15  # m, or three times as many rad, that count as moving
-_RECOVERIES = 6  # maximum number without progress between them
+_BARRED = 20.0  # s of visits added to a place where the robot got stuck
+_JUMP = 0.2  # m or rad by which odometry may exceed the possible motion of the robot
+_RESET = 0.01  # m from the origin within which odometry after a jump counts as reset
+_EXACT = 0.01  # m or rad, tolerance of a motion
+_MARGIN = 0.01  # m of margin on either side of the robot in a gap
+_SOON = 30  # cells of the path for the local planner
+_OWN = 0.02  # m around the footprint in which a scan measures the robot itself
+_PATIENCE = 2.0  # s to wait while something blocks the path
+_HOPELESS = 6.0  # s without a path until the goal fails
+_STUCK = 5.0  # s without motion after which the robot is stuck
+_MOVED = 0.15  # m, or three times as many rad, that count as motion
+_RECOVERIES = 6  # maximum number of recoveries without progress between them
 _NEAR_GOAL = 0.4  # m
-_EASY = 0.7  # share of the speed from which the robot could just stop
-_CLEARED = 1.5  # m around the robot where a recovery forgets obstacles
+_EASY = 0.7  # share of the maximum speed from which the robot can stop
+_CLEARED = 1.5  # m around the robot in which a recovery clears obstacles
 
 
 class Failure(Enum):
-    """Why a goal was not reached; Nav2's error codes have these names."""
+    """The reason why a goal was not reached, with the names of Nav2's error codes."""
 
-    GOAL_OCCUPIED = "the goal is in an obstacle, or too near to one"
+    GOAL_OCCUPIED = "the goal is in an obstacle, or too close to one"
     GOAL_OUTSIDE_MAP = "the goal is outside of the map"
-    START_OCCUPIED = "the start is in an obstacle, or too near to one"
-    NO_VALID_PATH = "there is no way to the goal"
+    START_OCCUPIED = "the start is in an obstacle, or too close to one"
+    NO_VALID_PATH = "there is no path to the goal"
     FAILED_TO_MAKE_PROGRESS = "the robot is stuck"
     TIMEOUT = "it took longer than allowed"
     COLLISION_AHEAD = "something is in the way"
@@ -76,10 +76,10 @@ class Failure(Enum):
 
 
 class NavigationError(OneBotError):
-    """There is no plan; ``failure`` says why."""
+    """No plan was found, because of ``failure``."""
 
     def __init__(self, failure: Failure) -> None:
-        """Take the failure."""
+        """Store the failure."""
         super().__init__(failure.value)
         self.failure = failure
 
@@ -90,11 +90,11 @@ class _Goal(NamedTuple):
     x: float
     y: float
     yaw: float | None
-    path: Floats | None = None  # points of a way that is preferred, (N, 2), m
+    path: Floats | None = None  # points of a preferred path, (N, 2), m
 
 
 class _Motion(NamedTuple):
-    """A motion along, or a turn on the spot, from where the robot is when it begins."""
+    """A straight motion, or a turn on the spot, from the robot's pose when it starts."""
 
     length: float  # m, or rad to the left; negative: backward, or to the right
     speed: float  # m/s or rad/s, at least 0
@@ -113,13 +113,13 @@ class Navigator:
 
     Attributes:
         vehicle: the robot's footprint and limits.
-        map: the map; the scans' own, or a given one with what scans have changed.
-        localizer: the robot's pose in it.
+        map: the map, built from scans, or a given one updated by scans.
+        localizer: estimates the robot's pose in the map.
         status: "idle", "driving", "blocked", "recovering", "arrived", "cancelled" or "failed".
-        reason: one sentence on the status; "" if there is nothing to say.
-        failure: why the last goal failed; None if it has not.
+        reason: one sentence about the status, or "".
+        failure: why the last goal failed; None if it has not failed.
         recoveries: number of recoveries for this goal.
-        traveled: by a motion of ``drive_straight`` or ``spin``, m or rad, at least 0.
+        traveled: distance or angle of ``drive_straight`` or ``spin`` so far, m or rad, at least 0.
     """
 
     def __init__(
@@ -130,13 +130,13 @@ class Navigator:
         parameters: NavigationParameters | None = None,
         known: OccupancyGrid | None = None,
     ) -> None:
-        """Begin without a goal.
+        """Start without a goal.
 
         Args:
             vehicle: the robot.
             start: its pose in the map.
-            parameters: how goals are reached.
-            known: a map that is given; None: it begins empty, and scans make it.
+            parameters: the parameters of navigation.
+            known: a given map; None to build one from scans.
         """
         self.parameters = parameters or NavigationParameters()
         self.localizer = Localizer(start)
@@ -149,7 +149,7 @@ class Navigator:
         self.clear()
 
     def clear(self) -> None:
-        """Forget what scans have found; a given map stays."""
+        """Clear what scans have added; a given map is kept."""
         given = self._given
         self.map = GridMap.of(given) if given else GridMap(self.parameters.resolution)
         self._walls = Walls(self.map.walls())
@@ -158,27 +158,27 @@ class Navigator:
         self.use_vehicle(self.vehicle)
 
     def forget_near(self, radius: float) -> None:
-        """Forget obstacles up to so many m from the robot, but what the last scan has found."""
+        """Clear obstacles within ``radius``, m, of the robot, except those of the last scan."""
         window = self.map.clear_around(self.pose, radius)
         if self._scanned is not None:
             self.map.enter(*self._entered)
         self._update_costs(window)
 
     def use_vehicle(self, vehicle: Vehicle) -> None:
-        """Take the robot to have another footprint or other limits from now on."""
+        """Use another footprint or other limits of the robot from now on."""
         self.vehicle = vehicle
         self._local_planner = LocalPlanner(vehicle, 1.0 / self.parameters.controller_frequency)
         self._circles = vehicle.circles()
-        # The best way may lie between the middles of cells.
+        # The best path may run between the centers of cells.
         self._radius = vehicle.half_width + _MARGIN - 0.25 * self.map.resolution
         self._costmap = Costmap(self.map, self._radius)
         if self.map.log_odds.size:
             self._costmap.update(Window(0, 0, *self.map.shape))
         self._field: CostToGo | None = None
-        self._changed: Window | None = None  # part of the prices that the field does not know yet
+        self._changed: Window | None = None  # part of the costs not yet updated in the field
         self._repaired = -math.inf
 
-    # What can be read -------------------------------------------------------------------------
+    # State ------------------------------------------------------------------------------------
 
     @property
     def pose(self) -> PlanarPose:
@@ -187,19 +187,19 @@ class Navigator:
 
     @property
     def navigating(self) -> bool:
-        """Whether there is a goal that has not ended."""
+        """Whether a goal is active."""
         return self._goal is not None
 
     @property
     def path(self) -> Floats:
-        """Points of the way to the goal, (N, 2), m; N = 0 if there is none."""
+        """Points of the path to the goal, (N, 2), m; N = 0 if there is none."""
         if self._goal is None or self._field is None or not self._is_planned:
             return np.zeros((0, 2))
-        return self._way(self._field, self._cell(self.pose))
+        return self._path(self._field, self._cell(self.pose))
 
     @property
     def distance_remaining(self) -> float:
-        """Length of the way to the goal, m; 0 without a goal."""
+        """Length of the path to the goal, m; 0 without a goal."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
     @property
@@ -208,7 +208,7 @@ class Navigator:
         return placed(self.vehicle.footprint, self.pose)
 
     def costs(self) -> OccupancyGrid:
-        """Return the costs of the map, as Nav2's costmaps have them."""
+        """Return the costs of the map, with the values of Nav2's costmaps."""
         return self._costmap.costs()
 
     # Goals ------------------------------------------------------------------------------------
@@ -222,19 +222,19 @@ class Navigator:
             x: x coordinate, m.
             y: y coordinate, m.
             yaw: heading, rad.
-            time_allowance: time for it, s; None: the parameter's.
+            time_allowance: maximum time, s; None: the parameter time_allowance.
 
         Raises:
             ValueError: a number is not finite.
         """
         if not all(map(math.isfinite, (x, y, yaw or 0.0))):
-            raise ValueError(f"a goal has finite numbers, not {x}, {y}, {yaw}")
+            raise ValueError(f"the numbers of a goal must be finite, not {x}, {y}, {yaw}")
         self._begin(_Goal(x, y, yaw), time_allowance)
 
     def follow(self, path: Floats, yaw: float | None = None) -> None:
-        """Drive along a path, around what stands on it.
+        """Drive along a path, around obstacles on it.
 
-        Where a path crosses itself, the shorter way is taken.
+        Where a path crosses itself, the robot takes the shorter one.
 
         Args:
             path: points in the map, (N, 2), m.
@@ -257,13 +257,13 @@ class Navigator:
         Args:
             distance: m; negative: backward.
             speed: m/s, above 0.
-            time_allowance: time for it, s; None: the parameter's.
+            time_allowance: maximum time, s; None: the parameter time_allowance.
 
         Raises:
             ValueError: a number is not finite, or the speed not above 0.
         """
         if not math.isfinite(distance) or not 0.0 < speed < math.inf:
-            text = "a motion has a finite length and a speed above 0"
+            text = "the length of a motion must be finite and its speed above 0"
             raise ValueError(f"{text}, not {distance} and {speed}")
         self._begin(_Motion(distance, speed, False), time_allowance)
 
@@ -272,13 +272,13 @@ class Navigator:
 
         Args:
             angle: rad, to the left; negative: to the right. It may be several turns.
-            time_allowance: time for it, s; None: the parameter's.
+            time_allowance: maximum time, s; None: the parameter time_allowance.
 
         Raises:
             ValueError: the angle is not finite, or the robot cannot turn on the spot.
         """
         if not math.isfinite(angle):
-            raise ValueError(f"an angle is finite, not {angle}")
+            raise ValueError(f"an angle must be finite, not {angle}")
         if self.vehicle.minimum_radius:
             raise ValueError("the robot cannot turn on the spot")
         self._begin(_Motion(angle, self.vehicle.turning, True), time_allowance)
@@ -312,7 +312,7 @@ class Navigator:
         return self._end("failed", failure.value, failure)
 
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
-        """Take the robot to be at a pose in the map, m and rad, as after a pose estimate."""
+        """Set the robot's pose in the map, m and rad, for example after a pose estimate."""
         self.localizer.place(pose, covariance)
         self._field = None
 
@@ -328,20 +328,20 @@ class Navigator:
         scan_time: float | None = None,
         turn: float | None = None,
     ) -> Triple:
-        """Take measurements, and return the next command.
+        """Process measurements, and return the next command.
 
         Args:
-            time: of the odometry, s.
-            odometry: the robot's pose in the odometry's frame.
+            time: time of the odometry, s.
+            odometry: the robot's pose in the odometry frame.
             speed: its velocity forward, to the left, m/s, and turning to the left, rad/s.
-            scan: a scan that was not given before; None: there is none.
-            scan_time: when it was measured, s; None: now.
-            turn: how far an IMU has turned to the left since the last call, rad; None: there is
-                none.
+            scan: a new scan; None: there is none.
+            scan_time: time of the scan, s; None: ``time``.
+            turn: turn to the left measured by an IMU since the last call, rad; None: there is no
+                IMU.
 
         Returns:
-            The velocity forward, to the left, m/s, and of turning to the left, rad/s; zeros without
-            a goal.
+            The velocity forward, to the left, m/s, and turning to the left, rad/s; zeros without a
+            goal.
         """
         self._notice_jump(time, odometry)
         self.time, self._odometry = time, odometry
@@ -362,10 +362,10 @@ class Navigator:
         return self._drive(self._goal, self.pose, speed)
 
     def _notice_jump(self, time: float, odometry: PlanarPose) -> None:
-        """Compare the odometry with what the robot can have driven since the last one.
+        """Compare the odometry with the possible motion of the robot since the last one.
 
-        After a jump the robot is taken to be where it was, and waits for a scan. Where time goes
-        back or the odometry is at its origin, it was reset, and is where it began; its goal ends.
+        After a jump, the pose stays, and the robot waits for a scan. If time has gone back or the
+        odometry is at its origin, the robot was reset to its start, and the goal ends.
         """
         if self._odometry is None:
             self._origin = self.pose.compose(odometry.inverse())
@@ -404,7 +404,7 @@ class Navigator:
         self._update_costs(window)
 
     def _update_costs(self, window: Window) -> None:
-        """Take over what has changed in a part of the map, or all if the map has grown."""
+        """Update the costs of a changed part of the map, or all if the map has grown."""
         grown = self._costmap.version != self.map.version
         changed = self._costmap.update(window)
         if grown:
@@ -419,23 +419,23 @@ class Navigator:
         rows, columns = self.map.shape
         return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
 
-    def _way(self, field: CostToGo, cell: tuple[int, int], most: int = 100_000) -> Floats:
-        """Return the points of the way in at most so many cells."""
-        cells = field.path(field.nearest(cell), most)
+    def _path(self, field: CostToGo, cell: tuple[int, int], limit: int = 100_000) -> Floats:
+        """Return the points of the path, at most ``limit`` cells."""
+        cells = field.path(field.nearest(cell), limit)
         return self.map.middle(cells[:, 0], cells[:, 1])
 
     def plan(self, goal: PlanarPose, start: PlanarPose | None = None) -> Floats:
-        """Return the way that the robot would drive, by what is known now.
+        """Return the path that the robot would drive, from the current map.
 
         Args:
-            goal: where to, in the map.
-            start: from where; None: from where the robot is.
+            goal: target pose in the map.
+            start: start pose; None: the robot's.
 
         Returns:
             (N, 2), points in the map, m, from the start to the goal.
 
         Raises:
-            NavigationError: there is no way; ``failure`` says why.
+            NavigationError: there is no path; ``failure`` is the reason.
         """
         begin = start or self.pose
         if not all(map(math.isfinite, (*goal, *begin))):
@@ -445,13 +445,13 @@ class Navigator:
         if not np.isfinite(self._costmap.prices[near.cells]).any():
             raise NavigationError(Failure.START_OCCUPIED)
         field.spread(cell, _BEYOND)
-        points = self._way(field, cell)
+        points = self._path(field, cell)
         if not len(points):
             raise NavigationError(Failure.NO_VALID_PATH)
         return points
 
     def _new_field(self, start: PlanarPose, goal: _Goal) -> CostToGo:
-        """Return a field from a goal that begins to spread.
+        """Return a new field for a goal.
 
         Raises:
             NavigationError: the goal is outside of the map, or not free.
@@ -479,7 +479,7 @@ class Navigator:
         return CostToGo(self._costmap.prices, self.map.resolution, cells[[best]])
 
     def _reach(self, goal: _Goal, pose: PlanarPose) -> bool:
-        """Let the field reach the robot; return whether it does."""
+        """Extend the field to the robot; return whether it has reached it."""
         if self._field is None:
             try:
                 self._field = self._new_field(pose, goal)
@@ -497,28 +497,30 @@ class Navigator:
         if math.isfinite(field.value(cell)):
             self._is_planned = True
             return True
-        if self._waits("there is no way: waiting", _HOPELESS):
+        if self._waits("there is no path: waiting", _HOPELESS):
             self._fail(Failure.NO_VALID_PATH)
         return False
 
-    def _waits(self, text: str, most: float) -> bool:
-        """Let the robot wait; return whether it has waited for longer than ``most``, s."""
+    def _waits(self, text: str, limit: float) -> bool:
+        """Let the robot wait; return whether it has waited for longer than ``limit``, s."""
         self._blocked = self.time if self._blocked is None else self._blocked
         self.status, self.reason = "blocked", text
-        return self.time - self._blocked > most
+        return self.time - self._blocked > limit
 
     def _around(self, pose: PlanarPose) -> Surroundings:
         costmap, field, cell = self._costmap, self._field, self._cell(pose)
-        values, most, way = np.zeros((2, 2)), math.inf, np.zeros((0, 2))
+        values, maximum, path = np.zeros((2, 2)), math.inf, np.zeros((0, 2))
         if field is not None:
-            values, most = field.values, field.value(cell) + _BEYOND
-            way = self._way(field, cell, _SOON)
-        return Surroundings(costmap.fine, values, most, self.map.origin, self.map.resolution, way)
+            values, maximum = field.values, field.value(cell) + _BEYOND
+            path = self._path(field, cell, _SOON)
+        return Surroundings(
+            costmap.fine, values, maximum, self.map.origin, self.map.resolution, path
+        )
 
     # Driving ----------------------------------------------------------------------------------
 
     def _move(self, motion: _Motion, pose: PlanarPose, speed: Triple) -> Triple:
-        """Return the command for a motion; end it where it ends."""
+        """Return the command for a motion, and end it at its target."""
         last, self._last = self._last or pose, pose
         sign, vehicle = math.copysign(1.0, motion.length), self.vehicle
         moved = last.inverse().compose(pose)
@@ -537,7 +539,7 @@ class Navigator:
         return command
 
     def _drive(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple:
-        """Return the command on the way to a pose; end the goal there."""
+        """Return the command for driving to a pose, and end the goal there."""
         if not self._reach(goal, pose):
             return _STOP
         around = self._around(pose)
@@ -565,7 +567,7 @@ class Navigator:
         return self._recover(pose) if stuck else command
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
-        """Return the command for the last stretch, straight to the goal; end it there."""
+        """Return the command for the last stretch, straight to the goal, and end it there."""
         vehicle, parameters = self.vehicle, self.parameters
         x, y = goal.x - pose.x, goal.y - pose.y
         away = math.hypot(x, y)
@@ -598,19 +600,19 @@ class Navigator:
         return sign * top * math.cos(bearing), 0.0, self._turning(bearing)
 
     def _braking(self, away: float) -> float:
-        """Return the speed, m/s, from which the robot easily stops in so many m."""
+        """Return the speed, m/s, from which the robot easily stops within ``away``, m."""
         return _EASY * math.sqrt(2.0 * self.vehicle.acceleration * max(0.0, away))
 
     def _turning(self, error: float) -> float:
-        """Return the velocity, rad/s, to turn by an angle, rad."""
+        """Return the angular velocity, rad/s, for a turn by ``error``, rad."""
         vehicle = self.vehicle
         speed = _EASY * math.sqrt(2.0 * vehicle.turning_acceleration * abs(error))
         return math.copysign(min(speed, vehicle.turning, 3.0 * abs(error)), error)
 
-    # When it does not go on -------------------------------------------------------------------
+    # Recovery ---------------------------------------------------------------------------------
 
     def _progress(self, pose: PlanarPose) -> bool:
-        """Return whether the robot has moved in the last seconds; remember where it was."""
+        """Return whether the robot has moved recently, and remember its pose."""
         self._visit(pose, 1.0 / self.parameters.controller_frequency)
         since, place = self._moved or (-math.inf, PlanarPose(math.inf))
         turned = abs(math.remainder(pose.yaw - place.yaw, math.tau))
@@ -619,15 +621,15 @@ class Navigator:
         return self.time - since <= _STUCK
 
     def _visit(self, pose: PlanarPose, seconds: float) -> None:
-        """Make ways near a pose dearer."""
+        """Increase the cost of paths near a pose."""
         part = self._costmap.visit(self.map.around(pose, self._radius), seconds)
         self._changed = part.union(self._changed)
 
     def _recover(self, pose: PlanarPose) -> Triple:
-        """Begin the next recovery: forget obstacles nearby, back up, turn."""
+        """Start the next recovery: clear obstacles nearby, back up, turn."""
         self.recoveries += 1
         self._moved, self._blocked = None, None
-        # The gap ahead may be one that it cannot drive through.
+        # The robot may not fit through the gap ahead.
         for x, y in self.path[:: math.ceil(self._radius / self.map.resolution)][:3].tolist():
             self._visit(PlanarPose(x, y), _BARRED)
         if self.recoveries > _RECOVERIES:
@@ -640,5 +642,5 @@ class Navigator:
         else:
             sign = 1.0 if self.recoveries % 4 == 2 else -1.0
             self._recovery = _Recovery((0.0, 0.0, sign * 0.4 * vehicle.turning), self.time + 2.5)
-        self.status, self.reason = "recovering", "it backs up and turns"
+        self.status, self.reason = "recovering", "backing up and turning"
         return _STOP

@@ -1,8 +1,8 @@
-"""Matches scans to walls: where was a robot that measured this?
+"""Matches scans to walls, to find the pose from which a scan was measured.
 
-Each end of a ray is paired with the nearest point of a wall, and the pose is moved by Gauss-Newton
-until the distances are least. As in Segal, Haehnel and Thrun, "Generalized-ICP" (RSS 2009), a
-distance counts little along a wall and much across it, as the points around the nearest one lie.
+Each end of a ray is paired with the nearest point of a wall, and Gauss-Newton steps of the pose
+minimize the distances. As in Segal, Haehnel and Thrun, "Generalized-ICP" (RSS 2009), distances
+have a small weight along a wall and a large one across it, from the points around the nearest one.
 """
 
 import math
@@ -15,14 +15,14 @@ from onebot_control.navigation.grid import placed
 from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import PlanarPose
 
-_NEIGHBOURS = 6  # points around one that say how a wall runs there
-_NEAR = 0.11  # m within which they are
-_STRAIGHT = 0.1  # share of the variance along a wall that is across it, if it is not straight
-_FREE = 1.0  # m by which a pair may be off along a straight wall
+_NEIGHBOURS = 6  # neighbors of a point that determine the direction of a wall
+_NEAR = 0.11  # m, maximum distance of the neighbors
+_STRAIGHT = 0.1  # ratio of the variances across and along a wall above which it is not straight
+_FREE = 1.0  # m, standard deviation of a pair along a straight wall
 _SIGMA = 0.02  # m, error of a point of a wall
-_GATES = (0.5, 0.35, 0.25, 0.2, 0.15, 0.15, 0.12, 0.12)  # m; farther pairs do not count
-_ROBUST = 3.0  # standard deviations from which a pair counts less
-_PAIRS = 0.5  # fraction of neighbouring rays that counts as independent
+_GATES = (0.5, 0.35, 0.25, 0.2, 0.15, 0.15, 0.12, 0.12)  # m, maximum distance of pairs, by step
+_ROBUST = 3.0  # standard deviations above which a pair has less weight
+_PAIRS = 0.5  # fraction of neighboring rays that are independent
 _RAYS = 240  # rays that are matched
 
 
@@ -31,14 +31,14 @@ class Match(NamedTuple):
 
     pose: PlanarPose
     covariance: Floats  # (3, 3), of x, y, yaw, m and rad
-    share: float  # fraction of the scan's ends that lie on walls, 0 to 1
+    share: float  # fraction of the scan's ends that are on walls, 0 to 1
 
 
 class Walls:
     """Points of walls to which scans are matched."""
 
     def __init__(self, points: Floats) -> None:
-        """Take points of walls, (N, 2), m."""
+        """Prepare for points of walls, (N, 2), m."""
         self.points = points
         self._tree = KDTree(points) if len(points) else None
         self._weights = self._information() if len(points) else np.zeros((0, 3))
@@ -59,7 +59,7 @@ class Walls:
             (offsets[..., a] * offsets[..., b]).sum(axis=1) / number
             for a, b in ((0, 0), (0, 1), (1, 1))
         )
-        # Along a straight wall a pair says nothing.
+        # A pair contains no information along a straight wall.
         middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
         straight = np.clip(1.0 - (middle - half) / (_STRAIGHT * (middle + half) + 1e-12), 0.0, 1.0)
         across = 1.0 / (middle - half + _SIGMA**2)
@@ -71,12 +71,12 @@ class Walls:
         return np.stack(information, axis=1)
 
     def match(self, points: Floats, start: PlanarPose, prior: Floats) -> Match:
-        """Return where a robot near ``start`` has measured ``points``.
+        """Return the pose near ``start`` from which ``points`` were measured.
 
         Args:
-            points: ends of rays in the robot's frame, (N, 2), m.
-            start: pose from which it is searched.
-            prior: covariance (3, 3) of that pose, of x, y, yaw, m and rad.
+            points: end points of rays in the robot's frame, (N, 2), m.
+            start: initial pose.
+            prior: covariance (3, 3) of the initial pose, of x, y, yaw, m and rad.
         """
         information = np.linalg.inv(prior)
         if self._tree is None or len(points) < 3:

@@ -1,4 +1,4 @@
-"""Ends callbacks of nodes in lockstep that block: simulated time stands still until they return."""
+"""Ends blocking callbacks of nodes in lockstep: simulated time stands still until they return."""
 
 import signal
 import sys
@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from onebot_description.errors import OneBotError
 
-_SIGNAL = signal.SIGURG  # it interrupts system calls, nobody sends it, and by default it is ignored
+_SIGNAL = signal.SIGURG  # interrupts system calls, is unused otherwise, and ignored by default
 _LONGEST_WAIT = 1.0  # s between two checks
 _CALLER = "onebot_control.nodes.stepped_executor"  # the module that calls callbacks
 
@@ -26,15 +26,15 @@ class _Ended(BaseException):
 class CallbackWatch:
     """Raises an error in a callback that has not returned in time.
 
-    A signal interrupts the callback, so only callbacks that run in the main thread can be ended. It
-    is a context manager around each callback; see ``running``.
+    A signal interrupts the callback, so only callbacks in the main thread can be ended. This is a
+    context manager around each callback; see ``running``.
 
     Attributes:
-        foreign: what no signal ends a wait for: other executors, and guard conditions of wait sets.
+        foreign: other executors and guard conditions of wait sets, whose waits no signal ends.
     """
 
     def __init__(self, timeout: float) -> None:
-        """Watch callbacks until ``close``, each for ``timeout`` s of wall time; inf: for ever."""
+        """Watch callbacks until ``close``, each for ``timeout`` s of wall time; inf: forever."""
         self.foreign: WeakSet[Executor | GuardCondition] = WeakSet()
         self._timeout, self._since = timeout, float("inf")
         self._failure: OneBotError | None = None
@@ -55,7 +55,7 @@ class CallbackWatch:
                 signal.signal(_SIGNAL, self._previous)
 
     def running(self, node: Node | None) -> "CallbackWatch":
-        """Return a context in which a callback of ``node`` runs; None if the node is not known."""
+        """Return a context in which a callback of ``node`` runs; None if the node is unknown."""
         self._node = node
         return self
 
@@ -69,13 +69,13 @@ class CallbackWatch:
             raise failure
 
     def fail(self, error: OneBotError) -> OneBotError:
-        """Return an error to raise in a callback, and raise it afterwards if that catches it."""
+        """Return an error to raise in a callback; if the callback catches it, raise it again."""
         if self._since < float("inf"):
             self._failure = error
         return error
 
     def refuse_to_sleep(self) -> None:
-        """Raise an error for a sleep on simulated time in the thread that lets it pass.
+        """Raise an error for a sleep on simulated time in the thread that advances it.
 
         Raises:
             OneBotError: always.
@@ -101,7 +101,7 @@ class CallbackWatch:
         if now - self._since < self._timeout or _is_debugged():
             return
         self._since = now
-        if self._failure is not None:  # the callback has caught it, and goes on
+        if self._failure is not None:  # the callback has caught it, and continues
             raise _Ended
         late = f"has not returned in {self._timeout:g} s of wall time"
         text = f"{self._text(frame, late)}; ros(callback_timeout=...) allows more"
@@ -142,7 +142,7 @@ def _in_main_thread() -> bool:
 
 
 def _is_debugged() -> bool:
-    """Return whether a debugger traces the current thread; a measurement of coverage is none."""
+    """Return whether a debugger, other than a coverage tool, traces the current thread."""
     monitoring = getattr(sys, "monitoring", None)  # new in Python 3.12
     if monitoring is not None and monitoring.get_tool(monitoring.DEBUGGER_ID):
         return True

@@ -1,8 +1,8 @@
 """Finds the controllers among the nodes that subscribe to commands, and reads their limits.
 
-Every subscriber is asked for its parameters: a node with velocity limits is a controller, any other
-node (a recorder, a viewer, a bridge) is ignored. rclpy's AsyncParameterClient is not used: it makes
-six clients for each subscriber, and cannot destroy them.
+The parameters of every subscriber are requested: a node with velocity limits is a controller, and
+other nodes (a recorder, a viewer, a bridge) are ignored. rclpy's AsyncParameterClient is not used:
+it creates six clients for each subscriber, and cannot destroy them.
 """
 
 import time
@@ -34,10 +34,10 @@ class Controllers:
         return [controller.node for controller in self.known]
 
     def update(self, subscribers: Iterable[str]) -> None:
-        """Follow the nodes that subscribe to commands; call this several times per second.
+        """Update the nodes that subscribe to commands; call this several times per second.
 
-        The limits of controllers that are gone stay until another one is known: a restarted robot
-        may subscribe before its parameters can be read.
+        The limits of controllers that have left are kept until another one is known: a restarted
+        robot may subscribe before its parameters can be read.
         """
         names = set(subscribers)
         for name in self._inquiries.keys() - names:
@@ -100,7 +100,7 @@ class _Inquiry:
         future.add_done_callback(partial(self._receive, then))
 
     def _drop(self) -> None:
-        """Drop the last request, which a node that died never answers."""
+        """Drop the last request, as a node that has died never responds."""
         if self._pending is not None:
             client, future = self._pending
             client.remove_pending_request(future)

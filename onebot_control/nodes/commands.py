@@ -31,7 +31,7 @@ from onebot_description.timing.throttled import Throttled, Warn
 from onebot_description.timing.wake_detector import boot_time
 
 _QOS = QoSProfile(depth=DEPTH)
-_JOINTS = "controller_manager/cmd_vel"  # its lock is that of joints, also of a robot that drives
+_JOINTS = "controller_manager/cmd_vel"  # lock of the joints, also of a mobile robot
 _STEERED = "drive"  # the topic of AckermannDriveStamped, as of F1TENTH's cars
 _USUAL = "cmd_vel"  # tutorials publish commands there
 _LOCKED = "Current goal cancelled: the robot is locked."
@@ -42,8 +42,8 @@ _SETTLED = 2.0  # s after which a subscriber of cmd_vel would have been discover
 class CommandLock:
     """A lock of the robot as in twist_mux: ~/cmd_vel_lock sets it, ~/cmd_vel_locked is its state.
 
-    The last message counts, from any node, and does not expire: if the node that locked dies, the
-    robot stays locked. If ~/cmd_vel is remapped, both topics have the new name, too.
+    The last message from any node counts, and does not expire: if the node that locked the robot
+    dies, it stays locked. Remapping ~/cmd_vel renames both topics, too.
     """
 
     def __init__(
@@ -53,9 +53,9 @@ class CommandLock:
 
         Args:
             node: node of the robot.
-            name: name of the commands that are locked.
+            name: name of the locked commands.
             brake: called when they are locked.
-            above: a lock that locks these commands, too; unlocking them leaves it locked.
+            above: a lock that also locks these commands; unlocking them leaves it locked.
         """
         self._node, self._brake = node, brake
         commands = node.resolve_topic_name(name)
@@ -76,9 +76,9 @@ class CommandLock:
 
     @property
     def reason(self) -> str:
-        """Why commands are ignored, and what ends it."""
+        """Why commands are ignored, and how to unlock the robot."""
         text = f"the robot is locked until false is published on {self._topic}"
-        return f"{text}, or until somebody {self._unlocks}"
+        return f"{text}, or until a user {self._unlocks}"
 
     def _on_lock(self, topic: str, message: Bool) -> None:
         was_locked = self.locked
@@ -134,9 +134,9 @@ class CommandSubscription:
         return self._subscription.publishers > 0
 
     def follow(self) -> None:
-        """Change to the type that is published; call it several times a second.
+        """Change to the published type; call it several times per second.
 
-        It also reports commands on a topic cmd_vel to which nobody subscribes.
+        It also reports commands on a topic cmd_vel without subscribers.
         """
         self._look_for_unreceived()
         published = {kind for kind, qos in offers(self._node, self._topic).items() if qos}
@@ -147,10 +147,10 @@ class CommandSubscription:
             self._warn("type", f"{text}: stop that publisher, or the {self._wanted} one")
 
     def adopt(self, topic: str, kind: str) -> None:
-        """Change to the type that a node of this context is about to use, if it is of commands.
+        """Change to the type that a node of this context is about to use, if it is a command type.
 
         Raises:
-            OneBotError: another node of this context uses the present type.
+            OneBotError: another node of this context uses the current type.
         """
         if topic != self._topic or kind not in VELOCITY_TYPES:
             return
@@ -160,7 +160,7 @@ class CommandSubscription:
             self._wanted = kind
         except TypeConflictError:
             self._subscription.update(self._wanted, _QOS)
-            text = f"{topic} is used as {self._wanted} already, so it cannot be used as {kind}"
+            text = f"{topic} is already used as {self._wanted}, so it cannot be used as {kind}"
             raise OneBotError(f"{text}; in one process, a topic has one type") from None
 
     def _look_for_unreceived(self) -> None:
@@ -187,7 +187,7 @@ class CommandGate:
     Attributes:
         lock: the robot's ~/cmd_vel_lock.
         topic: name of the topic of commands.
-        subscription: subscription to it; None for a robot that stands.
+        subscription: subscription to it; None for a robot without a drive.
     """
 
     def __init__(
@@ -204,11 +204,11 @@ class CommandGate:
 
         Args:
             node: node of the robot.
-            slot: slot of the robot, which gets the commands.
+            slot: slot of the robot, which receives the commands.
             warn: logs warnings.
             topic: name of the topic of commands, in the node's namespace.
             drives: whether the robot has a drive; else it receives no commands.
-            steers: whether the drive steers; then it receives AckermannDriveStamped, too.
+            steers: whether the drive steers; then it also receives AckermannDriveStamped.
         """
         self._node, self._slot, self._warn = node, slot, warn
         self.topic = f"~/{topic}"
@@ -223,14 +223,14 @@ class CommandGate:
 
     @cached_property
     def joint_lock(self) -> CommandLock:
-        """The lock of its joints, which is that of the robot if it stands."""
+        """The lock of the joints; without a drive, the lock of the robot."""
         if self.subscription is None:
             return self.lock
         hold = partial(self._slot.hold_joints, _LOCKED)
         return CommandLock(self._node, _JOINTS, hold, above=self.lock)
 
     def _on_steered(self, message: Any) -> None:
-        """Receive a speed and a steering angle, whose stamp is not used: bags have old ones."""
+        """Receive a speed and a steering angle; the stamp is ignored, as it is old in bags."""
         if self._slot.loop is None:
             return
         speed, angle = message.drive.speed, message.drive.steering_angle
@@ -247,7 +247,7 @@ class CommandGate:
         if loop is None:
             return
         if stamp == 0:
-            text = f"{self.topic} has stamp 0, which is taken as when it was sent (logged once)"
+            text = f"{self.topic} has stamp 0, which is replaced by the send time (logged once)"
             self._warn.once(text)
         if self.lock.locked:
             if any(velocity):

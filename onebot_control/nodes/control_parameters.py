@@ -35,13 +35,13 @@ class ControlParameters:
     """The parameters of a controller's node: declared on it, checked, and kept up to date.
 
     Attributes:
-        declared: dataclass of the parameters; it has those of a drive, or the robot stands.
-        values: the values in force, by name.
+        declared: dataclass of the parameters, with those of a drive unless the base is fixed.
+        values: the current values, by name.
         config: the same values, checked.
         places: file and line of each value from a file.
         topics: the node's topics of commands and odometry.
         joints: the joint controllers.
-        foreign_sections: warnings of sections that are for none of the robot's nodes, by file and
+        foreign_sections: warnings about sections for none of the robot's nodes, by file and
             section.
     """
 
@@ -77,7 +77,7 @@ class ControlParameters:
         if problems := unknown_parameters(self.declared, names):
             raise ConfigError(problems)
         # Values of files are used unless -p sets them. If files have several sections for a node,
-        # rcl would use the last one of the first file, whatever later files have.
+        # rcl would use the last one of the first file, regardless of later files.
         written = {name: v for name, v in file.values.items() if name not in names}
         overrides = {name: v for name, v in given.items() if is_parameter(self.declared, name)}
         self.values = declare(node, self.declared, file.values, fixed={**written, **overrides})
@@ -88,7 +88,7 @@ class ControlParameters:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of entries without effect, and of older names, each with its place."""
+        """Warnings about entries without effect and about older names, each with its place."""
         limits = self.config.drive.limits if self.config.drive else {}
         problems = [
             Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}")
@@ -104,11 +104,11 @@ class ControlParameters:
         return [*self._ignored, *(problem.message(self.places) for problem in problems)]
 
     def changed(self, parameters: Sequence[Parameter], simulated: bool) -> SimulationConfig:
-        """Return the configuration with these parameters set; nothing changes yet.
+        """Return the configuration with these parameters set, without applying it.
 
         Args:
             parameters: parameters to set.
-            simulated: whether the node keeps simulated time.
+            simulated: whether the node uses simulated time.
 
         Raises:
             ConfigError: values are wrong; it names each of them.
@@ -123,7 +123,7 @@ class ControlParameters:
         self.config = read(self.declared, self.values)
 
     def _own(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
-        """Return the values of those ``parameters`` that are ours, by name."""
+        """Return the values of those ``parameters`` that are declared here, by name."""
         return {p.name: plain(p.value) for p in parameters if is_parameter(self.declared, p.name)}
 
 
@@ -131,9 +131,9 @@ def _clock_problems(parameters: Sequence[Parameter], simulated: bool) -> list[Pr
     values: Mapping[str, Any] = {p.name: p.value for p in parameters}
     problems = []
     if values.get("use_sim_time", simulated) not in (simulated, None):
-        text = "is read when the node starts; restart it to change whose time it uses"
+        text = "is only read when the node starts; restart the node to change its time source"
         problems.append(Problem("use_sim_time", text))
     if not simulated and values.get("real_time_factor", 1.0) not in (1, 1.0):
-        text = "this node keeps the system's time; start it with use_sim_time:=true"
+        text = "this node uses the system time; start it with use_sim_time:=true"
         problems.append(Problem("real_time_factor", f"{text} to change the pace while it runs"))
     return problems

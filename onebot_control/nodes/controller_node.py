@@ -1,6 +1,6 @@
-"""What the ROS interfaces of joint controllers are made of: a node with its parameters, an action.
+"""The building blocks of joint controllers' ROS interfaces: a node with parameters, an action.
 
-Everything that changes the robot is called in the control thread, between two cycles.
+Everything that changes the robot runs in the control thread, between two cycles.
 """
 
 import time
@@ -35,10 +35,10 @@ from onebot_description.timing.throttled import Throttled
 from onebot_description.timing.wake_detector import boot_time
 
 _IGNORED_EVERY = 1.0  # s between two log messages about ignored messages
-_OLD = "it may be from before this process woke from a stop; send it again"
-# Seconds that a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not a
-# whole number of cycles: rcl's timer fires after exactly this time, but a result expires only
-# later. While simulated time stands at that moment, an executor would find the timer ready forever.
+_OLD = "it may have been sent before this process was stopped and resumed; send it again"
+# Seconds for which a result is kept for its client, as in rclcpp; rclpy's default is 900. It is not
+# a whole number of cycles: rcl's timer fires after exactly this time, but a result only expires
+# after it. If simulated time stood still at that moment, the timer would be ready forever.
 RESULT_KEPT = 10.0000005
 
 Values = Mapping[str, Any]
@@ -50,17 +50,17 @@ G = TypeVar("G")  # a goal, as the follower takes it
 
 @dataclass(frozen=True)
 class ControllerPlace:
-    """Where a joint controller gets its interface.
+    """The environment in which a joint controller creates its interface.
 
     Attributes:
         node: the node, with the controller's name.
         controller: the controller with the parameters of the files.
         slot: slot of the robot.
-        refused: returns why commands are refused now; "" if they are not.
+        refused: returns why commands are currently rejected; "" if they are not.
         clock: clock of the timers.
         stamp: returns the stamp of the last control cycle, ns.
         publishers: called in each control cycle, to publish the controller's state.
-        listeners: called in the control thread with how a goal of the controller ended.
+        listeners: called in the control thread with the outcome of a goal of the controller.
     """
 
     node: Node
@@ -74,13 +74,13 @@ class ControllerPlace:
 
 
 class ControllerNode(Generic[F]):
-    """The node of one joint controller: its parameters, and ways to its follower.
+    """The node of one joint controller: its parameters, and access to its follower.
 
-    Callbacks run in the thread that spins the node, and change the robot in the control thread
-    only.
+    Callbacks run in the thread that spins the node, and only change the robot in the control
+    thread.
 
     Attributes:
-        controller: the controller with the parameters in force.
+        controller: the controller with the current parameters.
         loop: the control loop, which calls everything that changes the robot.
     """
 
@@ -90,14 +90,14 @@ class ControllerNode(Generic[F]):
         declared: Values | None = None,
         own: Callable[[Values], Values] = dict,
     ) -> None:
-        """Configure the follower, and follow changes of the parameters.
+        """Configure the follower, and apply changes of the parameters.
 
         Args:
             place: node, controller and robot.
-            declared: the values in force of the parameters declared on the node; None to declare
-                the controller's.
-            own: returns the controller's parameters for values of those declared; it raises a
-                OneBotError if they are wrong.
+            declared: current values of the parameters declared on the node; None to declare the
+                controller's.
+            own: converts values of the declared parameters to the controller's; raises OneBotError
+                if they are wrong.
         """
         self.node, self.place, self.loop = place.node, place, place.slot.running
         self.controller: JointController[F] = place.controller
@@ -107,25 +107,25 @@ class ControllerNode(Generic[F]):
         self._values, self._own = dict(declared), own
         self.error = Throttled(lambda text: self.node.get_logger().error(text), _IGNORED_EVERY)
         with named(place.controller.name):
-            self.controller = self._configured()  # it has the command line's parameters
+            self.controller = self._configured()  # with parameters of the command line
         place.slot.robot.configure_controller(self.controller)
         refuse_undeclared(self.node, kind)
         follow_changes(self.node, self._configured, self._apply)
 
     @property
     def follower(self) -> F:
-        """The follower of the robot in its present world."""
+        """The follower of the robot in its current world."""
         return cast(F, self.place.slot.robot.followers[self.controller.name])
 
     def subscribe(
         self, kind: Any, topic: str, prepare: Callable[[Any], Callable[[], None] | None]
     ) -> None:
-        """Subscribe to commands; those sent before the process woke from a stop are ignored.
+        """Subscribe to commands; those sent before the process was resumed are ignored.
 
         Args:
             kind: type of the messages.
             topic: name of the topic.
-            prepare: called with each message; returns what to call in the control thread.
+            prepare: called with each message; returns a function for the control thread.
         """
         sender = SenderClock()
 
@@ -160,23 +160,23 @@ class ControllerNode(Generic[F]):
         return {p.name: plain(p.value) for p in parameters if p.name in self._values}
 
     def _configured(self, parameters: Sequence[Parameter] = ()) -> JointController[F]:
-        """Return the controller with the values in force, and ``parameters`` set."""
+        """Return the controller with the current values, and ``parameters`` set."""
         values = self._own({**self._values, **self._changed(parameters)})
         return JointController(self.controller.kind, self.controller.name, values)
 
 
 @dataclass(frozen=True)
 class GoalFunctions(Generic[G]):
-    """What an action does with the goals of its kind.
+    """The functions of an action for its goals.
 
     Attributes:
-        goal: converts a request to a goal for the follower; it may take long.
-        problems: returns why a goal is refused, a line for each reason; it may take long.
-        follow: follows a goal with its handle; returns the outcome of the goal that it preempts.
+        goal: converts a request to a goal for the follower; may take long.
+        problems: returns why a goal is rejected, one line per reason; may take long.
+        follow: follows a goal with its handle; returns the outcome of the preempted goal.
             Runs in the control thread.
         fill_feedback: fills a feedback message. Runs in the control thread.
         fill_result: fills the result of a goal that has just ended. Runs in the control thread.
-        accepted: called with a goal that was accepted, before it is followed.
+        accepted: called with an accepted goal, before it is followed.
     """
 
     goal: Callable[[Any], G]
@@ -188,10 +188,10 @@ class GoalFunctions(Generic[G]):
 
 
 class DeferredAction(ActionServer):
-    """An action whose goals the control loop executes."""
+    """An action whose goals are executed by the control loop."""
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
-        """Do nothing: the goal is followed already."""
+        """Do nothing: the follower is already executing the goal."""
 
     def finish(self, goal_handle: Any, end: Callable[[Any], Any]) -> None:
         """End a goal soon: ``end`` sets its state and returns its result."""
@@ -213,12 +213,12 @@ class GoalAction(Generic[G]):
             host: the controller.
             kind: type of the action.
             name: name of the action.
-            functions: what it does with goals.
+            functions: its functions for goals.
         """
         self._host, self._functions = host, functions
         self._type = load_interface(kind)
         self._ended: deque[tuple[Outcome, Any]] = deque()  # each with its result
-        host.follower.active = None  # an earlier node's goal has no client any more
+        host.follower.active = None  # the goal of an earlier node has no client left
         self._action = DeferredAction(
             host.node,
             self._type,
@@ -234,7 +234,7 @@ class GoalAction(Generic[G]):
         host.node.create_timer(1.0 / rate, self._monitor, clock=host.place.clock)
 
     def finish(self, outcome: Outcome) -> None:
-        """Take notice of how a goal ended; its client gets the result soon."""
+        """Queue the result of a goal that has ended, for its client."""
         result = self._type.Result()
         self._functions.fill_result(result, outcome)
         self._ended.append((outcome, result))
@@ -243,10 +243,10 @@ class GoalAction(Generic[G]):
         """Follow a goal that was checked for ``follower``.
 
         Raises:
-            OneBotError: it cannot be followed any more.
+            OneBotError: it can no longer be followed.
         """
         if follower is not self._host.follower:
-            raise OneBotError("the robot was reset, or its description changed, just now")
+            raise OneBotError("the robot was just reset, or its description changed")
         if refused := self._host.place.refused():
             raise OneBotError(refused)
         if preempted := self._functions.follow(goal, handle):
@@ -254,11 +254,11 @@ class GoalAction(Generic[G]):
 
     # Goals are checked in the node's thread: many points take longer than a control cycle.
     def refusal(self, goal: G) -> str:
-        """Return why a goal cannot be followed now; "" if it can."""
+        """Return why a goal cannot currently be followed; "" if it can."""
         return self._host.place.refused() or first_of([*self._functions.problems(goal)])
 
     def _cancel(self, handle: Any) -> None:
-        """Cancel a goal, unless it has just ended: then its client gets that result."""
+        """Cancel a goal, unless it has just ended: then its client receives that result."""
         if self._host.follower.active is handle:
             self._host.follower.cancel()
             self.finish(Outcome(handle, CANCELLED, ""))
@@ -277,7 +277,7 @@ class GoalAction(Generic[G]):
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: Any) -> None:
-        follower, goal = self._accepted  # rclpy calls this at once after ``_on_goal``
+        follower, goal = self._accepted  # rclpy calls this immediately after ``_on_goal``
         self._functions.accepted(goal)
         handle.execute()
         if fault := self._host.fault(lambda: self.start(follower, goal, handle)):
@@ -286,7 +286,7 @@ class GoalAction(Generic[G]):
     def _on_cancel(self, handle: Any) -> CancelResponse:
         """Cancel a goal, and always accept.
 
-        When a client cancels all goals, rclpy skips the goal after a refused one. A goal that has
+        When a client cancels all goals, rclpy skips the goal after a rejected one. A goal that has
         just ended keeps its own result.
         """
         if fault := self._host.fault(lambda: self._cancel(handle)):
@@ -295,7 +295,7 @@ class GoalAction(Generic[G]):
 
     def _monitor(self) -> None:
         """Send feedback, and the results of goals that have ended."""
-        # The client's next goal must not come while goals are refused because of that wake.
+        # Wait, as the client's next goal would be rejected right after the process was resumed.
         while self._ended and not self._host.loop.just_woke:
             self._end(*self._ended.popleft())
         if (handle := self._host.follower.active) is not None:

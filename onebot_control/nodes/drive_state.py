@@ -1,4 +1,4 @@
-"""Publishes what a drive's controller does on ~/controller_state, as the standard ones do."""
+"""Publishes the state of a drive on ~/controller_state, like the standard controllers."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -16,18 +16,18 @@ from onebot_description.ros.topic_qos import DEPTH
 from onebot_description.ros.wire.interfaces import load_interface
 
 Indices = Mapping[str, int]
-"""The index of each joint in its states, by its name."""
+"""The index of each joint in the joint states, by name."""
 
 
 class DriveStatePublisher:
-    """Publishes the states of one drive, if its kind has them. Only the control thread uses it."""
+    """Publishes the state of one drive, if its type has one. Only used by the control thread."""
 
     def __init__(self, node: Node, config: DriveParameters[Any]) -> None:
         """Create the publisher.
 
         Args:
             node: node of the robot.
-            config: the drive's parameters, of which the type counts.
+            config: the drive's parameters, whose type determines the message.
         """
         self._publisher = None
         for kind, (name, fill) in _STATES.items():
@@ -36,12 +36,12 @@ class DriveStatePublisher:
                 self._publisher = node.create_publisher(self._kind, "~/controller_state", DEPTH)
 
     def publish(self, drive: Drive, joints: tuple[str, ...], states: JointStates, at: Time) -> None:
-        """Publish the state, if anybody subscribes.
+        """Publish the state, if there are subscribers.
 
         Args:
             drive: the drive.
-            joints: names of the joints that ``states`` are of.
-            states: the measured ones.
+            joints: names of the joints in ``states``.
+            states: the measured joint states.
             at: the stamp.
         """
         if self._publisher is None or not self._publisher.get_subscription_count():
@@ -55,7 +55,7 @@ class DriveStatePublisher:
 
 
 def _fill_mecanum(message: Any, drive: Drive, indices: Indices, states: JointStates) -> None:
-    """Write the measured velocities of the first wheel at each corner, and the command, limited."""
+    """Write the measured velocity of the first wheel at each corner, and the limited command."""
     wheels = drive.wheels
     assert isinstance(wheels, MecanumWheels)
     corners = "front_left", "front_right", "back_right", "back_left"
@@ -67,7 +67,7 @@ def _fill_mecanum(message: Any, drive: Drive, indices: Indices, states: JointSta
 
 
 def _fill_steering(message: Any, drive: Drive, indices: Indices, states: JointStates) -> None:
-    """Write the measured states of the wheels and of the steering, and their commands."""
+    """Write the measured states and the commands of the wheels and the steering."""
     wheels = drive.wheels
     traction = [(indices[name], wheels.directions[name]) for name in wheels.names]
     message.traction_wheels_position = [sign * states.positions[index] for index, sign in traction]

@@ -1,7 +1,7 @@
-"""Stops publishing ground truth on TF as soon as another node localizes the robot (REP-105).
+"""Stops publishing ground truth on TF when another node localizes the robot (REP-105).
 
 A frame has only one parent in TF. If a localizer such as AMCL or slam_toolbox publishes the parent
-of odom, the simulation does not publish the true one any more.
+of odom, the simulation no longer publishes the true one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,13 @@ from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
 
 _TOPICS = {"/tf": False, "/tf_static": True}  # whether each is latched
-# Messages kept between two polls; localizers repeat what is lost. At ten polls a second it bounds
-# the cost: 1,000 messages, of 17 us each, are 2 % of a core.
+# Messages kept between two polls; localizers repeat lost ones. With ten polls per second it limits
+# the load: 1,000 messages, of 17 us each, are 2 % of a core.
 _DEPTH = 100
 
 
 class LocalizerWatch:
-    """Looks for localizers of all robots of a world.
+    """Detects localizers of all robots of a world.
 
     It polls, because an executor would wake up for each transform of all robots.
     """
@@ -32,15 +32,15 @@ class LocalizerWatch:
         """Prepare; ``poll`` subscribes.
 
         Args:
-            nodes: nodes of the robots, whose own publishers do not count.
-            robots: publish ground truth.
+            nodes: nodes of the robots, whose own publishers are ignored.
+            robots: the publishers of ground truth.
         """
         self._nodes, self._all_robots = nodes, robots
-        self._robots: Mapping[str, Publishers] = {}  # those whose truth is on TF, by odom frame
+        self._robots: Mapping[str, Publishers] = {}  # those with ground truth on TF, by odom frame
         self._subscriptions: list[Any] = []
 
     def poll(self) -> None:
-        """Look for localizers; call it several times a second, when the control loop runs."""
+        """Look for localizers; call it several times per second while the control loop runs."""
         robots = {
             robot.odom_frame: robot
             for robot in self._all_robots

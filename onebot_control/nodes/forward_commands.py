@@ -1,4 +1,4 @@
-"""forward_command_controller's ROS interface: the topic of one controller."""
+"""The ROS interface of forward_command_controller: the topic of one controller."""
 
 from collections.abc import Callable, Sequence
 

@@ -54,5 +54,5 @@ class GripperActions:
             message.state = state
         else:
             [message.position], [message.effort] = positions, efforts
-        if hasattr(message, "stalled"):  # ParallelGripperCommand's feedback has the state only
+        if hasattr(message, "stalled"):  # the feedback of ParallelGripperCommand only has the state
             message.stalled, message.reached_goal = follower.stalled, follower.reached

@@ -15,8 +15,8 @@ from onebot_control.trajectories.gripping import GripperCommandFollower, Gripper
 
 
 def controller_interfaces() -> Mapping[type[JointFollower], Callable[[Any], object]]:
-    """Return what makes the ROS interface at a ``ControllerPlace``, for each kind of controller."""
-    # Imported late: actions take 0.1 s, and most robots have only wheels.
+    """Return the constructor of the ROS interface, from a ``ControllerPlace``, by follower type."""
+    # Imported late: actions take 0.1 s, and most robots only have wheels.
     from onebot_control.nodes.forward_commands import ForwardCommands
     from onebot_control.nodes.gripper_actions import GripperActions
     from onebot_control.nodes.joint_trajectories import JointTrajectories
@@ -33,7 +33,7 @@ class JointControllerNodes:
     """Creates the node of each joint controller of a robot, and publishes its state.
 
     Attributes:
-        nodes: the nodes; the code that starts the loop has to spin them.
+        nodes: the nodes, to be spun by the code that starts the loop.
     """
 
     def __init__(
@@ -42,16 +42,16 @@ class JointControllerNodes:
         """Create the nodes, with their topics, actions and services.
 
         Args:
-            beside: the robot's node; these are in the same namespace.
+            beside: the robot's node, with the same namespace.
             slot: slot of the robot.
-            lock: lock of the robot; while it is locked, commands are refused.
+            lock: lock of the robot; while it is locked, commands are rejected.
             clock: clock of the actions' timers; None for each node's own clock.
         """
         self._slot, self._stamp = slot, 0
         self.nodes: list[Node] = []
         self._places: dict[str, Any] = {}  # ControllerPlaces, by controller
         robot = slot.robot
-        robot.finished.clear()  # goals of earlier nodes, whose clients have gone
+        robot.finished.clear()  # goals of earlier nodes have no clients left
         if not robot.joint_controllers:
             return
         from onebot_control.nodes.controller_node import ControllerPlace
@@ -71,7 +71,7 @@ class JointControllerNodes:
             self.nodes.append(node)
 
     def publish(self, stamp: int) -> None:
-        """Publish the states in the control cycle of a ``stamp``, ns, and pass on ended goals."""
+        """Publish the states in the control cycle at ``stamp``, ns, and pass on ended goals."""
         self._stamp = stamp
         for place in self._places.values():
             for publish in place.publishers:

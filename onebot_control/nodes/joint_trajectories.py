@@ -1,4 +1,4 @@
-"""joint_trajectory_controller's ROS interface: topics, action and service of one controller."""
+"""The ROS interface of a joint_trajectory_controller: its topics, action and service."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -40,7 +40,7 @@ from onebot_description.timing import NS_PER_S
 # As joint_trajectory_controller's SystemDefaultsQoS with Fast DDS: the state is latched.
 _LATCHED = make_qos(DEPTH, reliable=True, latched=True)
 
-# As joint_trajectory_controller has it with Fast DDS; only latched publishers match it.
+# As in joint_trajectory_controller with Fast DDS; only latched publishers match it.
 _LATCHED_BY_ANY = make_qos(DEPTH, reliable=False, latched=True)
 
 
@@ -84,7 +84,7 @@ class JointTrajectories:
         node.create_service(query, "~/query_state", self._on_query)
 
     def _publish(self) -> None:
-        """Publish ~/controller_state, if it is subscribed to."""
+        """Publish ~/controller_state, if there are subscribers."""
         if not self._state.get_subscription_count():
             return
         follower, message = self._host.follower, self._message
@@ -96,8 +96,8 @@ class JointTrajectories:
     def _fill_state(self, message: Any, desired: Any, measured: Any) -> None:
         """Fill the fields that ~/controller_state and the feedback have in common.
 
-        As joint_trajectory_controller's, measured motion and error have the derivatives that
-        state_interfaces name, and errors of derivatives are 0 while positions are commanded.
+        As in joint_trajectory_controller, measured motion and error have the derivatives named in
+        state_interfaces, and errors of derivatives are 0 while positions are commanded.
         """
         follower = self._host.follower
         message.header.stamp = time_message(self._host.place.stamp())
@@ -116,7 +116,7 @@ class JointTrajectories:
         if fault := self._action.refusal(goal):
             self._ignore(fault)
             return None
-        # Nobody waits for it: of what a cycle receives, the last trajectory is followed.
+        # No client waits for it: only the last trajectory of a cycle is followed.
         return lambda: self._start_streamed(follower, goal)
 
     def _start_streamed(self, follower: TrajectoryFollower, goal: _Goal) -> None:
@@ -143,7 +143,7 @@ class JointTrajectories:
 
     def _problems(self, goal: _Goal) -> list[str]:
         loop = self._host.loop
-        # Only the control thread may ask for the system's time.
+        # Only the control thread may read the system time.
         now = loop.now_ns() if loop.simulated else self._host.place.stamp()
         return self._host.follower.problems(goal[0], now)
 
@@ -165,7 +165,7 @@ class JointTrajectories:
 
 
 def _declared(place: ControllerPlace, joints: Sequence[str]) -> dict[str, Any]:
-    """Declare the parameters, including those of single joints; return the values in force."""
+    """Declare the parameters, including those of single joints; return the current values."""
     values = place.controller.values
     common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
     single = {
@@ -182,7 +182,7 @@ def _declared(place: ControllerPlace, joints: Sequence[str]) -> dict[str, Any]:
 
 
 def _own_values(place: ControllerPlace, declared: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the controller's parameters for values of those declared.
+    """Convert values of the declared parameters to those of the controller.
 
     Raises:
         ConfigError: parameters of single joints are wrong.

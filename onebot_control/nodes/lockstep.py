@@ -1,9 +1,9 @@
-"""Runs ROS nodes of this process in lockstep with a Simulation, whatever its speed.
+"""Runs ROS nodes of this process in lockstep with a Simulation, at any speed.
 
-In each control cycle the robots' topics and transforms are published, as ``velocity_controller``
-publishes them and by the same code, with /clock and the measurements that are due. Then the nodes'
-callbacks run until nothing is left to do, timers on simulated time included; their commands take
-effect in the next cycle, and only then the physics moves on.
+In each control cycle the robots' topics and transforms are published, by the same code as in
+``velocity_controller``, with /clock and the measurements that are due. Then the nodes' callbacks
+run until none is ready, including timers on simulated time. Their commands take effect in the next
+cycle, and only then does the physics continue.
 """
 
 import functools
@@ -58,28 +58,28 @@ S = TypeVar("S")  # the simulation
 T = TypeVar("T")
 RCLError = rclpy_implementation.RCLError
 
-_POLLS = 4.0  # Hz, in simulated time, of polls for publishers of commands and localizers
+_POLLS = 4.0  # Hz in simulated time, rate of polls for publishers of commands and localizers
 _PATIENCE = 10.0  # s of wall time to wait for latched messages
 _Timeout = Annotated[float, Rule(at_least=0.0)]
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
-_OWN_TOPICS = {"/rosout", "/parameter_events"}  # each node has them
+_OWN_TOPICS = {"/rosout", "/parameter_events"}  # topics of every node
 
 
 @checked_methods(before=lambda self: self._require_open())
 class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     """Runs nodes in lockstep with a simulation; ``Simulation.ros`` creates it.
 
-    Nodes that work by callbacks and by timers on simulated time behave identically in each run.
-    Timers on wall time and executors of their own are warned of; threads cannot be noticed.
+    Nodes that use callbacks and timers on simulated time behave identically in each run. There are
+    warnings about timers on wall time and separate executors; threads cannot be detected.
 
     All nodes are in one context. Within it, Fast DDS connects a publisher and a subscription, or a
     client and a service, before the function that creates the second one returns, so nothing
-    depends on discovery; and it delivers a message before ``publish`` returns, so if no callback is
-    ready, nothing is on its way. /clock is delivered by a call.
+    depends on discovery. It delivers a message before ``publish`` returns, so no message is pending
+    when no callback is ready. /clock is delivered by a call.
 
     Attributes:
-        simulation: the simulation that the nodes are in lockstep with.
+        simulation: the simulation of the nodes.
     """
 
     _current: "ClassVar[Lockstep[Any] | None]" = None
@@ -94,14 +94,13 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         nav2_topics: bool,
         callback_timeout: float,
     ) -> None:
-        """Create the nodes of the simulation's robots; ``Simulation.ros`` has the arguments.
+        """Create the nodes of the simulation's robots; see ``Simulation.ros`` for the arguments.
 
-        rclpy's default context is initialized, with use_sim_time for all nodes, unless it is
-        already.
+        rclpy's default context is initialized, with use_sim_time for all nodes, if necessary.
         """
         _check_arguments(domain_id, remap)
         if Lockstep._current is not None:
-            text = "the robots of another simulation in this process are on ROS topics already"
+            text = "the robots of another simulation in this process already use ROS topics"
             raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
         self.simulation, self._core = simulation, core
         self._stamp = 0  # the last published one, ns
@@ -123,7 +122,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         on_close.callback(self._forget)
         is_own = self._initialize(domain_id, remap)
         self._context = rclpy.get_default_context()
-        wake_exactly()  # otherwise each wait for nothing takes 50 us
+        wake_exactly()  # otherwise each wait takes at least 50 us
         on_close.callback(wake_exactly, False)
         self._watch = CallbackWatch(timeout)
         on_close.callback(self._watch.close)
@@ -188,7 +187,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         return True
 
     def add(self, *nodes: Node, timeout: _Timeout = _PATIENCE) -> None:
-        """Put nodes in lockstep; afterwards they have received the last latched messages.
+        """Put nodes in lockstep, and deliver the last latched messages to them.
 
         ``close`` destroys them.
 
@@ -198,8 +197,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             timeout: wall time to wait for latched messages, s.
 
         Raises:
-            OneBotError: a node cannot be in lockstep, or the QoS of a topic that both a node and a
-                robot have differs.
+            OneBotError: a node cannot be in lockstep, or its QoS of a robot's topic is
+                incompatible.
         """
         for node in nodes:
             self._check(node)
@@ -213,10 +212,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._warn_of_silent_topics(nodes)
 
     def remove(self, *nodes: Node) -> None:
-        """Take nodes out of lockstep, without destroying them: their callbacks run no more.
+        """Take nodes out of lockstep, without destroying them: their callbacks no longer run.
 
         Raises:
-            OneBotError: a node has not been added, or has been removed already.
+            OneBotError: a node has not been added, or has already been removed.
         """
         for node in nodes:
             if node not in self._added:
@@ -225,7 +224,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._executor.remove_node(node)
 
     def _publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
-        """Publish the beginning of a control cycle, and run the nodes' callbacks."""
+        """Publish the start of a control cycle, and run the nodes' callbacks."""
         if not self._is_running():
             return
         assert self._interface is not None
@@ -248,8 +247,8 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def settle(self, timeout: _Timeout = _PATIENCE) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here.
 
-        What they have created is connected when this returns, and has received the last messages
-        of latched topics, for which it waits for ``timeout`` s of wall time.
+        Publishers and subscriptions created by them are connected when this returns, and have
+        received the last latched messages, for which it waits ``timeout`` s of wall time.
         """
         self._settle(timeout)
 
@@ -290,7 +289,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             return True
         if (first := self._robot_nodes[0]) not in self._warned:
             self._warned.add(first)
-            text = "rclpy was shut down: the simulation goes on without its nodes and topics"
+            text = "rclpy was shut down: the simulation continues without its nodes and topics"
             first.get_logger().warning(text)
         return False
 
@@ -302,12 +301,12 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         """Check that a node can be in lockstep.
 
         Raises:
-            OneBotError: it says why not.
+            OneBotError: it cannot; the text is the reason.
         """
         if not isinstance(node, Node):
-            raise OneBotError(f"add takes nodes, such as rclpy.node.Node('name'), not {node!r}")
+            raise OneBotError(f"add needs nodes, such as rclpy.node.Node('name'), not {node!r}")
         if not self._context.ok() or node.context is not self._context:
-            text = "is not of rclpy's default context of this simulation, so cannot be in lockstep"
+            text = "is not in rclpy's default context of this simulation, so cannot be in lockstep"
             raise OneBotError(f"a node {text}; create it after ros(), without context=")
         if not is_alive(node.handle):
             raise OneBotError("a node that has been destroyed cannot be in lockstep")
@@ -315,16 +314,16 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         if _only_listens(executor):
             executor.shutdown()  # the node's callbacks run here instead
         if executor not in (None, self._executor) and node in executor.get_nodes():
-            text = f"runs in a {type(executor).__name__} of its own, so cannot be in lockstep"
+            text = f"runs in a separate {type(executor).__name__}, so cannot be in lockstep"
             raise OneBotError(f"{_named(node)} {text}; simulation.run runs its callbacks")
 
     def _follow_time(self, node: Node) -> None:
-        """Set a node's time; it uses simulated time from now on."""
+        """Set a node's time, and let it use simulated time."""
         if not node.get_parameter(_USE_SIM_TIME.name).value:
             [result] = node.set_parameters([_USE_SIM_TIME])
             if not result.successful:
                 raise OneBotError(f"{_named(node)}: use_sim_time cannot be set: {result.reason}")
-            # At the next change of time, a timer would count what it has waited for of wall time.
+            # At the next change of time, a timer would count the wall time that it has waited.
             node._time_source.clock_callback(Clock(clock=Time(nanosec=1)))
             node._time_source.clock_callback(self._clock)
             for timer in node.timers:
@@ -336,7 +335,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             node._time_source.clock_callback(self._clock)
 
     def _unconnected(self, nodes: Sequence[Node]) -> Iterator[str]:
-        """Yield the topics of robots and nodes whose QoS differ, with the reason."""
+        """Yield the topics of robots and nodes with incompatible QoS, with the reason."""
         pair = self._robot_nodes, nodes
         for publishing, subscribed in (pair, pair[::-1]):
             for publisher, subscription in product(
@@ -346,10 +345,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                     offered, requested = publisher.qos_profile, subscription.qos_profile
                     compatibility, reason = qos_check_compatible(offered, requested)
                     if compatibility == QoSCompatibility.ERROR:
-                        yield f"{topic}, as QoS differ: {reason.strip('; ')}"
+                        yield f"{topic}: incompatible QoS: {reason.strip('; ')}"
 
     def _await_latched(self, timeout: float) -> None:
-        """Wait until subscriptions have the last messages, which threads of DDS deliver."""
+        """Wait until subscriptions have received the last messages from DDS threads."""
         for publisher in _publishers(self._executor.nodes):
             if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
                 publisher.wait_for_all_acked(Duration(seconds=timeout))
@@ -367,10 +366,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                     if not count(topic):
                         guesses = [f'did you mean "{name}"? ' for name in alike(topic, topics)[:1]]
                         hint = f"({''.join(guesses)}the robot's: {listing(topics)})"
-                        node.get_logger().warning(f"nobody {text} {topic} {hint}")
+                        node.get_logger().warning(f"no node {text} {topic} {hint}")
 
     def _publish_links(self) -> None:
-        """Publish the robots' links on TF once a node listens, unless a node does that already."""
+        """Publish the robots' links on TF once a node subscribes, unless another node does so."""
         added, first = self._added, self._executor.first
         publishers = {node for node in added if _describes(node)}
         if publishers - first:
@@ -403,15 +402,15 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 )
                 node.get_logger().warning(f"{text}; timers on the node's own clock are")
 
-    # What rclpy does meanwhile -----------------------------------------------------------------
+    # Hooks in rclpy ----------------------------------------------------------------------------
 
     def _hooks(self) -> ExitStack:
-        """Return a context in which rclpy's nodes ask the robots, where that is necessary."""
+        """Return a context in which rclpy's nodes call this lockstep where necessary."""
         executor = Node.executor
 
         def set_executor(node: Node, new: Executor | None) -> None:
             if new is not None and _only_listens(new) and node in self._executor.nodes:
-                new.remove_node(node)  # it has just added the node, which runs here
+                new.remove_node(node)  # it has just added the node, whose callbacks run here
                 return
             self._check_executor(node, new)
             executor.fset(node, new)
@@ -439,7 +438,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         return stack
 
     def _check_executor(self, node: Node, executor: Executor | None) -> None:
-        """Keep a node that is in lockstep from another executor; log one of another node."""
+        """Reject another executor of a node in lockstep; log executors of other nodes."""
         if executor in (None, self._executor) or node.context is not self._context:
             return
         if _only_listens(executor):
@@ -450,15 +449,15 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             text = (
                 f"{_named(node)} is in lockstep, so neither rclpy.spin... nor a {kind} can run it"
             )
-            raise self._watch.fail(OneBotError(f"{text}; ros.remove(node) takes it out"))
+            raise self._watch.fail(OneBotError(f"{text}; ros.remove(node) removes it"))
         self._watch.foreign.add(executor)
         if node not in self._warned:
             self._warned.add(node)
-            text = f"{_named(node)} runs in a {kind} of its own, so it is not in lockstep"
-            node.get_logger().warning(f"{text}; ros.add(node) puts it in")
+            text = f"{_named(node)} runs in a separate {kind}, so it is not in lockstep"
+            node.get_logger().warning(f"{text}; ros.add(node) adds it")
 
     def _agreeing(self, create: Callable[..., T]) -> Callable[..., T]:
-        """Return a method that creates an end of a topic with the type that robots have there."""
+        """Return a method that creates a publisher or subscription with the robots' type."""
 
         @functools.wraps(create)
         def agreeing(node: Node, msg_type: Any, topic: str, *args: Any, **arguments: Any) -> T:
@@ -471,10 +470,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         return agreeing
 
     def _agree(self, node: Node, topic: str, kind: str) -> None:
-        """Have robots take commands of the type that a node is about to publish.
+        """Let robots use the command type that a node is about to publish.
 
         Raises:
-            OneBotError: a robot has the topic as another type; in a context, it has only one.
+            OneBotError: a robot uses another type; a topic has only one type in a context.
         """
         if not (interface := self._interface) or node.context is not self._context:
             return
@@ -486,26 +485,26 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         ends = (*_publishers(self._robot_nodes), *_subscriptions(self._robot_nodes))
         robot_types = {type_name(end.msg_type) for end in ends if end.topic_name == topic}
         for robot_type in robot_types - {kind}:
-            text = f"{_named(node)} has {topic} as {kind}, but the robot has it as {robot_type}"
+            text = f"{_named(node)} uses {topic} as {kind}, but the robot uses it as {robot_type}"
             raise OneBotError(f"{text}; in one process, a topic has one type")
 
 
 def _check_arguments(domain_id: int | None, remap: Mapping[str, str]) -> None:
-    """Check the arguments of ``Lockstep``, whose types ``Simulation.ros`` has checked.
+    """Check the arguments of ``Lockstep``; ``Simulation.ros`` has checked their types.
 
     Raises:
-        OneBotError: one of them cannot be used.
+        OneBotError: one of them is not valid.
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0" if domain_id is None else domain_id
     is_number = isinstance(domain, int) or domain.isdecimal()
     if not is_number or not 0 <= int(domain) <= MAX_DOMAIN:
         name = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
-        raise OneBotError(f"{name} is a number from 0 to {MAX_DOMAIN}, not {domain!r}")
+        raise OneBotError(f"{name} must be a number from 0 to {MAX_DOMAIN}, not {domain!r}")
     for name in (*remap, *remap.values()):
         try:
             validate_topic_name(name)
         except InvalidTopicNameException as error:
-            raise OneBotError(f"remap: {name!r} is no name of a topic: {error}") from None
+            raise OneBotError(f"remap: {name!r} is not a topic name: {error}") from None
 
 
 def _publishers(nodes: Sequence[Node]) -> Iterator[Publisher]:
@@ -521,7 +520,7 @@ def _named(node: Node) -> str:
 
 
 def _describes(node: Node) -> bool:
-    """Return whether a node publishes a robot's description, as robot_state_publisher does."""
+    """Return whether a node publishes a robot's description, like robot_state_publisher."""
     return any(end.topic_name.endswith("/robot_description") for end in node.publishers)
 
 
@@ -531,7 +530,7 @@ def _only_listens(executor: Any) -> bool:
 
 
 def _place(function: Any) -> str:
-    """Return a function's name, and where it is defined if that is known."""
+    """Return a function's name, and where it is defined, if known."""
     name = getattr(function, "__qualname__", None) or repr(function)
     code = getattr(function, "__code__", None)
     return f"{name} ({code.co_filename}:{code.co_firstlineno})" if code else name

@@ -35,19 +35,19 @@ from onebot_description.timing import NS_PER_S
 
 _KEPT = 200  # number of published true transforms that are remembered
 _TWO_CLOCKS = (
-    "time jumps between two simulations. Start one apart from the other with domain_id:=N, or one "
-    "of them in real time without /clock: use_sim_time:=false and real_time_factor 1.0"
+    "time jumps between two simulations. Separate them with domain_id:=N, or start one of them in "
+    "real time without /clock: use_sim_time:=false and real_time_factor 1.0"
 )
 
 
 class Publishers:
-    """Publishes a robot's snapshots. Only the control thread uses it.
+    """Publishes a robot's snapshots. Only used by the control thread.
 
     Attributes:
         world_frame: frame of true poses; "" for none.
         odom_frame: frame of the odometry.
-        localized: whether another node has published a parent of odom; then ground truth leaves TF.
-        truths: parents, stamps in ns and poses of odom that were published lately.
+        localized: whether another node has published a parent of odom, which replaces ground truth.
+        truths: parents, stamps in ns and poses of odom that were published recently.
     """
 
     def __init__(self, node: Node, *, clock: bool, odometry: str | None = "odom") -> None:
@@ -55,9 +55,9 @@ class Publishers:
 
         Args:
             node: node of the robot.
-            clock: whether to publish /clock, too.
-            odometry: name of the topic of odometry, in the node's namespace; None if the robot has
-                no drive.
+            clock: whether to also publish /clock.
+            odometry: name of the odometry topic, in the node's namespace; None if the robot has no
+                drive.
         """
         self._node = node
         self._joint_states = node.create_publisher(JointState, "joint_states", DEPTH)
@@ -68,7 +68,8 @@ class Publishers:
             self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
         self.localized = False
         self.truths: deque[tuple[str, int, Transform]] = deque(maxlen=_KEPT)
-        self._origin: tuple[str, str, Transform] | None = None  # the static truth, last published
+        # The last published static ground truth.
+        self._origin: tuple[str, str, Transform] | None = None
         self._limited: Publisher | None = None
         self._states: DriveStatePublisher | None = None
         self._clock: Publisher | None = None
@@ -124,11 +125,11 @@ class Publishers:
         return self._robot.config.ground_truth_tf
 
     def give_way(self, source: str) -> None:
-        """Take ground truth off TF, because another node publishes ``source``, a parent of odom."""
+        """Remove ground truth from TF, as another node publishes ``source``, a parent of odom."""
         self.localized = True
         text = f"another node publishes {source} on TF, so {self.world_frame} -> {self.odom_frame}"
-        text += " is not published any more; a restart, or ground_truth_tf set to false and to true"
-        self._node.get_logger().info(f"{text}, brings it back")
+        text += " is no longer published; to publish it again, restart, or set ground_truth_tf"
+        self._node.get_logger().info(f"{text} to false and then to true")
 
     def _odometry(self, frame: str, child: str) -> Odometry:
         message = Odometry(child_frame_id=child)
@@ -141,7 +142,7 @@ class Publishers:
         Args:
             snapshot: state of the robot.
             stamp_ns: stamp of the cycle, ns.
-            sensed: a sensor measures in this cycle, and needs transforms of this time.
+            sensed: whether a sensor measures in this cycle, and needs transforms of this time.
         """
         robot = self._robot
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NS_PER_S)
@@ -196,9 +197,9 @@ class Publishers:
         self._truth.publish(self._truth_message)
 
     def _publish_origin(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Publish the static pose of odom, or of a standing robot's base, in the world.
+        """Publish the static pose of odom, or of a fixed base, in the world.
 
-        It is published only when it changes. To withdraw it, a message without transforms replaces
+        It is only published when it changes. To withdraw it, a message without transforms replaces
         the last one for late subscribers.
         """
         origin: tuple[str, str, Transform] | None = None
@@ -215,9 +216,9 @@ class Publishers:
             self._tf_static.publish(self._origin_message)
 
     def _publish_true_origin(self, snapshot: Snapshot, odometry: Transform, stamp_ns: int) -> None:
-        """Publish the pose of odom in the world with which the robot is at its true pose.
+        """Publish the pose of odom in the world that places the robot at its true pose.
 
-        Wheels slip at a wall, and a ramp tilts the robot; odometry shows neither.
+        Wheels slip at a wall, and a ramp tilts the robot; odometry contains neither.
         """
         self._fill_origin(compose(snapshot.pose, inverse(odometry)), stamp_ns)
         if _is_subscribed(self._tf):
@@ -229,14 +230,14 @@ class Publishers:
 
 
 def _is_subscribed(publisher: Publisher) -> bool:
-    """Return whether a message would reach anybody: publishing costs much more than asking."""
+    """Return whether there are subscribers; publishing is much slower than this check."""
     return bool(publisher.get_subscription_count())
 
 
 class ScenePublisher:
     """Publishes the scene around the robots of a world, once for all robots.
 
-    The frames are named like the links; the root link may be the world's frame itself.
+    The frames are named after the links; the root link may be the world frame itself.
     """
 
     def __init__(self, node: Node, scene: SceneBodies, world_frame: str, rate: Divider) -> None:
@@ -244,9 +245,9 @@ class ScenePublisher:
 
         Args:
             node: the publisher.
-            scene: the bodies of the scene, of which only names and description are kept.
+            scene: the bodies of the scene; only names and description are kept.
             world_frame: parent of all frames.
-            rate: picks the cycles in which /tf is due.
+            rate: selects the cycles in which /tf is due.
         """
         self._scene, self._world, self._rate = scene.description, world_frame, rate
         self._tf = node.create_publisher(TFMessage, "/tf", DEPTH)
@@ -300,5 +301,5 @@ def _fill_twist(message: TwistMessage, twist: Twist) -> None:
 
 
 def _fill_planar(message: TwistMessage, linear: float, lateral: float, angular: float) -> None:
-    """Write a twist in the plane; the rest stays zero."""
+    """Write a planar twist; the other components stay zero."""
     message.linear.x, message.linear.y, message.angular.z = linear, lateral, angular

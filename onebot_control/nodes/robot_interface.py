@@ -30,14 +30,14 @@ from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
 from onebot_description.timing.throttled import Throttled
 
-_RADIUS = "minimum_turning_radius"  # a parameter by which others know what a car can do
+_RADIUS = "minimum_turning_radius"  # a parameter that other nodes read
 
 
 class SharedWorld(Protocol):
-    """What the robots of a world share.
+    """The shared part of the robots of a world.
 
     Attributes:
-        scene: what stands around the robots; None on bare ground.
+        scene: the scene around the robots; None on bare ground.
         simulated: whether stamps are simulated time.
         seed: seed of the sensors' noise.
         factor: the real_time_factor of all robots.
@@ -49,27 +49,27 @@ class SharedWorld(Protocol):
     factor: float
 
     def start_described(self) -> None:
-        """Start the control loop if all robots are described."""
+        """Start the control loop if the descriptions of all robots are known."""
 
     def check_frames(self, row: int, frames: RobotFrames) -> None:
-        """Check the frames that the robot in ``row`` would have, as ``frames.check_frames``."""
+        """Check new frames of the robot in ``row``, with ``frames.check_frames``."""
 
     def set_factor(self, factor: float) -> None:
-        """Set real_time_factor of all robots."""
+        """Set the real_time_factor of all robots."""
 
 
 class RobotInterface:
     """The ROS interface of one robot.
 
     Attributes:
-        node: the robot's.
-        settings: the parameters.
+        node: the robot's node.
+        settings: its parameters.
         description: description of the robot; None until it is known.
         slot: the robot's place in the control loop.
         publishing: publishes its state.
         commands: receives ~/cmd_vel and its lock.
         sensors: its simulated sensors.
-        step_topics: what a step waits for.
+        step_topics: the topics that a step waits for.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class RobotInterface:
         """Subscribe, and offer the services.
 
         Args:
-            world: shared with other robots.
+            world: the world, shared with other robots.
             row: the robot's index in its fleet.
             node: node of the robot.
             settings: its parameters.
@@ -118,7 +118,7 @@ class RobotInterface:
     def frames(
         self, config: SimulationConfig | None = None, description: Description | None = None
     ) -> RobotFrames:
-        """Return the robot's frames, now or with another config or description."""
+        """Return the robot's frames, with the current or another config or description."""
         robot = description or self.description
         assert robot is not None
         return RobotFrames.from_parameters(
@@ -129,7 +129,7 @@ class RobotInterface:
         )
 
     def member(self, name: str) -> Member:
-        """Return the robot as a member of the fleet; ``name`` is a prefix of errors."""
+        """Return the robot as a member of the fleet; ``name`` is a prefix for errors."""
         assert self.description is not None
         settings = self.settings
         return Member(
@@ -151,7 +151,7 @@ class RobotInterface:
     # The control loop --------------------------------------------------------------------------
 
     def prepare(self, robot: ControlledRobot, sensing: Sensing) -> None:
-        """Publish ``robot`` and measure with its sensors, as soon as the control loop starts."""
+        """Publish ``robot`` and measure with its sensors once the control loop starts."""
         self._sensing = sensing
         self.use(robot)
         self._sense(robot, self._channels())
@@ -179,12 +179,12 @@ class RobotInterface:
             self._controllers.publish(stamp)
 
     def restart(self) -> None:
-        """Begin again with the loop's fleet, which has gone back to the start."""
+        """Restart with the loop's fleet, which has been reset to the start."""
         self.use(self.slot.robot)
         self.step_topics.restart()
 
     def poll(self) -> None:
-        """Look for publishers of commands, drift and edited files, several times a second."""
+        """Look for publishers of commands, drift and edited files, several times per second."""
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
         drive = self.slot.robot.drive if self.slot.loop is not None else None
@@ -195,7 +195,7 @@ class RobotInterface:
             if radius is not None and radius != drive.geometry.minimum_radius:
                 self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.minimum_radius)])
         if self._controllers is not None and self.slot.running.paused:
-            # No cycle passes on the goals that a lock or a reset has ended.
+            # While paused, no cycle passes on goals that were ended by a lock or a reset.
             self.slot.running.post(self._controllers.finish)
         self.sensors.poll()
 
@@ -219,13 +219,13 @@ class RobotInterface:
             raise
 
     def _use(self, description: Description) -> None:
-        """Start with a description that was published, or change to it."""
+        """Start with a published description, or change to it."""
         previous = self.description
         if self.slot.loop is None:
             self._start(description)
         elif previous is not None:
             self._change(description, previous)
-            self.node.get_logger().info("now driving by the changed robot description")
+            self.node.get_logger().info("now using the changed robot description")
 
     def _change(self, description: Description, previous: Description) -> None:
         if (description.links, description.joints) != (previous.links, previous.joints):
@@ -255,14 +255,16 @@ class RobotInterface:
             self._world.check_frames(self.slot.row, self.frames(config))
 
     def _check_effect(self, config: SimulationConfig) -> None:
-        """Refuse changes of TF parameters that would have no effect.
+        """Reject changes of TF parameters that would have no effect.
 
         Raises:
-            ConfigError: it cannot be used; it says why.
+            ConfigError: the change has no effect; the text is the reason.
         """
         previous, in_scene = self.settings.config, self._world.scene is not None
         if in_scene and not config.world_frame_id and previous.world_frame_id:
-            text = "the frames of a world need a parent; ground_truth_tf: false takes odom off it"
+            text = (
+                "the frames of a world need a parent; ground_truth_tf: false removes odom from it"
+            )
             raise ConfigError([Problem("world_frame_id", text)])
         if config.ground_truth_tf and not previous.ground_truth_tf:
             if not config.world_frame(in_scene=in_scene):
@@ -312,14 +314,14 @@ class RobotInterface:
         return self.sensors.update(self.slot.row, self.description, self.settings.config)
 
     def _sense(self, robot: ControlledRobot, channels: Sequence[Channel] = ()) -> None:
-        """Use these sensors; call it in the control thread, or before that starts."""
+        """Use these sensors; call it in the control thread, or before it starts."""
         assert self._sensing is not None
         sensed = SensedRobot(robot.description, robot.joints, robot.held)
         self._sensing.enter(self.slot.row, sensed, channels)
 
 
 def _check_joints(robot: ControlledRobot, description: Description) -> None:
-    """Raise OneBotError if a joint controller would have no joint in another description."""
+    """Raise OneBotError if a joint controller would have no joints in another description."""
     drive = robot.config.drive
     wheels = drive.wheels(description) if drive else None
     for name, controller in robot.joint_controllers.items():

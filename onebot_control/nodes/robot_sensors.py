@@ -1,4 +1,4 @@
-"""The topics of a robot's sensors, which its URDF and an optional file define."""
+"""The topics of a robot's sensors, defined in its URDF and an optional file."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -24,14 +24,14 @@ _NO_FILE = SensorFile((), (), (), ())
 
 
 class RobotSensors:
-    """Keeps the sensors of one robot up to date: from its description, and from a watched file."""
+    """Keeps the sensors of one robot up to date, from its description and a watched file."""
 
     def __init__(self, node: Node, changed: Callable[[], None], seed: int = 0) -> None:
-        """Begin without sensors.
+        """Start without sensors.
 
         Args:
-            node: the robot's, which publishes.
-            changed: called when the file was edited.
+            node: the robot's node, which publishes.
+            changed: called when the file has been edited.
             seed: seed of the noise.
         """
         self._node, self._changed, self._seed = node, changed, seed
@@ -45,14 +45,14 @@ class RobotSensors:
         return next((p for p in self._publishers.values() if p.topic_name == topic), None)
 
     def poll(self) -> None:
-        """Check whether the file was edited; call it several times a second."""
+        """Check whether the file has been edited; call it several times per second."""
         if self._watch.poll():
             self._changed()
 
     def update(self, row: int, description: Description, config: SimulationConfig) -> list[Channel]:
         """Read the sensors, update the publishers, and return a channel for each sensor.
 
-        A sensor whose block has a fault stays as it was.
+        A sensor with an error in its block is not changed.
 
         Args:
             row: index of the robot in its fleet.
@@ -74,7 +74,7 @@ class RobotSensors:
             if sensor.name in bad and sensor.link in description.link_names
         ]
         for name in dict.fromkeys(sensor.name for sensor in kept):
-            warn(f'sensor "{name}" stays as it was: there is a fault in its block')
+            warn(f'sensor "{name}" was not changed: there is an error in its block')
         sensors += kept
         named = [replace(sensor, topics=self._full_names(sensor)) for sensor in sensors]
         self._sensors = [*_usable(named, warn)]
@@ -105,7 +105,7 @@ class RobotSensors:
         except OneBotError as error:
             if file != self._file:
                 raise
-            logger.error(f"{error}\nThe sensors stay as they were until this is mended.")
+            logger.error(f"{error}\nThe sensors are not changed until this is fixed.")
             return
         for notice in result.notices:
             logger.warning(notice)
@@ -128,7 +128,7 @@ class RobotSensors:
             self._publishers[kind, topic] = publisher
 
     def _full_names(self, sensor: Sensor) -> dict[str, str]:
-        """Return a sensor's topics, absolute."""
+        """Return the absolute names of a sensor's topics."""
         space = self._node.get_namespace().strip("/")
         names = {}
         for output, topic in sensor.topics.items():
@@ -140,7 +140,7 @@ class RobotSensors:
 
 
 def _usable(sensors: Sequence[Sensor], warn: Callable[[str], object]) -> Iterator[Sensor]:
-    """Yield the sensors that can be simulated; warn of the others."""
+    """Yield the sensors that can be simulated, and warn about the others."""
     used: list[Sensor] = []
     for sensor in sensors:
         shared = [topic for rival in used for topic in clashes(rival.topics, sensor.topics)]

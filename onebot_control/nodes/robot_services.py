@@ -17,7 +17,7 @@ from onebot_description.ros.topic_qos import DEPTH
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.timing.throttled import Warn
 
-_FARTHEST_POSE = 1e9  # m of a pose; odometry farther away would not be exact to the micrometre
+_FARTHEST_POSE = 1e9  # m; beyond it, odometry would not be exact to the micrometer
 
 
 class RobotServices:
@@ -35,8 +35,8 @@ class RobotServices:
         Args:
             node: node of the robot.
             slot: slot of the robot.
-            odom_frame: returns the frame of the odometry; None for a robot without odometry, which
-                has no ~/set_odometry and ~/reset_odometry.
+            odom_frame: returns the frame of the odometry; None for a robot without odometry, and
+                so without ~/set_odometry and ~/reset_odometry.
             warn: logs a warning, given a key and a text.
         """
         self._slot, self._odom_frame, self._warn = slot, odom_frame or (lambda: ""), warn
@@ -66,7 +66,7 @@ class RobotServices:
         try:
             loop = self._slot.running
             if not all(abs(value) <= _FARTHEST_POSE for value in pose):
-                text = "the pose is not finite, too far away, or its orientation no unit quaternion"
+                text = "the pose is not finite or too far away, or its quaternion is not normalized"
                 raise OneBotError(text)
             loop.call(lambda: use(self._slot.robot, frame, pose))
         except (OneBotError, ValueError) as error:
@@ -74,12 +74,12 @@ class RobotServices:
 
     def _teleport(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
         world, odom = robot.world_frame, self._odom_frame()
-        frame = frame or world or odom  # of a standing robot, which has no odometry, it may be ""
+        frame = frame or world or odom  # may be "" with a fixed base, which has no odometry
         if odom and frame == odom:
             pose = robot.odom_in_world.compose(pose)
         elif frame != world:
             frames = " or ".join(filter(None, (world, odom))) or "none"
-            raise OneBotError(f'no frame "{frame}" here; write {frames}')
+            raise OneBotError(f'there is no frame "{frame}"; write {frames}')
         robot.teleport(pose)
 
     def _place_odometry(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
@@ -113,7 +113,7 @@ class RobotServices:
 
 
 def planar_pose(message: PoseStamped) -> PlanarPose:
-    """Return a pose seen from above; yaw is NaN if the quaternion is not of unit length."""
+    """Return a pose seen from above; yaw is NaN if the quaternion is not normalized."""
     p, q = message.pose.position, message.pose.orientation
     norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
     yaw = yaw_of(q.x, q.y, q.z, q.w) if 0.98 < norm < 1.02 else math.nan

@@ -1,4 +1,4 @@
-"""Converts what sensors measure to their messages, and publishes these."""
+"""Converts sensor measurements to messages, and publishes them."""
 
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -90,7 +90,7 @@ def _imu(
 
 
 def _covariance(noises: Iterable[Noise]) -> NDArray[np.float64]:
-    """Return the covariance matrix (9,), row by row, of values that are independent."""
+    """Return the covariance matrix (9,), row by row, of independent values."""
     return np.diag([noise.stddev**2 for noise in noises]).ravel()
 
 
@@ -133,7 +133,7 @@ def _points(header: Header, model: object, rate: float, points: NDArray[np.void]
 
 
 def _contacts(header: Header, model: object, rate: float, contacts: Sequence[LinkContact]) -> Any:
-    """Return what ros_gz_bridge publishes, but in the frame of the header, and empty ones, too."""
+    """Return the message of ros_gz_bridge, but in the header's frame and also if empty."""
     names = "Contacts", "Contact", "Entity", "JointWrench"
     contacts_type, contact_type, entity, wrench = (
         load_interface(f"ros_gz_interfaces/msg/{name}") for name in names
@@ -178,8 +178,8 @@ _CONVERTERS: Mapping[str, Converter] = {
     "ros_gz_interfaces/msg/Contacts": _contacts,
 }
 MESSAGES = {output: _CONVERTERS[message] for output, message in MESSAGE_TYPES.items()}
-"""By output, the function that makes the message of a header, the sensor's model, its rate (Hz) and
-what it measures."""
+"""By output, the function that creates the message from a header, the sensor's model, its rate (Hz)
+and its measurement."""
 
 
 def message_type(output: str) -> type:
@@ -189,7 +189,7 @@ def message_type(output: str) -> type:
 
 
 class SensorPublisher:
-    """Publishes what one sensor measures."""
+    """Publishes the measurements of one sensor."""
 
     def __init__(
         self, instrument: Instrument[Any], frame: str, publishers: Mapping[str, Publisher]
@@ -197,7 +197,7 @@ class SensorPublisher:
         """Prepare to publish.
 
         Args:
-            instrument: measures with the sensor.
+            instrument: simulates the sensor.
             frame: frame_id of the messages.
             publishers: publishers by output.
         """
@@ -209,18 +209,18 @@ class SensorPublisher:
         return {output: publisher.topic_name for output, publisher in self._publishers.items()}
 
     def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody subscribes to, keys of ``Sensor.topics``."""
+        """Return the outputs with subscribers, keys of ``Sensor.topics``."""
         try:
             return frozenset(
                 output
                 for output, publisher in self._publishers.items()
                 if publisher.get_subscription_count()
             )
-        except InvalidHandle:  # the sensor was taken away meanwhile
+        except InvalidHandle:  # the sensor has been removed meanwhile
             return frozenset()
 
     def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish the outputs of one measurement, with ``stamp`` in ns."""
+        """Publish the outputs of one measurement, at ``stamp``, ns."""
         header = Header(stamp=time_message(stamp), frame_id=self._frame)
         model, rate = self._instrument.model, self._instrument.rate
         for output, values in outputs.items():

@@ -14,7 +14,7 @@ from onebot_description.ros.wire.interfaces import load_interface
 class SimulationServices:
     """The node ``simulation`` of a world, with its services, in its own thread.
 
-    The thread lets a step wait for commands, which the robots' nodes receive meanwhile.
+    In this thread, a step can wait for commands, which the robots' nodes receive meanwhile.
     """
 
     def __init__(
@@ -30,11 +30,11 @@ class SimulationServices:
             beside: a robot's node; with a single robot, the new node is in the same namespace,
                 otherwise in "/".
             loop: the control loop of the world.
-            restart: goes back to the start; it is called in the control thread.
-            failed: is called with the error that ends the thread.
+            restart: resets the world to the start; called in the control thread.
+            failed: called with the error that ends the thread.
         """
         self._loop, self._restart = loop, restart
-        self._reset_paused = False  # whether it was last paused by a reset: state STOPPED
+        self._reset_paused = False  # whether the last pause was a reset: state STOPPED
         self._node = Node(
             "simulation",
             context=beside.context,
@@ -103,15 +103,17 @@ class SimulationServices:
     def _set_state(self, request: Any, answer: Any) -> Any:
         target, states = request.state.state, self._states
         if target not in (states.STATE_STOPPED, states.STATE_PLAYING, states.STATE_PAUSED):
-            text = f"state {target} is not supported; there are 0 stopped, 1 playing, 2 paused"
+            text = f"state {target} is not supported; write 0 (stopped), 1 (playing) or 2 (paused)"
             return self._failed(answer, self._result.RESULT_FEATURE_UNSUPPORTED, text)
         if target == self._state:
-            return self._failed(answer, answer.ALREADY_IN_TARGET_STATE, "it is in this state")
+            return self._failed(
+                answer, answer.ALREADY_IN_TARGET_STATE, "it is already in this state"
+            )
         stopped = target == states.STATE_STOPPED
 
         def change() -> None:
             if stopped:
-                self._restart()  # first, as it may be refused
+                self._restart()  # first, as it may fail
             self._loop.pause(target != states.STATE_PLAYING)
 
         self._do(answer, change)

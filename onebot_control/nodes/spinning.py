@@ -15,7 +15,7 @@ _PATIENCE = 10.0  # s for the thread to end
 class NodeThread:
     """A thread that spins nodes of one context.
 
-    It uses no EventsExecutor: in a second thread of a process, that one runs no callbacks.
+    It does not use EventsExecutor, which runs no callbacks in a second thread of a process.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""An rclpy executor that runs whatever is ready, in the same order each time, and never waits."""
+"""An rclpy executor that runs all ready callbacks in a fixed order, and never waits."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -25,53 +25,54 @@ RCLError, WaitSet = rclpy_implementation.RCLError, rclpy_implementation.WaitSet
 
 
 class _Entry(NamedTuple):
-    """An entity of a node: something that a wait set waits for."""
+    """An entity of a node in a wait set."""
 
     kind: str
     entity: Any
     node: Node
     add: Callable[[Any], object]  # adds ``argument`` to the wait set
     argument: Any
-    pointer: int  # the wait set names it by this when it is ready; 0 for a waitable
-    is_first: bool  # whether other callbacks run only when none of these is ready
+    pointer: int  # the wait set's identifier of the ready entity; 0 for a waitable
+    is_first: bool  # whether other callbacks only run when none of these is ready
 
 
 class SteppedExecutor(Executor):
-    """Runs all callbacks that are ready: node by node as they were added, oldest entity first.
+    """Runs all ready callbacks: node by node in the order of ``add_node``, oldest entity first.
 
     rclpy's executors iterate over a set of nodes, whose order differs from process to process, and
     build a wait set for each wait, which takes longer than all callbacks of most nodes. This one
-    builds it when a node's entities have changed. It does not wait for the nodes' own subscriptions
-    to /clock: the caller sets their time.
+    only builds it when a node's entities have changed. It does not wait for the nodes' own
+    subscriptions to /clock: the caller sets their time.
 
-    Half of all entities are events, such as the log of a QoS that does not match. They have
-    callbacks only when entities have changed, or when ``look_for_events`` was set to true.
+    Half of all entities are events, such as the log of an incompatible QoS. They only have
+    callbacks when entities have changed, or when ``look_for_events`` was set to true.
 
-    Subscriptions to /tf and /tf_static, and the nodes that publish there what they receive, run
-    before all others: a transform is known when the callback of another message asks for it.
+    Subscriptions to /tf and /tf_static, and nodes that forward messages to them, run before all
+    others, so that callbacks of other messages can look up the transforms.
 
     Attributes:
         nodes: the nodes, in the order in which they were added.
-        changed: whether entities have changed since somebody set this to false.
+        changed: whether entities have changed since this was set to false.
         look_for_events: whether events count as ready in the next run.
         first: nodes whose callbacks run before those of the others.
     """
 
     def __init__(self, context: Context, watch: CallbackWatch) -> None:
-        """Begin without nodes; ``watch`` ends callbacks that block."""
+        """Start without nodes; ``watch`` ends blocking callbacks."""
         self.nodes: list[Node] = []
         self.first: set[Node] = set()
         self.changed = self._is_stale = self.look_for_events = True
         super().__init__(context=context)
         self._watch = watch
-        self._tasks: list[tuple[Task, Any, Node | None]] = []  # rclpy's executors have it, too
+        # rclpy's executors have this attribute, too.
+        self._tasks: list[tuple[Task, Any, Node | None]] = []
         self._suspended: set[Task] = set()
         self._entries: list[_Entry] = []
         self._entries_without_events: list[_Entry] = []
         self._wait_set: Any = None
 
     def add_node(self, node: Node) -> bool:
-        """Run a node's callbacks from now on; return false if it has been added already."""
+        """Run a node's callbacks from now on; return false if it has already been added."""
         if node in self.nodes:
             return False
         self.nodes.append(node)
@@ -90,14 +91,14 @@ class SteppedExecutor(Executor):
         return list(self.nodes)
 
     def wake(self) -> None:
-        """Take notice that entities have changed; nodes call it when they create or destroy one."""
+        """Record that entities have changed; nodes call it when they create or destroy one."""
         self.changed = self._is_stale = self.look_for_events = True
 
     def run_ready(self) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here.
 
-        A coroutine that is suspended is resumed, but is no reason to go on if it is suspended once
-        more: it may await what takes simulated time.
+        A suspended coroutine is resumed, but if it is suspended again, it does not count as ready:
+        it may await something that takes simulated time.
         """
         while self._context.ok():
             ran = self._run_tasks()
@@ -124,12 +125,12 @@ class SteppedExecutor(Executor):
         return ran
 
     def _run(self, kind: str, entity: Any, node: Node) -> None:
-        """Run the callback of an entity that is ready, unless that has been destroyed meanwhile."""
+        """Run the callback of a ready entity, unless it has been destroyed meanwhile."""
         is_plain = kind in (_TIMER, _SUBSCRIPTION) and not iscoroutinefunction(entity.callback)
         if not is_plain:
             _run_task(self._make_handler(entity, node, getattr(self, f"_take_{kind}")))
             return
-        # Without a task, which takes longer than most callbacks.
+        # Do not create a task, which takes longer than most callbacks.
         handle, arguments = entity.handle, ()
         try:
             with handle:
@@ -147,7 +148,7 @@ class SteppedExecutor(Executor):
         entity.callback(*arguments)
 
     def _ready(self) -> list[_Entry]:
-        """Return the entities that are ready now."""
+        """Return the ready entities."""
         with suppress(InvalidHandle, RCLError):
             return self._wait()
         # An entity was destroyed without its node, or a thread has just shut rclpy down.
@@ -174,7 +175,7 @@ class SteppedExecutor(Executor):
         return [entry for entry in found if entry.is_first] or found
 
     def _collect(self) -> None:
-        """Make a wait set for the entities that the nodes have now."""
+        """Create a wait set for the current entities of the nodes."""
         self._is_stale = False
         self.nodes = [node for node in self.nodes if is_alive(node.handle)]
         entities = [entry for node in self.nodes for entry in _entities(node)]
@@ -198,7 +199,7 @@ def _entry(wait_set: Any, kind: str, entity: Any, node: Node, is_first: bool) ->
 
 
 def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:
-    """Yield a node's entities with their kinds in the order in which they run."""
+    """Yield a node's entities with their kinds, in the order in which they run."""
     kinds = {
         _WAITABLE: node.waitables,
         _TIMER: node.timers,
@@ -215,7 +216,7 @@ def _entities(node: Node) -> Iterator[tuple[str, Any, Node]]:
 
 
 def is_alive(handle: Any) -> bool:
-    """Return whether what a handle is for has not been destroyed."""
+    """Return whether the entity of a handle has not been destroyed."""
     try:
         with handle:
             return True
@@ -228,7 +229,7 @@ def _is_pending(task: Task) -> bool:
 
 
 def _run_task(task: Task) -> None:
-    """Run a task, and raise what it raises."""
+    """Run a task, and raise its exception."""
     task()
     if task.done() and (error := task.exception()) is not None:
         raise error

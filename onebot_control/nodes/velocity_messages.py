@@ -1,4 +1,4 @@
-"""Commands of velocity as messages: a Twist, or a TwistStamped."""
+"""Velocity commands as messages: a Twist or a TwistStamped."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,18 +8,18 @@ from rclpy.node import Node
 
 TWIST = "geometry_msgs/msg/Twist"
 VELOCITY_TYPES: Mapping[str, Any] = {TWIST: Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
-"""The classes of these messages by the names of their types."""
+"""The message classes, by type name."""
 
 
 def velocity_message(node: Node, kind: str, linear: float, lateral: float, angular: float) -> Any:
     """Return a command, stamped now if its type has a stamp.
 
     Args:
-        node: whose clock stamps it.
+        node: its clock is used for the stamp.
         kind: one of VELOCITY_TYPES.
         linear: velocity forward, m/s.
         lateral: velocity to the left, m/s.
-        angular: velocity of turning to the left, rad/s.
+        angular: angular velocity to the left, rad/s.
     """
     message = VELOCITY_TYPES[kind]()
     if isinstance(message, TwistStamped):
@@ -30,5 +30,5 @@ def velocity_message(node: Node, kind: str, linear: float, lateral: float, angul
 
 
 def twist_of(message: Any) -> Twist:
-    """Return the Twist in either of the two."""
+    """Return the Twist in either message type."""
     return message.twist if isinstance(message, TwistStamped) else message

@@ -35,7 +35,7 @@ from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.run_node import steady_timer
 
-_POLL_PERIOD = 0.1  # s between polls of who publishes commands
+_POLL_PERIOD = 0.1  # s between polls for publishers of commands
 
 
 class WorldInterface:
@@ -47,10 +47,10 @@ class WorldInterface:
     Attributes:
         robots: the ROS interface of each robot.
         loop: the control loop; None until every robot is known.
-        controller_nodes: the nodes of all joint controllers; who starts the loop spins them.
+        controller_nodes: the nodes of all joint controllers, to be spun by the caller of ``start``.
         simulated: whether stamps are simulated time.
         factor: the real_time_factor of all robots.
-        scene: what stands around the robots; None on bare ground.
+        scene: the scene around the robots; None on bare ground.
         seed: seed of the sensors' noise.
     """
 
@@ -70,7 +70,7 @@ class WorldInterface:
         Args:
             nodes: the node of each robot, in the robot's namespace.
             settings: the parameters of each node.
-            scene: what stands around the robots; None on bare ground.
+            scene: the scene around the robots; None on bare ground.
             simulated: whether stamps are simulated time.
             seed: seed of the sensors' noise.
         """
@@ -108,7 +108,7 @@ class WorldInterface:
             arguments: the ROS arguments of each node.
 
         Raises:
-            OneBotError: a parameter, the world or a given description cannot be used.
+            OneBotError: a parameter, the world or a given description is not valid.
         """
         described = [
             _described(file, node, node_arguments)
@@ -118,31 +118,31 @@ class WorldInterface:
             ControlParameters(node, node_arguments, _declared(parameters, description))
             for node, node_arguments, description in zip(nodes, arguments, described, strict=True)
         ]
-        config = settings[0].config  # the first robot's counts for the world
+        config = settings[0].config  # the first robot's config applies to the world
         simulated = nodes[0].get_parameter("use_sim_time").value or config.real_time_factor != 1.0
         interface = cls(nodes, settings, load_scene(config.world), simulated=bool(simulated))
         steady_timer(nodes[0], _POLL_PERIOD, interface.poll)
         try:
-            # Last, when all attributes exist: from here on, ``stop`` may be called at any time.
+            # Last, as ``stop`` may be called at any time from here on and needs all attributes.
             for robot, description in zip(interface.robots, described, strict=True):
                 robot.describe(description, follow=file is None)
-        except BaseException:  # Ctrl-C, too: Python aborts at its exit if threads run then
+        except BaseException:  # also Ctrl-C: Python aborts at exit if threads are running
             interface.stop()
             raise
         return interface
 
     def stop(self) -> None:
-        """Stop the control loop, and with it the robots."""
+        """Stop the control loop, and with it the robots' motion."""
         for part in (self.loop, self._services, self._controllers_thread, self._sensing):
             if part is not None:
                 part.stop()
 
     def start_described(self) -> None:
-        """Start the control loop if all robots are described."""
+        """Start the control loop if the descriptions of all robots are known."""
         if any(robot.description is None for robot in self.robots):
             return
         fleet = self._fleet()
-        # In real time measurements that are late are dropped; else the loop waits for them.
+        # In real time, late measurements are dropped; else the loop waits for them.
         sensing = SensingThread(
             Sensors(self.scene, fleet.rate, fleet.world.settings.gravity),
             self._node.get_logger().warning,
@@ -177,7 +177,7 @@ class WorldInterface:
         self._services = SimulationServices(self._node, loop, self.restart, self._fail)
 
     def _fleet(self) -> Fleet:
-        """Return the robots, all of which are described, in a world of their own."""
+        """Return the robots, whose descriptions are known, in a new world."""
         several = len(self.robots) > 1
         members = [robot.member(robot.name if several else "") for robot in self.robots]
         for robot, member in zip(self.robots, members, strict=True):
@@ -186,7 +186,7 @@ class WorldInterface:
         return Fleet.from_members(members, scene=self.scene)
 
     def check_frames(self, row: int, frames: RobotFrames) -> None:
-        """Check the frames that the robot in ``row`` would have; all robots must be described.
+        """Check new frames of the robot in ``row``; all descriptions must be known.
 
         Raises:
             ConfigError: see ``frames.check_frames``.
@@ -196,11 +196,11 @@ class WorldInterface:
         check_frames(frames, robot.frames(), other_frames, self.scene)
 
     def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
-        """Start a loop that moves the robots, all of which are described.
+        """Start a loop that moves the robots, whose descriptions must be known.
 
         Args:
             loop: the control loop.
-            sensing: measures with the robots' sensors.
+            sensing: simulates the robots' sensors.
             clock: clock of the actions' timers; None for each node's own clock.
         """
         self._sensing, fleet = sensing, loop.fleet
@@ -217,17 +217,17 @@ class WorldInterface:
         for interface in self.robots:
             self.controller_nodes += interface.control_joints(loop, clock)
         loop.start()
-        self.set_factor(self.factor)  # the first robot's counts
+        self.set_factor(self.factor)  # of the first robot
 
     def set_factor(self, factor: float) -> None:
-        """Set real_time_factor of all robots."""
+        """Set the real_time_factor of all robots."""
         self.factor = factor
         for robot in self.robots:
             if robot.settings.config.real_time_factor != factor:
                 robot.node.set_parameters([Parameter("real_time_factor", value=factor)])
 
     def restart(self) -> None:
-        """Go back to the start, including simulated time; call it in the control thread."""
+        """Reset the world to the start, including simulated time; call it in the control thread."""
         assert self.loop is not None and self._sensing is not None
         self.loop.fleet.restart()
         self._sensing.restart(self.seed)
@@ -235,7 +235,7 @@ class WorldInterface:
             robot.restart()
 
     def _missing(self) -> str:
-        """Return what a step has to wait for, as the beginning of a sentence; "" for nothing."""
+        """Return what a step must wait for, as the start of a sentence; "" for nothing."""
         return next(filter(None, (robot.step_topics.missing() for robot in self.robots)), "")
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
@@ -258,9 +258,9 @@ class WorldInterface:
         sensing.take(stamp, snapshots, poses, lambda row: world.contacts.contacts(row))
 
     def poll(self) -> None:
-        """Look for publishers of commands and localizers; call it several times a second.
+        """Look for publishers of commands and localizers; call it several times per second.
 
-        It raises what ended a thread of the simulation.
+        It raises the error that ended a thread of the simulation.
         """
         if self._failure is not None:
             raise self._failure
@@ -270,7 +270,7 @@ class WorldInterface:
             self._localizers.poll()
 
     def _fail(self, error: BaseException) -> None:
-        self._failure = self._failure or error  # later ones are its consequences
+        self._failure = self._failure or error  # later ones are consequences
 
 
 class NodeLog(logging.Handler):
@@ -286,7 +286,7 @@ class NodeLog(logging.Handler):
 
 
 def _described(file: str | None, node: Node, arguments: RosArguments) -> Description | None:
-    """Return the description in a file or in a node's parameters; None if a topic will have it."""
+    """Return the description from a file or a node's parameters; None if it comes from a topic."""
     if file is not None:
         return load_description(file)
     key, name = "robot_description", node.get_name()
@@ -301,14 +301,14 @@ def _described(file: str | None, node: Node, arguments: RosArguments) -> Descrip
 def _declared(
     parameters: type[SimulationConfig], description: Description | None
 ) -> type[SimulationConfig]:
-    """Return the parameters of a robot's node: of the drive that the description shows."""
+    """Return the parameters of a robot's node, for the drive in its description."""
     if description is None or not issubclass(parameters, DriveParameters):
         return parameters
     return found_drive(description)
 
 
 def _moved_text(fleet: Fleet) -> str:
-    """Return a line for the log about the robots and joints that are moved."""
+    """Return a log line about the moved robots and joints."""
     if len(fleet.robots) > 1:
         return f"driving {len(fleet.robots)} robots in one world"
     robot, parts = fleet.robots[0], []
@@ -317,5 +317,5 @@ def _moved_text(fleet: Fleet) -> str:
     for name, follower in robot.followers.items():
         parts.append(f"{name} moves {listing(follower.names)}")
     verb = "driving" if robot.drive is not None else "moving"
-    moved = "; ".join(parts) or "no joint of it moves"
+    moved = "; ".join(parts) or "no joint moves"
     return f'{verb} robot "{printable(robot.description.robot_name)}": {moved}'

@@ -61,4 +61,4 @@ def test_a_click_drives_the_robot_there_and_stop_stops_it(peer: Peer, tab: Page)
         wait_for(lambda: "Locked" in tab.text("#driver"), "the lock")
         assert away(place) > 0.1
         click(tab, -60, 0)
-        wait_for(lambda: "goal_pose is refused: the robot is locked" in bringup.output, "a refusal")
+        wait_for(lambda: "rejected: the robot is locked" in bringup.output, "a refusal")

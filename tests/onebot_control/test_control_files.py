@@ -252,8 +252,8 @@ def test_what_can_be_set_while_the_node_runs(ros_domain: int, file: Path) -> Non
         assert parameters.changed(_set(real_time_factor=2.0), True).real_time_factor == 2.0
         for refused, simulated, words in [
             (_set(real_time_factor=2.0), False, "start it with use_sim_time:=true to change"),
-            (_set(use_sim_time=True), False, "use_sim_time: is read when the node starts"),
-            (_set(use_sim_time=False), True, "use_sim_time: is read when the node starts"),
+            (_set(use_sim_time=True), False, "use_sim_time: is only read when the node starts"),
+            (_set(use_sim_time=False), True, "use_sim_time: is only read when the node starts"),
             (_set(wheel_radius=-1.0), True, "wheel_radius: -1 is below 0"),
         ]:
             with pytest.raises(ConfigError, match=words):

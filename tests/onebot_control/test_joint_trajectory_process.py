@@ -166,7 +166,7 @@ def test_a_description_that_changes_in_mid_goal(peer: Peer) -> None:
         result = client.send(goal(point(2.0, 1.0, 0.2), joints=BOTH))
         wait_for(lambda: positions(joints)["shoulder"] > 0.1, "the start")
         topic.publish(String(data=ARM.replace("0.1 0.1 0.2", "0.1 0.1 0.3")))
-        wait_for(lambda: "by the changed robot description" in node.output, "the change")
+        wait_for(lambda: "using the changed robot description" in node.output, "the change")
         assert ending(result) == SUCCESS
         wait_for(lambda: positions(joints)["shoulder"] == pytest.approx(1.0, abs=1e-6), "the end")
 

@@ -52,7 +52,7 @@ def test_the_truth_gives_way_to_a_localizer(
     robots.publish("/tf", others, apart=1.0)
     assert "world" in parents(received)
     robots.publish("/tf", *[tf(("a", "b"), ("/map", "/odom"))] * 3, apart=0.5)
-    text = "another node publishes map -> odom on TF, so world -> odom is not published any more"
+    text = "another node publishes map -> odom on TF, so world -> odom is no longer published"
     assert capfd.readouterr().err.count(text) == 1
     received.clear()
     robots.simulation.run(20.0)

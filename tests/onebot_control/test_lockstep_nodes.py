@@ -317,7 +317,7 @@ def test_a_node_that_is_destroyed_or_removed(ros: Lockstep[Simulation]) -> None:
 def test_shutdown_in_a_callback(
     ros: Lockstep[Simulation], capfd: pytest.CaptureFixture[str], shut_down: Callable[[], None]
 ) -> None:
-    """The nodes end, and the simulation goes on."""
+    """The nodes end, and the simulation continues."""
     ros.add(node := Ticker(tick=shut_down))
     ros.simulation.robot.drive(0.5)
     for _ in range(100):
@@ -327,7 +327,7 @@ def test_shutdown_in_a_callback(
     ros.simulation.run(1.0)
     assert len(node.ticks) == 1 or shut_down is not rclpy.shutdown
     assert ros.simulation.robot.pose.x > 0.1
-    assert capfd.readouterr().err.count("rclpy was shut down: the simulation goes on") == 1
+    assert capfd.readouterr().err.count("rclpy was shut down: the simulation continues") == 1
     with pytest.raises(OneBotError, match="context"):
         ros.add(node)
 
@@ -359,7 +359,7 @@ def test_what_is_no_node_is_refused() -> None:
     with Simulation() as simulation:
         ros = simulation.ros()
         for thing in (None, Node, "node"):
-            with pytest.raises(OneBotError, match="add takes nodes, such as"):
+            with pytest.raises(OneBotError, match="add needs nodes, such as"):
                 ros.add(thing)
             with pytest.raises(OneBotError, match="is not in lockstep"):
                 ros.remove(thing)
@@ -377,7 +377,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"domain_id": "1"}, "domain_id"),
     ({"domain_id": True}, "domain_id"),
     ({"remap": ["cmd_vel"]}, "remap: .* write a dict such as"),
-    ({"remap": {"cmd vel": "a"}}, "remap: 'cmd vel' is no name"),
+    ({"remap": {"cmd vel": "a"}}, "remap: 'cmd vel' is not a topic name"),
     ({"remap": {"a": 1}}, "remap.a: 1 is a number"),
     ({"nav2_topics": 1}, "nav2_topics: 1 is a number; write True or False"),
     ({"callback_timeout": 0.0}, "callback_timeout"),

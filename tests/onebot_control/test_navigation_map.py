@@ -157,18 +157,18 @@ def test_negated_maps(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no map; write image"),
+        ("", "does not contain a map; write image"),
         ("image: no.pgm\nresolution: 1\norigin: [0, 0, 0]", r"no\.pgm: cannot be read: No such"),
-        ("image: map.yaml\nresolution: 1\norigin: [0, 0, 0]", "is not a picture; write a PGM"),
+        ("image: map.yaml\nresolution: 1\norigin: [0, 0, 0]", "is not an image; write a PGM"),
         ("image: map.png\nresolution: 0\norigin: [0, 0, 0]", "resolution: 0 is not above 0"),
         ("image: map.png\nresolution: .nan\norigin: [0, 0, 0]", "resolution: nan is not finite"),
         ("image: map.png\nresolution: 1\norigin: [0, 0]", "origin: 2 numbers; write 3"),
-        ("image: map.png\nresolution: 1\norigin: [0, 0, 1]", "a yaw of 1 rad; only 0 is read"),
+        ("image: map.png\nresolution: 1\norigin: [0, 0, 1]", "a yaw of 1 rad; only 0 is supported"),
         ("image: map.png\norigin: [0, 0, 0]", "resolution"),
         (COMMON + "negat: 1", 'did you mean "negate"'),
         (COMMON + "free_thresh: 0.7", "free_thresh must be below occupied_thresh"),
         ("[", "is not YAML"),
-        ("- a", "holds no map"),
+        ("- a", "does not contain a map"),
     ],
 )
 def test_bad_files_get_one_sentence(tmp_path, text, message):
@@ -189,5 +189,5 @@ def test_files_that_are_missing_or_huge(tmp_path, monkeypatch):
         load_map(file)
     with pytest.raises(OneBotError, match="cannot be written"):
         save_map(GRID, tmp_path / "no" / "office")
-    with pytest.raises(OneBotError, match="bmp: no such format of pictures; write pgm"):
+    with pytest.raises(OneBotError, match="bmp: not an image format; write pgm"):
         save_map(GRID, tmp_path / "office", "bmp")

@@ -341,7 +341,7 @@ def test_blocks_are_edited_while_the_robot_drives(peer: Peer, tmp_path: Path) ->
         raw = peer.hear(Imu, "/imu/raw")
         wait_for(lambda: raw, "the IMU's other topic")
         file.write_text("<robot>")
-        wait_for(lambda: "The sensors stay as they were" in node.output, "the file's fault")
+        wait_for(lambda: "The sensors are not changed" in node.output, "the file's fault")
         before = len(raw)
         wait_for(lambda: len(raw) > before + 3, "the IMU to stay")
         (result,) = peer.set_parameters(NODE, sensors=str(tmp_path / "none.urdf"))

@@ -171,7 +171,7 @@ def test_a_command_that_does_not_come_is_named(peer: Peer, sensors: str) -> None
         unheard = step(peer, 5)
         assert unheard.result.result == RESULT.RESULT_OPERATION_FAILED
         assert unheard.result.error_message == (
-            "nobody subscribed to /scan within 0.5 s (step_timeout)"
+            "no node subscribed to /scan within 0.5 s (step_timeout)"
         )
         scans = peer.hear(LaserScan, "/scan", 10)
         twists = peer.publisher(Twist, f"{NODE}/cmd_vel")
@@ -179,12 +179,12 @@ def test_a_command_that_does_not_come_is_named(peer: Peer, sensors: str) -> None
         wait_for(lambda: scans, "the scan")
         twists.publish(Twist())
         assert silent.result.error_message == (
-            "no command with the stamp 0.010 s or a later one came on "
+            "no command with the stamp 0.010 s or a later one arrived on "
             f"{NODE}/cmd_vel within 0.5 s (step_timeout)"
         )
         peer.set_parameters(NODE, step_topics=["/scann"])
         unknown = step(peer, 1)
-        assert 'step_topics: "/scann" is no topic of a sensor' in unknown.result.error_message
+        assert 'step_topics: "/scann" is not the topic of a sensor' in unknown.result.error_message
         peer.set_parameters(NODE, step_topics=[])
         assert ok(step(peer, 1))
 

@@ -21,7 +21,7 @@ from tests.onebot_control.node_support import MODULE, NODE, Driver, speed, twist
 from tests.ros_support import LATCHED, NodeProcess, Peer, ros_args
 from tests.support import wait_for
 
-CHANGED = "now driving by the changed robot description"
+CHANGED = "now using the changed robot description"
 
 
 @pytest.fixture

@@ -1,1 +1,1 @@
-"""The navigator's ROS interface, which translates onto ``onebot_control.navigation``."""
+"""The ROS interface of the navigator in ``onebot_control.navigation``."""

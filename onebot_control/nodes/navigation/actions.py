@@ -1,4 +1,4 @@
-"""Nav2's actions: each row of the table says how its requests become goals of the navigator."""
+"""Nav2's actions: each row of the table converts the requests of one to navigator goals."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,33 +25,33 @@ from onebot_description.timing import NS_PER_S
 
 _CODES = "ComputePathToPose", "FollowPath"  # results whose codes others pass on, too
 _CODES_OF_SEVERAL = "ComputePathThroughPoses", "FollowPath"
-_TIMERS = 4  # actions that share a clock
-_EASY = 0.3  # share of the maximum speed by which the time that is left is estimated at first
+_TIMERS = 4  # number of actions that share a clock
+_EASY = 0.3  # minimum share of the maximum speed in the estimate of the remaining time
 _PLUGINS = "behavior_tree", "planner_id", "controller_id", "goal_checker_id", "smoother_id"
 _DEFAULT_PLUGINS = {"", "GridBased", "FollowPath", "simple_smoother", "general_goal_checker"}
 
 
 class RequestError(OneBotError):
-    """A request cannot be done; ``code`` is Nav2's name of the error."""
+    """A request cannot be executed; ``code`` is Nav2's name of the error."""
 
     def __init__(self, text: str, code: str) -> None:
-        """Take the sentence and the name."""
+        """Store the text and the name."""
         super().__init__(text)
         self.code = code
 
 
 class Context(NamedTuple):
-    """What rows of the table use."""
+    """The environment of the table's rows."""
 
     goals: Goals
     maps: MapTopics
-    to_map: Callable[[Any], PlanarPose]  # returns the pose of a PoseStamped; raises OneBotError
+    to_map: Callable[[Any], PlanarPose]  # converts a PoseStamped; raises OneBotError
     navigator: Callable[[], Navigator]  # raises OneBotError while there is none
-    prepare: Callable[[], None]  # raises OneBotError if the robot cannot be driven now
+    prepare: Callable[[], None]  # raises OneBotError if the robot cannot drive now
 
 
 MakeGoal = Callable[[Context, "NavigationAction", Any], Goal]
-Answer = Callable[[Context, Any, Any], None]  # fills the result of a request that needs no motion
+Answer = Callable[[Context, Any, Any], None]  # fills the result of a request without motion
 
 
 def _poses(context: Context, poses: Sequence[Any]) -> list[PlanarPose]:
@@ -115,7 +115,7 @@ def _straight(sign: float, _: Context, action: "NavigationAction", request: Any)
     distance, speed = sign * target.x, abs(request.speed)
     if sign > 0.0 and target.x * request.speed < 0.0:
         raise RequestError("target.x and speed have different signs", "INVALID_INPUT")
-    if sign < 0.0:  # Nav2 backs up whatever the signs are
+    if sign < 0.0:  # Nav2 backs up regardless of the signs
         distance = -abs(target.x)
     return Goal(
         action,
@@ -144,10 +144,10 @@ def _plan(context: Context, request: Any, result: Any) -> None:
 
 
 def _smooth(context: Context, request: Any, result: Any) -> None:
-    """Average neighbours, which rounds corners and keeps the ends."""
+    """Average neighboring points: this rounds corners and keeps the ends."""
     points, _ = _points(context, request.path)
     if len(points) < 2:
-        raise RequestError("the path has less than two poses", "INVALID_PATH")
+        raise RequestError("the path has fewer than two poses", "INVALID_PATH")
     for _ in range(5):
         points[1:-1] = (points[:-2] + 2.0 * points[1:-1] + points[2:]) / 4.0
     result.path, result.was_completed = context.maps.path_message(points), True
@@ -160,7 +160,7 @@ class ActionRow(NamedTuple):
     kind: str  # its type in nav2_msgs
     goal: MakeGoal | None = None
     answer: Answer | None = None
-    elapsed: str = ""  # the field of the result with how long it took
+    elapsed: str = ""  # the field of the result for the elapsed time
 
 
 ACTIONS = (
@@ -188,7 +188,7 @@ ACTIONS = (
 class _WithClock:
     """A node with its own clock, for some of the actions.
 
-    rclpy's events executor warns of more than a few timers on one clock, and each action has one.
+    rclpy's events executor warns about many timers on one clock, and each action has a timer.
     """
 
     def __init__(self, node: Node) -> None:
@@ -197,7 +197,7 @@ class _WithClock:
         self._time.attach_clock(self._clock)
 
     def get_clock(self) -> ROSClock:
-        """Return that clock."""
+        """Return its clock."""
         return self._clock
 
     def __getattr__(self, name: str) -> Any:
@@ -217,7 +217,7 @@ class NavigationAction:
     """One of the actions."""
 
     def __init__(self, node: Node, clocked: _WithClock, context: Context, row: ActionRow) -> None:
-        """Offer it, with the clock of ``clocked``."""
+        """Offer the action, with the clock of ``clocked``."""
         self._node, self._context, self._row = node, context, row
         self._type = load_interface(f"nav2_msgs/action/{row.kind}")
         self._fields = self._type.Feedback.get_fields_and_field_types()
@@ -243,7 +243,7 @@ class NavigationAction:
             for name in _PLUGINS:
                 value = getattr(request, name, "")
                 if value not in _DEFAULT_PLUGINS:
-                    raise OneBotError(f'there is no {name} "{value}" here: leave it empty')
+                    raise OneBotError(f'there is no {name} "{value}": leave it empty')
             self._context.navigator()
             if self._row.goal is not None:
                 self._context.prepare()
@@ -280,11 +280,11 @@ class NavigationAction:
         self._action.finish(handle, partial(_finished, "abort", result))
 
     def _on_cancel(self, _: Any) -> CancelResponse:
-        self._context.goals.cancel("the client has cancelled it", self)
+        self._context.goals.cancel("the client cancelled it", self)
         return CancelResponse.ACCEPT
 
     def _code(self, name: str) -> int:
-        """Return Nav2's code of an error: this action's, or that of the server that it calls."""
+        """Return Nav2's code of an error, of this action or of the server that it would call."""
         several = self._row.kind == "NavigateThroughPoses"
         for kind in (self._row.kind, *(_CODES_OF_SEVERAL if several else _CODES)):
             result = load_interface(f"nav2_msgs/action/{kind}").Result
@@ -316,7 +316,7 @@ class NavigationAction:
         goal.handle.publish_feedback(feedback)
 
     def ended(self, goal: Goal, reason: str, failure: Failure | None) -> None:
-        """Send the client the result."""
+        """Send the result to the client."""
         handle, result = goal.handle, self._type.Result()
         if goal.missed:
             missed = load_interface("nav2_msgs/msg/MissedWaypoint")
@@ -338,6 +338,6 @@ class NavigationAction:
 
 
 def _finished(state: str, result: Any, handle: Any) -> Any:
-    """Set the state of a goal, and return its result; a goal that ends now may be cancelled."""
+    """Set the state of a goal, and return its result; it may have been cancelled meanwhile."""
     getattr(handle, "canceled" if handle.is_cancel_requested else state)()
     return result

@@ -1,4 +1,4 @@
-"""The services of Nav2's nodes that its clients wait for; here all is always active."""
+"""The lifecycle services of Nav2's nodes that clients wait for; all nodes are always active."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,9 +22,9 @@ _MANAGERS = "lifecycle_manager_navigation", "lifecycle_manager_localization"
 
 
 def offer_lifecycle(node: Node, is_ready: Callable[[], bool]) -> None:
-    """Answer for the nodes of Nav2: active once the navigator is ready.
+    """Offer the services of Nav2's nodes, which are active once the navigator is ready.
 
-    Requests to start, pause or shut down succeed, and change nothing.
+    Requests to start, pause or shut down succeed without effect.
     """
 
     def get_state(_: Any, answer: Any) -> Any:

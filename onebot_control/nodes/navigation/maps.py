@@ -1,4 +1,4 @@
-"""The navigator's map, costs, path and pose as topics, and the services of Nav2's map servers."""
+"""The topics of the navigator's map, costs, path and pose, and Nav2's map server services."""
 
 import math
 from collections.abc import Callable
@@ -27,7 +27,7 @@ _UNCLEARED = "nothing to clear"
 
 
 def pose_message(pose: PlanarPose) -> Pose:
-    """Return a pose on the ground as a message."""
+    """Return a planar pose as a message."""
     message = Pose()
     message.position.x, message.position.y = pose.x, pose.y
     *_, message.orientation.z, message.orientation.w = about_z(pose.yaw)
@@ -47,7 +47,7 @@ def grid_message(grid: OccupancyGrid, frame: str, stamp: Any) -> GridMessage:
 
 
 def costs_as_occupancy(costs: OccupancyGrid) -> OccupancyGrid:
-    """Return costs, 0 to 255, as Nav2 publishes them in an OccupancyGrid, -1 to 100."""
+    """Convert costs, 0 to 255, to Nav2's values of an OccupancyGrid, -1 to 100."""
     table = np.zeros(256, np.int8)
     table[1:253] = 1 + 97 * (np.arange(1, 253) - 1) // 251
     for cost, value in _COSTS:
@@ -56,7 +56,7 @@ def costs_as_occupancy(costs: OccupancyGrid) -> OccupancyGrid:
 
 
 class MapTopics:
-    """Publishes map, costs, path, footprint and pose, and offers Nav2's services about them."""
+    """Publishes map, costs, path, footprint and pose, and offers Nav2's services for them."""
 
     def __init__(
         self, node: Node, frame: str, navigator: Callable[[], Navigator], use: Callable[[Any], None]
@@ -65,9 +65,9 @@ class MapTopics:
 
         Args:
             node: the navigator's node.
-            frame: the map's.
+            frame: frame of the map.
             navigator: returns the navigator; raises OneBotError while there is none.
-            use: called with an OccupancyGrid to localize in from now on.
+            use: called with a new OccupancyGrid to localize in.
         """
         self._node, self._frame, self._navigator, self._use = node, frame, navigator, use
         self._map = node.create_publisher(GridMessage, "map", LATCHED)
@@ -85,7 +85,7 @@ class MapTopics:
         self._offer_services()
 
     def step(self, navigator: Navigator) -> None:
-        """Publish what is due and subscribed to."""
+        """Publish everything that is due and has subscribers."""
         if not 0.0 <= navigator.time - self._quick < _QUICK:
             self._quick = navigator.time
             self._publish_often(navigator)
@@ -123,7 +123,7 @@ class MapTopics:
             self._footprint.publish(message)
 
     def path_message(self, points: Any) -> PathMessage:
-        """Return points (N, 2) of the map as a path, each heading for the next."""
+        """Return points (N, 2) of the map as a path of poses that face the next point."""
         message = PathMessage()
         message.header.frame_id, message.header.stamp = self._frame, self._stamp()
         points = np.asarray(points, float)
@@ -137,7 +137,7 @@ class MapTopics:
         return message
 
     def pose_stamped(self, pose: PlanarPose) -> PoseStamped:
-        """Return a pose of the map as a message, stamped now."""
+        """Return a pose in the map as a message, stamped now."""
         message = PoseStamped(pose=pose_message(pose))
         message.header.frame_id, message.header.stamp = self._frame, self._stamp()
         return message

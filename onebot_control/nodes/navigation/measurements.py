@@ -1,4 +1,4 @@
-"""What the navigator receives: scans, odometry, the IMU, TF, and commands of others."""
+"""The inputs of the navigator: scans, odometry, the IMU, TF, and commands of other nodes."""
 
 import math
 from collections import deque
@@ -29,19 +29,19 @@ from onebot_description.timing.throttled import Throttled
 COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
 _TF_DEPTH = 100
-_SCANS = 10  # scans that wait for the odometry
-_KEPT = 50  # own commands that are remembered
+_SCANS = 10  # maximum number of scans that wait for the odometry
+_KEPT = 50  # number of remembered own commands
 
 
 class TimedScan(NamedTuple):
-    """A scan, and when it was measured."""
+    """A scan with its stamp."""
 
     stamp_ns: int
     scan: LevelScan
 
 
 class TimedOdometry(NamedTuple):
-    """The robot's odometry."""
+    """The robot's odometry with its stamp."""
 
     stamp_ns: int
     odom_frame: str
@@ -51,7 +51,7 @@ class TimedOdometry(NamedTuple):
 
 
 class Transforms:
-    """The TF tree, of /tf and /tf_static."""
+    """The TF tree from /tf and /tf_static."""
 
     def __init__(self, node: Node) -> None:
         """Subscribe."""
@@ -74,7 +74,7 @@ class Transforms:
             self.tree.add(message, static=static)
 
     def pose(self, target: str, source: str) -> Floats:
-        """Return the pose (4, 4) of a frame in another, as of now.
+        """Return the latest pose (4, 4) of frame ``source`` in frame ``target``.
 
         Raises:
             OneBotError: there is none.
@@ -88,23 +88,23 @@ class Transforms:
 
 
 class Measurements:
-    """The newest measurements.
+    """The latest measurements.
 
     Attributes:
-        motion: the newest odometry; None until there is one.
+        motion: the latest odometry; None until there is one.
         transforms: the TF tree.
         locked: whether the robot is locked, so that it ignores commands.
     """
 
     def __init__(self, node: Node, overruled: Callable[[str], None]) -> None:
-        """Subscribe; ``overruled`` is called with a sentence when the robot is locked."""
+        """Subscribe; ``overruled`` is called with a reason when the robot is locked."""
         self._overruled = overruled
         self.transforms = Transforms(node)
         self.motion: TimedOdometry | None = None
         self.locked = False
         self._scans = deque[TimedScan](maxlen=_SCANS)
         self._turned: float | None = None
-        self._last_turn: tuple[int, float] | None = None  # stamp and rate of the newest IMU
+        self._last_turn: tuple[int, float] | None = None  # stamp and rate of the latest IMU message
         self._warn = Throttled(lambda text: node.get_logger().warning(text))
         node.create_subscription(
             LaserScan, "scan", self._on_scan, make_qos(1, reliable=False, latched=False)
@@ -115,14 +115,14 @@ class Measurements:
         node.create_subscription(Bool, f"{command}_locked", self._on_lock, LATCHED)
 
     def take_scan(self) -> TimedScan | None:
-        """Return the newest scan that the odometry has reached, if it was not taken yet."""
+        """Return the latest scan not later than the odometry, if it is new."""
         scan = None
         while self._scans and self.motion and self._scans[0].stamp_ns <= self.motion.stamp_ns:
             scan = self._scans.popleft()
         return scan
 
     def take_turn(self) -> float | None:
-        """Return how far the IMU has turned since the last call, rad; None without one."""
+        """Return the turn measured by the IMU since the last call, rad; None without an IMU."""
         turned = self._turned
         if turned is not None:
             self._turned = 0.0
@@ -142,7 +142,7 @@ class Measurements:
             return
         scan = scan_of(message, mount)
         if np.isnan(scan.ranges).all():
-            self._warn("nan", "a scan is ignored: it has no number")
+            self._warn("nan", "a scan is ignored: all ranges are NaN")
             return
         self._scans.append(TimedScan(nanoseconds(message.header.stamp), scan))
 
@@ -182,37 +182,37 @@ class Measurements:
 
 
 def scan_of(message: LaserScan, mount: Floats) -> LevelScan:
-    """Return a LaserScan of a lidar that is mounted at ``mount`` (4, 4) in the robot's frame."""
+    """Convert a LaserScan of a lidar whose pose in the robot's frame is ``mount`` (4, 4)."""
     ranges = np.asarray(message.ranges, np.float32)
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < message.range_min, -np.inf, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
-    least, step = float(message.angle_min), float(message.angle_increment)
-    return LevelScan.mounted(ranges, least, step, float(message.range_max), mount)
+    first_angle, step = float(message.angle_min), float(message.angle_increment)
+    return LevelScan.mounted(ranges, first_angle, step, float(message.range_max), mount)
 
 
 class Commands:
-    """Commands the robot, and notices when others do.
+    """Commands the robot, and detects commands of other nodes.
 
-    The type is the one that the robot subscribes to, Twist if there is a choice.
+    The message type is that of the robot's subscription; Twist, if there are both.
     """
 
     def __init__(self, node: Node, overruled: Callable[[str], None]) -> None:
-        """Prepare; ``overruled`` is called with a sentence when others command the robot."""
+        """Prepare; ``overruled`` is called with a reason when another node commands the robot."""
         self._node, self._overruled = node, overruled
         self._topic = node.resolve_topic_name(COMMAND_TOPIC)
         self._kind: str | None = None
         self._sent = deque[tuple[float, ...]](maxlen=_KEPT)
 
     def subscribers(self) -> list[Any]:
-        """Return who subscribes to commands."""
+        """Return the subscriptions to commands."""
         return list(self._node.get_subscriptions_info_by_topic(self._topic))
 
     def prepare(self) -> None:
-        """Connect to the robot, when it is there.
+        """Connect to the robot, if it is present.
 
         Raises:
-            OneBotError: nothing subscribes to commands.
+            OneBotError: no robot subscribes to commands.
         """
         if self._kind is not None:
             return
@@ -226,7 +226,7 @@ class Commands:
         self._node.create_subscription(message_class, self._topic, self._on_command, DEPTH)
 
     def publish(self, command: Triple) -> None:
-        """Publish a velocity forward and to the left, m/s, and to the left, rad/s."""
+        """Publish a velocity forward and to the left, m/s, and turning to the left, rad/s."""
         if self._kind is None:
             return
         message = velocity_message(self._node, self._kind, *command)
@@ -235,7 +235,7 @@ class Commands:
 
     def _on_command(self, message: Any) -> None:
         if _values(message) not in self._sent:
-            self._overruled("somebody else drives")
+            self._overruled("another node drives the robot")
 
 
 def _values(message: Any) -> tuple[float, ...]:

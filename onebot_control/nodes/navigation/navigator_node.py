@@ -1,4 +1,4 @@
-"""The navigator's node: it gives the core its measurements, and publishes what comes of them."""
+"""The navigator's node: it passes measurements to the navigator, and publishes the results."""
 
 import math
 import time
@@ -43,10 +43,10 @@ from onebot_description.ros.wire.messages import time_message, transforms_messag
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled
 
-_POLL = 0.5  # s between looks for controllers
-_PATIENCE = 5.0  # s to wait for the limits of a controller, until the robot is taken to have none
-_WORDS = {"failed": "gave up"}  # words instead of the core's status
-_TELLING = 0.5  # s between two lines of ~/status
+_POLL = 0.5  # s between polls for controllers
+_PATIENCE = 5.0  # s to wait for the limits of a controller before using defaults
+_WORDS = {"failed": "gave up"}  # words that replace the navigator's status
+_STATUS_PERIOD = 0.5  # s between two messages on ~/status
 
 
 class NavigatorNode(Node):
@@ -57,10 +57,10 @@ class NavigatorNode(Node):
 
         Args:
             file: URDF or xacro file of the robot; None for the topic robot_description.
-            arguments: the node's own ROS arguments; None: those of the process.
+            arguments: ROS arguments of the node; None: those of the process.
 
         Raises:
-            OneBotError: the file, the map or a parameter is wrong.
+            OneBotError: the file, the map or a parameter is not valid.
         """
         super().__init__("navigator", cli_args=ros_args(arguments))
         values = declare(self, NavigatorParameters)
@@ -72,7 +72,7 @@ class NavigatorNode(Node):
         self._vehicle: Vehicle | None = None
         self._told, self._line = -math.inf, ""
         self._warn = Throttled(lambda text: self.get_logger().warning(text))
-        self._robot_since = math.inf  # since when somebody takes commands
+        self._robot_since = math.inf  # time since which there have been subscribers to commands
         self._measured = Measurements(self, self._stop)
         self._commands = Commands(self, self._stop)
         self._controllers = Controllers(self, self._on_limits)
@@ -93,11 +93,11 @@ class NavigatorNode(Node):
         self.create_timer(1.0 / self._settings.controller_frequency, ends_node(self._update))
         steady_timer(self, _POLL, self._look_for_controllers)
 
-    # What has to be known first -----------------------------------------------------------------
+    # Start --------------------------------------------------------------------------------------
 
     def _ready(self) -> Navigator:
         if self._navigator is None:
-            raise OneBotError(f"the navigator waits for {self._missing()}")
+            raise OneBotError(f"the navigator is waiting for {self._missing()}")
         return self._navigator
 
     def _missing(self) -> str:
@@ -105,7 +105,7 @@ class NavigatorNode(Node):
             return "the topic robot_description"
         if self._measured.motion is None:
             return "odometry"
-        return f"a robot that takes commands on {self.resolve_topic_name(COMMAND_TOPIC)}"
+        return f"a robot that subscribes to {self.resolve_topic_name(COMMAND_TOPIC)}"
 
     def _on_description(self, description: Description) -> None:
         footprint_of(description)  # raises OneBotError
@@ -127,7 +127,7 @@ class NavigatorNode(Node):
         self._find_vehicle()
 
     def _find_vehicle(self) -> None:
-        """Combine footprint and limits, once both are known; they may change later."""
+        """Combine footprint and limits once both are known; they may change later."""
         limits = self._controllers.known
         waited = time.monotonic() - self._robot_since > _PATIENCE
         if self._vehicle is not None or self._description is None or not (limits or waited):
@@ -135,8 +135,8 @@ class NavigatorNode(Node):
         self._vehicle = vehicle = vehicle_of(self._description, limits)
         if not limits:
             self.get_logger().warning(
-                "no controller with limits of velocity takes the commands: the robot is taken to "
-                f"drive {vehicle.forward:g} m/s and to turn {vehicle.turning:g} rad/s"
+                "no controller with velocity limits subscribes to the commands: using the limits "
+                f"{vehicle.forward:g} m/s and {vehicle.turning:g} rad/s"
             )
         if self._navigator is not None:
             self._navigator.use_vehicle(vehicle)
@@ -188,13 +188,13 @@ class NavigatorNode(Node):
         self._tf.publish(transforms_message(time_message(motion.stamp_ns), *frames, values))
 
     def _tell(self, navigator: Navigator) -> None:
-        """Publish the line on what it does, when it changes, and now and then its distance."""
+        """Publish the status when it changes, and regularly the remaining distance."""
         status = _WORDS.get(navigator.status, navigator.status)
         line = f"{status}: {navigator.reason}" if navigator.reason else status
         if navigator.status == "blocked":
             self._warn("blocked", line)
         if navigator.status == "driving":
-            if 0.0 <= navigator.time - self._told < _TELLING and self._line.startswith(line):
+            if 0.0 <= navigator.time - self._told < _STATUS_PERIOD and self._line.startswith(line):
                 return
             remaining = navigator.distance_remaining
             line = f"{line}, {remaining:.1f} m, {remaining / navigator.vehicle.forward:.0f} s"
@@ -202,16 +202,16 @@ class NavigatorNode(Node):
             self._line, self._told = line, navigator.time
             self._status.publish(String(data=line))
 
-    # What others want ---------------------------------------------------------------------------
+    # Requests -----------------------------------------------------------------------------------
 
     def _prepare(self) -> None:
         """Prepare to drive; raise OneBotError if the robot cannot."""
         self._ready()
         if self._measured.locked:
-            raise OneBotError("the robot is locked: drive it from where it was stopped, first")
+            raise OneBotError("the robot is locked: unlock it first from where it was stopped")
         if self.count_publishers("amcl_pose") > 1:
             raise OneBotError(
-                "another node navigates or localizes this robot, too: end one of them"
+                "another node also navigates or localizes this robot: stop one of them"
             )
         self._commands.prepare()
 
@@ -231,7 +231,7 @@ class NavigatorNode(Node):
         try:
             self._goals.start(Goal(None, [self._in_map(message)]))
         except OneBotError as error:
-            self.get_logger().error(f"goal_pose is refused: {error}")
+            self.get_logger().error(f"goal_pose is rejected: {error}")
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         stamped = PoseStamped(header=message.header, pose=message.pose.pose)
@@ -245,17 +245,17 @@ class NavigatorNode(Node):
             navigator.place(pose, covariance[np.ix_(rows, rows)])
             self._maps.publish_pose(navigator)
         except OneBotError as error:
-            self.get_logger().error(f"initialpose is refused: {error}")
+            self.get_logger().error(f"initialpose is rejected: {error}")
 
     def _in_map(self, message: PoseStamped) -> PlanarPose:
-        """Return a pose of any frame in the map.
+        """Convert a pose in any frame to the map.
 
         Raises:
             OneBotError: it is not finite, or its frame is not in TF.
         """
         pose = planar_pose(message)
         if not all(map(math.isfinite, pose)):
-            text = "the pose is not finite, or its orientation is no unit quaternion"
+            text = "the pose is not finite, or its quaternion is not normalized"
             raise OneBotError(text)
         frame = message.header.frame_id.removeprefix("/")
         if frame in ("", self._settings.global_frame):
