@@ -1,4 +1,4 @@
-"""Runs an episode, an ordinary function, for many cases: a thousand runs, and a table of them.
+"""Runs an episode, an ordinary function, for many cases, and returns a table of the results.
 
 Example::
 
@@ -16,7 +16,7 @@ Example::
 
 import onebot_description
 
-TYPE_CHECKING = not __name__  # false; jedi leaves out what the literal excludes; typing is slow
+TYPE_CHECKING = not __name__  # false; jedi skips blocks under a literal False; typing is slow
 
 __docformat__ = "google"
 

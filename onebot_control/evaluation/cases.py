@@ -1,4 +1,4 @@
-"""The cases of a study: what differs from one episode to the next."""
+"""The cases of a study: the values that differ between episodes."""
 
 from collections.abc import Iterable, Mapping, Sized
 from itertools import islice, product
@@ -8,13 +8,13 @@ from typing import Any
 from onebot_description.errors import OneBotError, shortened
 from onebot_description.parameters.values import plain
 
-MOST_CASES = 1_000_000
+MAX_CASES = 1_000_000
 ERROR = "error"
-"""The column with what went wrong in an episode."""
+"""The column with the error of an episode."""
 
 
 class Case(dict[str, Any]):
-    """One case of a study: values by the names of what varies."""
+    """One case of a study: the values of the factors, by name."""
 
 
 def grid(**factors: Any) -> list[Case]:
@@ -41,12 +41,12 @@ def _is_many(values: object) -> bool:
 
 
 def _values(values: Iterable[Any]) -> list[Any]:
-    return [plain(value) for value in islice(values, MOST_CASES + 1)]
+    return [plain(value) for value in islice(values, MAX_CASES + 1)]
 
 
 def _check_count(count: int) -> None:
-    if count > MOST_CASES:
-        text = f"a study has at most {MOST_CASES:,} cases, not {count:,}"
+    if count > MAX_CASES:
+        text = f"a study has at most {MAX_CASES:,} cases, not {count:,}"
         raise OneBotError(f"{text}; take fewer values, or several studies")
 
 
@@ -54,23 +54,23 @@ def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
     """Return the cases of a study.
 
     Args:
-        cases: a mapping for each; the result of ``grid``, or any other iterable.
+        cases: one mapping per case; the result of ``grid``, or any other iterable.
 
     Raises:
-        OneBotError: there is none, there are too many, or one is not a mapping with names as keys.
+        OneBotError: there are no cases or too many, or one is not a mapping with names as keys.
     """
     if not _is_many(cases):
         text = f"cases: {shortened(repr(cases))}; write a list of mappings, or grid(seed=range(9))"
         raise OneBotError(text)
-    listed_cases = [*islice(cases, MOST_CASES + 1)]
+    listed_cases = [*islice(cases, MAX_CASES + 1)]
     if not listed_cases:
-        raise OneBotError("cases: there is none; write a list of mappings, or grid(seed=range(9))")
+        raise OneBotError("cases: empty; write a list of mappings, or grid(seed=range(9))")
     _check_count(len(listed_cases))
     for number, case in enumerate(listed_cases):
         if not isinstance(case, Mapping):
             text = f"case {number}: {shortened(repr(case))} is not a mapping"
-            raise OneBotError(f'{text}; write one, such as {{"seed": 7}}')
+            raise OneBotError(f'{text}; write a mapping, such as {{"seed": 7}}')
         if wrong := [key for key in case if not isinstance(key, str) or key in ("", ERROR)]:
             text = f"case {number}: {shortened(repr(wrong[0]))} cannot be the name of a column"
-            raise OneBotError(f"{text}; write a string, other than {ERROR}")
+            raise OneBotError(f"{text}; write a non-empty string other than {ERROR}")
     return [*map(Case, listed_cases)]

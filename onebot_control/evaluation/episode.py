@@ -1,4 +1,4 @@
-"""One episode in a worker: the function of a study is run for a case; this is what comes of it."""
+"""Runs one episode in a worker: calls the function of a study for a case, and packs the outcome."""
 
 import inspect
 import sys
@@ -21,17 +21,17 @@ from onebot_description.errors import OneBotError, printable
 Episode = Callable[[Case], Mapping[str, Any] | None]
 Recorder = Callable[[Simulation, Path], object]
 
-_KEPT, _KEPT_RATE = 60.0, 20.0  # how much of an episode is recorded: simulated s, and Hz
+_KEPT, _KEPT_RATE = 60.0, 20.0  # recorded part of an episode: last simulated s, and rate, Hz
 _PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 
 
 class Work(NamedTuple):
-    """What workers do for each case.
+    """The work of the workers, for each case.
 
     Attributes:
         function: the episode.
-        success: columns that are false in an episode without success.
-        recorder: writes the recording of a simulation to a file; None if none is kept.
+        success: columns that are false in an unsuccessful episode.
+        recorder: writes the recording of a simulation to a file; None for no recordings.
         keep: which episodes are recorded, "all" or "failed".
     """
 
@@ -41,34 +41,34 @@ class Work(NamedTuple):
     keep: str = "failed"
 
     def packed(self) -> bytes:
-        """Return it for workers, within ``sent_by_value``.
+        """Pickle the work for workers; call this within ``sent_by_value``.
 
         Raises:
             OneBotError: the function cannot be sent.
         """
         name = getattr(self.function, "__qualname__", repr(self.function))
-        return _packed(self, f"{name} cannot be sent to workers", "make what it uses within it")
+        return _packed(self, f"{name} cannot be sent to workers", "create what it uses inside it")
 
 
 def packed_case(number: int, case: Case) -> bytes:
-    """Return a case for workers.
+    """Pickle a case for workers.
 
     Raises:
         OneBotError: it cannot be sent.
     """
-    return _packed(case, f"case {number} cannot be sent to workers", "let the episode make that")
+    return _packed(case, f"case {number} cannot be sent to workers", "create it in the episode")
 
 
 def _packed(value: object, problem: str, remedy: str) -> bytes:
     try:
         return bytes(cloudpickle.dumps(value))
-    except Exception as error:  # whatever __reduce__ of an object raises
+    except Exception as error:  # __reduce__ of an object may raise anything
         raise OneBotError(f"{problem}: {_shown(error)}; {remedy}") from None
 
 
 @contextmanager
 def sent_by_value(function: Episode) -> Iterator[None]:
-    """Have what is packed in this context hold the function's module and those beside it."""
+    """Let pickles in this context include the function's module and the modules beside it."""
     with ExitStack() as stack:
         for module in _own_modules(function):
             cloudpickle.register_pickle_by_value(module)
@@ -77,14 +77,14 @@ def sent_by_value(function: Episode) -> Iterator[None]:
 
 
 def module_of(function: Episode) -> ModuleType | None:
-    """Return the module of a function, also of a ``functools.partial`` of it."""
+    """Return the module of a function or of a ``functools.partial`` of it."""
     while isinstance(function, partial):
         function = function.func
     return inspect.getmodule(function)
 
 
 def _own_modules(function: Episode) -> Iterator[ModuleType]:
-    """Yield the modules that a worker may lack: those in the folder of the function's module."""
+    """Yield the modules in the folder of the function's module, which a worker may lack."""
     module = module_of(function)
     file = getattr(module, "__file__", None)
     if module is None or file is None:
@@ -94,7 +94,7 @@ def _own_modules(function: Episode) -> Iterator[ModuleType]:
     for other in [*sys.modules.values()]:
         name, file = getattr(other, "__name__", "__main__"), getattr(other, "__file__", None)
         if name == "__main__" or not file or name.partition(".")[0] in _PACKAGES:
-            continue  # cloudpickle itself takes __main__ by value
+            continue  # cloudpickle itself sends __main__ by value
         parents = Path(file).resolve().parents
         if folder in parents and installed.isdisjoint(parents):
             yield other
@@ -102,28 +102,28 @@ def _own_modules(function: Episode) -> Iterator[ModuleType]:
 
 @lru_cache(maxsize=1)
 def unpacked(packed: bytes) -> Work:
-    """Return the work, the same objects for all episodes of a worker: globals stay."""
+    """Return the work; all episodes of a worker share its objects, so globals persist."""
     work: Work = cloudpickle.loads(packed)
     return work
 
 
 def run_packed(packed: bytes, case: bytes) -> EpisodeOutcome:
-    """Run the episode of a packed case by packed work."""
+    """Run the episode of a packed case with packed work."""
     try:
         return run(unpacked(packed), cloudpickle.loads(case))
-    except (Exception, KeyboardInterrupt) as error:  # its own code may raise anything
+    except (Exception, KeyboardInterrupt) as error:  # user code may raise anything
         return EpisodeOutcome(b"", _shown(error))
 
 
 def run(work: Work, case: Case) -> EpisodeOutcome:
-    """Run the episode of a case; what it raises is an outcome, too, except by Ctrl-C."""
+    """Run the episode of a case; an exception, except for Ctrl-C, becomes part of the outcome."""
     row, error = b"", None
     with _recorded(work.recorder is not None) as simulations:
         try:
             row = packed_row(work.function(Case(case)), case)
         except KeyboardInterrupt:
             raise
-        except BaseException as raised:  # also sys.exit(); nothing may end the worker
+        except BaseException as raised:  # also sys.exit(), as nothing may end the worker
             error = _shown(raised)
         recordings = []
         if work.recorder and (work.keep == "all" or not succeeded(row, error, work.success)):
@@ -135,7 +135,7 @@ def run(work: Work, case: Case) -> EpisodeOutcome:
 
 
 def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
-    """Return whether an episode had success: no error, and none of its columns is false."""
+    """Return whether an episode succeeded: no error, and no ``success`` column is false."""
     if error is not None:
         return False
     returned = unpacked_row(row)
@@ -143,9 +143,9 @@ def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
 
 
 def _shown(error: BaseException) -> str:
-    """Return an error as one line; a OneBotError by its text, as it is a sentence."""
+    """Return an error as one line; a OneBotError without its type, as its text is a sentence."""
     text = ""
-    with suppress(Exception):  # its own code may raise anything here
+    with suppress(Exception):  # user code may raise anything here
         text = " ".join(text_of(error).split())
     if not isinstance(error, OneBotError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -154,7 +154,7 @@ def _shown(error: BaseException) -> str:
 
 @contextmanager
 def _recorded(wanted: bool) -> Iterator[list[Simulation]]:
-    """Record the simulations that begin in this context, unless they are recorded already."""
+    """Record the simulations that start in this context, unless they are already recorded."""
     begun: list[Simulation] = []
 
     def observe(simulation: Simulation) -> None:

@@ -1,4 +1,4 @@
-"""Runs the episodes of a study on a cluster of Ray; imported for that only."""
+"""Runs the episodes of a study on a Ray cluster; only imported if needed."""
 
 import os
 import socket
@@ -19,31 +19,31 @@ from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_fac
 from onebot_control.evaluation.workers import DIED, Worker, as_they_come
 from onebot_description.errors import OneBotError
 
-_PATIENCE = 5.0  # s in which the computer of an address has to answer
+_PATIENCE = 5.0  # s, timeout of a connection to the cluster's address
 _LAST = "ray/ray_current_cluster"
-_ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # of Ray to connect: as many, not seconds
+_ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # in fact Ray's number of attempts to connect
 _PROCESSOR = "processor"
 
 
 @contextmanager
 def connected(packed: bytes) -> Iterator[Mapping[str, str]]:
-    """Connect to the cluster of RAY_ADDRESS or of ``ray start``; else Ray starts one here.
+    """Connect to the cluster of RAY_ADDRESS or ``ray start``; else Ray starts one here.
 
     Args:
-        packed: the work, which each node has to be able to import.
+        packed: the work, which each node must be able to import.
 
     Yields:
-        The versions that all nodes have, and their processors.
+        The versions on all nodes, and their processors.
 
     Raises:
-        OneBotError: there is no such cluster, or a node has another version of a package.
+        OneBotError: the cluster does not exist, or a node has another version of a package.
     """
     is_own = not ray.is_initialized()
     if is_own:
         _require_answer()
         try:
             ray.init(include_dashboard=False, log_to_driver=False, logging_level="error")
-        except Exception as error:  # Ray raises plain ones, too
+        except Exception as error:  # Ray also raises plain exceptions
             raise OneBotError(f"Ray's cluster cannot be used: {_sentence(error)}") from None
     try:
         yield _common_facts(packed)
@@ -53,9 +53,9 @@ def connected(packed: bytes) -> Iterator[Mapping[str, str]]:
 
 
 def _require_answer() -> None:
-    """Refuse an address that does not answer; Ray itself would log about it for minutes."""
+    """Reject an address that does not respond; Ray itself would log about it for minutes."""
     address = os.environ.get("RAY_ADDRESS", "")
-    if address in ("", "auto"):  # then Ray takes that of the last ``ray start``
+    if address in ("", "auto"):  # then Ray uses the address of the last ``ray start``
         with suppress(OSError):
             address = Path(os.environ.get("RAY_TMPDIR") or gettempdir(), _LAST).read_text().strip()
     place = urlsplit(address if "://" in address else f"//{address}")
@@ -64,26 +64,24 @@ def _require_answer() -> None:
             os.environ.setdefault(_ATTEMPTS, "1")
             socket.create_connection((place.hostname, place.port), _PATIENCE).close()
     except (OSError, ValueError) as error:
-        text = f"Ray's cluster {address} does not answer: {_sentence(error)}"
-        remedy = (
-            'start it with "ray start --head", or set RAY_ADDRESS (local: none but this computer)'
-        )
+        text = f"Ray's cluster {address} does not respond: {_sentence(error)}"
+        remedy = 'start it with "ray start --head", or set RAY_ADDRESS (local: only this computer)'
         raise OneBotError(f"{text}; {remedy}") from None
 
 
 def run_on_ray(
     packed: bytes, cases: Iterator[tuple[int, bytes]], count: int | None, timeout: float
 ) -> Outcomes:
-    """Run episodes on all nodes; yield their outcomes as they come.
+    """Run episodes on all nodes; yield their outcomes as they end.
 
     Args:
         packed: the work.
         cases: numbers and packed cases.
-        count: how many run at once; None for as many as there are processors.
-        timeout: s of wall time, after which an episode is ended.
+        count: number of concurrent episodes; None for the number of processors.
+        timeout: s of wall time after which an episode is ended.
     """
-    # Twice as many as there are processors, so that none waits for the next one.
-    most = count or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
+    # Twice the number of processors, so that no processor waits for its next episode.
+    limit = count or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
     episode, work = ray.remote(num_cpus=1)(_run), ray.put(packed)
     running: dict[Future[EpisodeOutcome], Any] = {}
 
@@ -94,7 +92,7 @@ def run_on_ray(
         return future
 
     try:
-        for number, future in as_they_come(submit, cases, most):
+        for number, future in as_they_come(submit, cases, limit):
             del running[future]
             has_died = future.exception() is not None
             yield number, EpisodeOutcome(b"", DIED) if has_died else future.result()
@@ -109,18 +107,18 @@ def _worker(packed: bytes) -> Worker:
 
 
 def _run(packed: bytes, case: bytes, timeout: float) -> EpisodeOutcome:
-    """Run an episode beside a process of Ray: Ray itself cannot end one that hangs."""
+    """Run an episode in a process beside Ray's, as Ray itself cannot end one that hangs."""
     return _worker(packed).run(case, timeout)
 
 
 def _common_facts(packed: bytes) -> dict[str, str]:
-    """Return the facts of all nodes; each imports what the work needs.
+    """Return the facts of all nodes, after each has imported the modules of the work.
 
     Raises:
-        OneBotError: a node cannot, or differs from this computer in a version.
+        OneBotError: a node cannot import them, or a version differs from this computer's.
     """
 
-    # It is sent by value, since a node may lack this package.
+    # This function is sent by value, since a node may lack this package.
     def facts_of_node(packed: bytes) -> dict[str, str] | str:
         try:
             from onebot_control.evaluation.episode import unpacked
@@ -144,7 +142,7 @@ def _common_facts(packed: bytes) -> dict[str, str]:
         except RayError as error:
             raise OneBotError(f"{name} cannot be used: {_sentence(error)}") from None
         if isinstance(facts, str):
-            text = "install there what is installed here"
+            text = "install the packages of this computer there"
             raise OneBotError(f"{name} cannot run the study: {facts}; {text}")
         processors.add(facts.pop(_PROCESSOR))
         for package in own.keys() - {_PROCESSOR}:

@@ -1,4 +1,4 @@
-"""What a study shows: progress, success by each factor, and files of its table."""
+"""The output of a study: its progress, success by factor, and files of its table."""
 
 import math
 import sys
@@ -19,21 +19,21 @@ from onebot_control.evaluation.rows import fact_of, text_of
 from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 
-_MOST_LEVELS = 8  # values of a factor that are shown
-_MOST_ERRORS = 3  # different ones
-_Z = 1.959964  # standard deviations within which 95 % of a normal distribution are
-_EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal and elsewhere
+_MAX_LEVELS = 8  # maximum number of listed values of a factor
+_MAX_ERRORS = 3  # maximum number of listed errors
+_Z = 1.959964  # number of standard deviations that contain 95 % of a normal distribution
+_EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal or elsewhere
 
 
 class Progress(AbstractContextManager["Progress"]):
-    """Shows on stderr how many episodes are done, their rate, time left and the first error."""
+    """Shows the number of finished episodes, rate, time left and the first error on stderr."""
 
     def __init__(self, total: int, done: int, shown: bool) -> None:
-        """Begin with some done already."""
+        """Start with ``done`` finished episodes."""
         self._total, self._done, self._failed, self._shown = total, done, 0, shown
         self._live, self._error = sys.stderr.isatty(), ""
         self._began = time.monotonic()
-        self._first: tuple[float, int] | None = None  # the first outcome: when, and how many then
+        self._first: tuple[float, int] | None = None  # time and count at the first outcome
         self._next = self._began + _EVERY[self._live]
 
     def add(self, success: bool, number: int, error: str | None) -> None:
@@ -55,12 +55,12 @@ class Progress(AbstractContextManager["Progress"]):
             print(f"{text:78}", end="\r" if self._live else "\n", file=sys.stderr, flush=True)
 
     def _pace(self, now: float, first: float, before: int) -> str:
-        """Return the rate since the first outcome, which start-up has delayed."""
+        """Return the rate since the first outcome, without the start-up."""
         if now - first < first - self._began or self._done == before:
-            return ""  # too early: all workers have ended their first episode at about that time
+            return ""  # too early: all workers end their first episodes at about the same time
         rate = (self._done - before) / (now - first)
         minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
-        return f", {rate:.3g} a second, {minutes}:{seconds:02} left"
+        return f", {rate:.3g} per second, {minutes}:{seconds:02} left"
 
     def __exit__(self, *_: object) -> None:
         if self._shown and self._live:
@@ -68,12 +68,12 @@ class Progress(AbstractContextManager["Progress"]):
 
 
 def share(table: pa.Table, name: str) -> float:
-    """Return the mean of a column of truth values or numbers; NaN if episodes have no number.
+    """Return the mean of a column of booleans or numbers; NaN if an episode has no number.
 
-    An episode without a truth value counts as one without success.
+    An episode without a boolean counts as unsuccessful.
 
     Raises:
-        OneBotError: there is no such column, although episodes had no error, or it has no mean.
+        OneBotError: there is no such column although an episode had no error, or it has no mean.
     """
     if name not in table.column_names:
         if table[ERROR].null_count:
@@ -91,7 +91,7 @@ def share(table: pa.Table, name: str) -> float:
 
 
 def interval(successes: int, count: int) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a share, by Wilson's score."""
+    """Return the 95 % confidence interval of a proportion (Wilson score)."""
     share, square = successes / count, _Z * _Z / count
     middle = (share + square / 2.0) / (1.0 + square)
     half = _Z * math.sqrt(share * (1.0 - share) / count + square / (4.0 * count)) / (1.0 + square)
@@ -99,12 +99,12 @@ def interval(successes: int, count: int) -> tuple[float, float]:
 
 
 def summary(table: pa.Table) -> str:
-    """Return the success of a study as text, with 95 % intervals, also by each factor.
+    """Return the success of a study as text, in total and by factor, with 95 % intervals.
 
-    An episode with an error is one without success.
+    An episode with an error counts as unsuccessful.
 
     Args:
-        table: what ``evaluate`` has returned, or its Parquet file read again.
+        table: the result of ``evaluate``, or its Parquet file read again.
     """
     names = [
         name
@@ -123,7 +123,7 @@ def summary(table: pa.Table) -> str:
         number for number, row in enumerate(zip(*columns.values(), strict=True)) if not all(row)
     ]
     lines.append(f"cases without success: {listing(map(str, missed))}")
-    for error in [*dict.fromkeys(failed)][:_MOST_ERRORS]:
+    for error in [*dict.fromkeys(failed)][:_MAX_ERRORS]:
         lines.append(f"error of case {errors.index(error)}: {error}")
     return "\n".join(map(printable, lines))
 
@@ -136,7 +136,7 @@ def _shares(
         levels: dict[str, list[bool]] = {}
         for level, value in zip(table[factor].to_pylist(), values, strict=True):
             levels.setdefault(text_of(level), []).append(value)
-        if len(levels) > _MOST_LEVELS:
+        if len(levels) > _MAX_LEVELS:
             lines.append(f"  {factor}: {len(levels)} values")
             continue
         width = max(map(len, levels))
@@ -151,7 +151,7 @@ def _share(values: Sequence[bool]) -> str:
 
 
 def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table to a file: Parquet, CSV, or JUnit's XML, by the ending of its name.
+    """Write a table to a file: Parquet, CSV, or JUnit's XML, by the suffix of its name.
 
     Raises:
         OneBotError: it cannot be written.
@@ -178,7 +178,7 @@ def _cells(column: pa.ChunkedArray) -> pa.Array:
 
 
 def _write_junit(table: pa.Table, file: BytesIO) -> None:
-    """Write a test case for each episode; without success it is a failure, by an error an error."""
+    """Write one test case per episode, with a failure if unsuccessful, or an error."""
     study = str(fact_of(table, "study") or "study")
     factors, success = fact_of(table, "factors") or (), fact_of(table, "success") or ()
     suite = ElementTree.Element("testsuite", name=study)
@@ -200,4 +200,4 @@ def _write_junit(table: pa.Table, file: BytesIO) -> None:
 
 
 WRITERS = {".parquet": parquet.write_table, ".csv": _write_csv, ".xml": _write_junit}
-"""Functions that write a table, by the ending of the file's name."""
+"""Functions that write a table, by the suffix of the file."""

@@ -1,4 +1,4 @@
-"""Rows of a study: packed by workers, journalled as they come, and put together as a table."""
+"""Rows of a study: packed by workers, written to a journal, and combined in a table."""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ _STUDY = b"study"
 
 
 class EpisodeOutcome(NamedTuple):
-    """What comes of an episode: what it returned, packed, or an error; and its recordings."""
+    """The outcome of an episode: its packed return value or an error, and its recordings."""
 
     row: bytes
     error: str | None
@@ -33,15 +33,15 @@ class EpisodeOutcome(NamedTuple):
 
 
 Outcomes = Generator[tuple[int, EpisodeOutcome], None, None]
-"""The outcomes of cases by their numbers, as they come; it is closed to end the episodes."""
+"""The numbers and outcomes of cases, in the order of completion; closing it ends the episodes."""
 
 
 def packed_row(returned: object, case: Case) -> bytes:
-    """Return what an episode has returned, as the stream of an Arrow table with one row.
+    """Pack the return value of an episode as the stream of an Arrow table with one row.
 
     Raises:
-        OneBotError: it is not a mapping from names to what can be a cell, or it has another value
-            for a column of the case.
+        OneBotError: it is not a mapping from names to valid cells, or it has another value for a
+            column of the case.
     """
     if returned is None:
         returned = {}
@@ -60,7 +60,8 @@ def packed_row(returned: object, case: Case) -> bytes:
         with suppress(*_UNFIT):
             pa.array([row[name]])
             continue
-        raise OneBotError(f'the episode returned "{name}": {shortened(repr(value))}; no such cell')
+        text = f'the episode returned "{name}": {shortened(repr(value))}'
+        raise OneBotError(f"{text}, which cannot be a cell")
     table, sink = pa.Table.from_pylist([row]), pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as writer:
         writer.write_table(table)
@@ -68,13 +69,13 @@ def packed_row(returned: object, case: Case) -> bytes:
 
 
 def unpacked_row(row: bytes) -> dict[str, Any]:
-    """Return what ``packed_row`` has packed; nothing of an empty row."""
+    """Return the row packed by ``packed_row``; empty bytes are an empty row."""
     values = pa.ipc.open_stream(row).read_all().to_pylist() if row else []
     return dict(values[0]) if values else {}
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with numpy's arrays and scalars, and containers, as Python's."""
+    """Convert numpy arrays and scalars, sets and paths in a value to plain Python values."""
     value = plain(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
@@ -88,13 +89,13 @@ def table_of(
 ) -> pa.Table:
     """Return the table of a study: the columns of cases and returned mappings, then ``error``.
 
-    Types depend on all values together, so not on which row came first. A column whose values have
-    no common type has them as text.
+    Types are determined from all values together, regardless of their order. The values of a column
+    without a common type are converted to text.
 
     Args:
         cases: the cases.
-        outcomes: what came of each.
-        facts: what the metadata of the table records.
+        outcomes: the outcome of each case.
+        facts: values for the metadata of the table.
     """
     columns: dict[str, list[Any]] = {}
     for number, (case, outcome) in enumerate(zip(cases, outcomes, strict=True)):
@@ -113,18 +114,18 @@ def _column(values: Sequence[Any]) -> pa.Array:
 
 
 def text_of(value: object) -> str:
-    """Return a value as text that is the same in each process."""
+    """Return a value as text that is the same in every process."""
     return getattr(value, "__qualname__", None) or _ADDRESS.sub("", str(value))
 
 
 def fact_of(table: pa.Table, name: str) -> Any:
-    """Return one of the facts in the metadata of a table; None if it has none."""
+    """Return one of the facts in the metadata of a table; None if it is missing."""
     text = (table.schema.metadata or {}).get(name.encode())
     return None if text is None else json.loads(text)
 
 
 def machine_facts() -> dict[str, str]:
-    """Return the versions of what computes an episode, and the processor it runs on."""
+    """Return the versions of the packages that compute an episode, and the processor."""
     facts = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -146,13 +147,13 @@ def study_digest(name: str, source: str, cases: Sequence[Case]) -> str:
 
 
 class Journal(AbstractContextManager["Journal"]):
-    """The outcomes of a study on disk as they come, in an Arrow IPC stream.
+    """A file of a study's outcomes in the order of completion, as an Arrow IPC stream.
 
-    What a killed process has left can be read up to the last whole row.
+    The file of a killed process can be read up to the last complete row.
     """
 
     def __init__(self, path: Path, study: str, done: Mapping[int, EpisodeOutcome]) -> None:
-        """Begin a journal with what is done already.
+        """Create the journal, with the outcomes that are already known.
 
         Raises:
             OneBotError: it cannot be written.
@@ -182,7 +183,7 @@ class Journal(AbstractContextManager["Journal"]):
             raise OneBotError(f"{self.path} cannot be written: {error.strerror}") from None
 
     def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # the disk is full, which has been reported
+        with suppress(OSError):  # the disk is full, as reported before
             self._writer.close()
             self._file.close()
 
@@ -191,15 +192,15 @@ def read_journal(path: Path, study: str) -> dict[int, EpisodeOutcome]:
     """Return the outcomes in a journal, by the number of the case.
 
     Raises:
-        OneBotError: there is none, or it is of another study.
+        OneBotError: there is no journal, or it belongs to another study.
     """
     done: dict[int, EpisodeOutcome] = {}
     try:
         with path.open("rb") as file, pa.ipc.open_stream(file) as reader:
             found = (reader.schema.metadata or {}).get(_STUDY, b"").decode()
             if found != study:
-                text = f"{path} is of another study ({found or 'no name'}), not of {study}"
-                raise OneBotError(f"{text}; remove it, or leave out --resume")
+                text = f"{path} belongs to another study ({found or 'no name'}), not to {study}"
+                raise OneBotError(f"{text}; remove it, or omit --resume")
             with suppress(pa.ArrowException, OSError):  # the last row of a killed process
                 for batch in reader:
                     done |= {
@@ -207,7 +208,8 @@ def read_journal(path: Path, study: str) -> dict[int, EpisodeOutcome]:
                         for row in batch.to_pylist()
                     }
     except FileNotFoundError:
-        raise OneBotError(f"there is no journal {path} to resume; leave out --resume") from None
+        raise OneBotError(f"there is no journal {path} to resume; omit --resume") from None
     except (pa.ArrowException, OSError) as error:
-        raise OneBotError(f"{path} is no journal of a study: {shortened(str(error))}") from None
+        text = f"{path} is not the journal of a study: {shortened(str(error))}"
+        raise OneBotError(text) from None
     return done

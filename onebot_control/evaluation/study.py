@@ -1,4 +1,4 @@
-"""``evaluate``: runs an episode for each case of a study, and returns the table of them."""
+"""``evaluate``: runs an episode for each case of a study, and returns a table of the results."""
 
 import inspect
 import os
@@ -38,7 +38,7 @@ from onebot_description.parameters.arguments import checked
 from onebot_description.parameters.values import Rule
 
 SUCCESS = ("reached", "success")
-"""Columns that, where episodes return them, are false in an episode without success."""
+"""Columns that, if returned by episodes, are false in an unsuccessful episode."""
 
 
 @checked
@@ -57,40 +57,40 @@ def evaluate(
     keep: Annotated[str, Rule(choices=("all", "failed"))] = "failed",
     progress: bool | None = None,
 ) -> pa.Table:
-    """Run a function for each case, and return a table with a row for each, in the same order.
+    """Run a function for each case, and return a table with one row per case, in the same order.
 
-    The table is bit-identical however many processes or nodes there are, if their processors are of
-    one kind. An episode that raises, takes too long or kills its worker twice is a row with an
+    The table is bit-identical for any number of processes or nodes, if they have the same type of
+    processor. An episode that raises, times out or kills its worker twice becomes a row with an
     error. The function and the modules beside it are sent to the workers by value; a worker runs
-    many episodes, so what the function keeps in a global is there in the next one.
+    many episodes, so the function's globals persist between them.
 
     Args:
-        function: the episode. It gets the case, and returns a mapping from names to numbers, texts,
-            truth values or lists of these, which becomes a row; or None for no columns.
-        cases: a mapping for each case, such as ``grid(seed=range(100))``.
-        workers: how many episodes run at once; None for one on each processor, 0 to run them in
-            this process, one after another and without a timeout.
-        on: "processes" of this computer, or the cluster of "ray".
+        function: the episode. It receives the case, and returns a mapping from names to numbers,
+            strings, booleans or lists of these, which becomes a row; or None for no columns.
+        cases: one mapping per case, such as ``grid(seed=range(100))``.
+        workers: number of concurrent episodes; None for one per processor, 0 to run them in this
+            process, one after another and without a timeout.
+        on: "processes" for processes of this computer, or "ray" for a Ray cluster.
         timeout: s of wall time after which an episode is ended.
-        success: columns that are false in an episode without success.
-        journal: a file in which rows are kept as they come; None for none.
-        resume: go on from the rows that are in the journal.
-        recorder: writes the recording of a simulation to a file (.rrd); None for none.
-        recordings: folder of the recordings, which are named by the number of the case.
+        success: columns that are false in an unsuccessful episode.
+        journal: a file to which each row is written at once; None for no journal.
+        resume: continue from the rows in the journal.
+        recorder: writes the recording of a simulation to a file (.rrd); None for no recordings.
+        recordings: folder of the recordings, which are named after the number of the case.
         keep: which episodes are recorded, "all" or "failed".
-        progress: show the progress on stderr; None: if that is a terminal.
+        progress: show the progress on stderr; None: only on a terminal.
 
     Returns:
         The columns of the cases, those of the returned mappings, and ``error``, None or a sentence.
-        The metadata has the versions and the processor, and what varied.
+        The metadata contains the versions, the processor and the factors.
 
     Raises:
         OneBotError: cases, function, journal or cluster cannot be used.
-        KeyboardInterrupt: by Ctrl-C; the journal has what was done.
+        KeyboardInterrupt: Ctrl-C was pressed; the journal contains the finished episodes.
     """
     listed = checked_cases(cases)
     if resume and journal is None:
-        raise OneBotError("resume: there is no journal to go on from; write journal=FILE")
+        raise OneBotError("resume: there is no journal to continue from; write journal=FILE")
     work = Work(function, tuple(success), recorder, keep)
     name = getattr(function, "__qualname__", type(function).__name__)
     facts: dict[str, Any] = {"study": name, "success": success, "factors": _factors(listed)}
@@ -121,8 +121,8 @@ def evaluate(
 def _engine(
     on: str, work: Work, cases: Iterator[tuple[int, bytes]], workers: int | None, timeout: float
 ) -> Iterator[tuple[Mapping[str, str], Outcomes]]:
-    """Yield facts of what runs the episodes, and their outcomes as they come."""
-    if workers == 0:  # one after another, as for a debugger
+    """Yield facts about the computers, and the outcomes of the episodes as they end."""
+    if workers == 0:  # one after another, for example for a debugger
         yield machine_facts(), ((n, run(work, cloudpickle.loads(case))) for n, case in cases)
     elif on == "processes":
         count = workers or _processors()
@@ -144,19 +144,19 @@ def _on_ray() -> ModuleType:
 
 
 def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):  # Linux; a container may have fewer than the computer
+    if hasattr(os, "sched_getaffinity"):  # Linux; a container may be limited to a few
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _factors(cases: Sequence[Case]) -> list[str]:
-    """Return the names of what differs among the cases."""
+    """Return the names of the values that differ among the cases."""
     names = dict.fromkeys(name for case in cases for name in case)
     return [name for name in names if len({repr(case.get(name)) for case in cases}) > 1]
 
 
 def _source(function: Episode) -> str:
-    """Return the text of the function's module; that of a notebook's function; or none."""
+    """Return the source of the function's module, or of the function in a notebook, or ""."""
     for what in (module_of(function), function):
         try:
             return inspect.getsource(what)  # type: ignore[arg-type] # TypeError if there is none

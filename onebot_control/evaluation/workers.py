@@ -1,4 +1,4 @@
-"""Runs the episodes of a study in processes of this computer, each kept for many episodes."""
+"""Runs the episodes of a study in processes of this computer, each reused for many episodes."""
 
 import multiprocessing
 import os
@@ -29,7 +29,7 @@ from onebot_description.errors import OneBotError
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
 _CHECK = 0.5  # s between checks of a pool that may have ended
-_MOST_BROKEN = 100  # processes in a row that end before they run anything
+_MAX_BROKEN = 100  # maximum number of consecutive processes that end before they run anything
 _Future: TypeAlias = "Future[EpisodeOutcome]"
 _starting = threading.Lock()
 
@@ -37,13 +37,13 @@ _starting = threading.Lock()
 class _Process(SpawnProcess):
     """A process that does not import the script of the study, and whose numpy has no threads.
 
-    A script that calls ``evaluate`` would do so again in each process; what is needed of it comes
-    by value.
+    A script that calls ``evaluate`` would do so again in each process; the required parts of it are
+    sent by value.
     """
 
     @property
     def exitcode(self) -> int | None:
-        """The exit code; never 0, with which pebble would wait for the episode that has exited."""
+        """The exit code, but never 0, as pebble would then wait for the episode forever."""
         code = super().exitcode
         return 1 if code == 0 else code
 
@@ -95,19 +95,19 @@ def _start(packed: bytes) -> None:
 
     threading.Thread(target=end_with_parent, daemon=True).start()
     _take_domain()
-    with suppress(Exception):  # it is reported by the first episode
-        unpacked(packed)  # now, as imports are no part of an episode's time
+    with suppress(Exception):  # the first episode reports it
+        unpacked(packed)  # now, so that imports do not count as an episode's time
 
 
 def _take_domain() -> None:
     """Give this process a ROS domain of its own, for nodes in lockstep."""
     if sys.platform != "linux":
-        return  # there, an installed ROS has the domain of the environment
+        return  # there, an installed ROS uses the domain of the environment
     from onebot_description.ros.domains import used_domain
 
     try:
         _stack.enter_context(used_domain())
-    except OneBotError as error:  # pure episodes need none
+    except OneBotError as error:  # episodes without ROS need no domain
         os.environ["ROS_DOMAIN_ID"] = str(error)
 
 
@@ -118,12 +118,12 @@ def _run(case: bytes) -> EpisodeOutcome:
 class Worker:
     """A process that runs episodes, one at a time, and is replaced when it ends.
 
-    It has a pool of its own: one that is killed while it holds a lock of its pool cannot stop the
-    others.
+    Each worker has a separate pool, so that a process that is killed while it holds a lock of its
+    pool cannot stop the others.
     """
 
     def __init__(self, packed: bytes) -> None:
-        """Begin without a process; the first episode starts it.
+        """Start without a process; the first episode starts it.
 
         Args:
             packed: the work.
@@ -132,17 +132,17 @@ class Worker:
         self._pool = self._new_pool()
 
     def run(self, case: bytes, timeout: float) -> EpisodeOutcome:
-        """Run an episode; run it again if the process dies of it once.
+        """Run an episode, and once more if the process dies.
 
         Args:
             case: the packed case.
-            timeout: s of wall time, after which the episode is ended.
+            timeout: s of wall time after which the episode is ended.
 
         Raises:
             OneBotError: processes end before they run anything.
         """
         died = False
-        for _ in range(_MOST_BROKEN):
+        for _ in range(_MAX_BROKEN):
             try:
                 return self._outcome(case, timeout)
             except TimeoutError:
@@ -171,7 +171,7 @@ class Worker:
             self._pool = self._new_pool()
 
     def _new_pool(self) -> ProcessPool:
-        context: Any = _Context()  # pebble's types know the contexts of multiprocessing only
+        context: Any = _Context()  # pebble's types only accept the contexts of multiprocessing
         return ProcessPool(1, initializer=_start, initargs=(self._packed,), context=context)
 
     def _end_pool(self) -> None:
@@ -188,13 +188,13 @@ class Worker:
 def run_in_processes(
     packed: bytes, cases: Iterator[tuple[int, bytes]], count: int, timeout: float
 ) -> Outcomes:
-    """Run episodes in processes of this computer; yield their outcomes as they come.
+    """Run episodes in processes of this computer; yield their outcomes as they end.
 
     Args:
         packed: the work.
         cases: numbers and packed cases.
-        count: how many processes.
-        timeout: s of wall time, after which an episode is ended.
+        count: number of processes.
+        timeout: s of wall time after which an episode is ended.
     """
     workers, idle = [Worker(packed) for _ in range(count)], SimpleQueue[Worker]()
     for worker in workers:
@@ -219,12 +219,12 @@ def run_in_processes(
 
 
 def as_they_come(
-    submit: Callable[[bytes], _Future], cases: Iterator[tuple[int, bytes]], most: int
+    submit: Callable[[bytes], _Future], cases: Iterator[tuple[int, bytes]], limit: int
 ) -> Iterator[tuple[int, _Future]]:
-    """Submit so many cases at once; yield the numbers and futures of those that are done."""
+    """Keep up to ``limit`` cases running; yield the numbers and futures of finished ones."""
     running: dict[_Future, int] = {}
     while True:
-        while len(running) < most and (task := next(cases, None)):
+        while len(running) < limit and (task := next(cases, None)):
             running[submit(task[1])] = task[0]
         if not running:
             return

@@ -104,7 +104,7 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
     other = folder / "other.py"
     other.write_text(STUDY.replace("SEEDS", "4"))
     done = onebot("evaluate", "other.py", "--out", "r.parquet", "--resume")
-    assert done.returncode == 1 and "r.journal is of another study" in done.stderr
+    assert done.returncode == 1 and "r.journal belongs to another study" in done.stderr
     done = onebot(*command[0].split())
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in folder.glob("began-*")) == [
@@ -169,4 +169,4 @@ def test_a_cluster_that_does_not_answer(folder: Path, monkeypatch: pytest.Monkey
     done = onebot("evaluate", "study.py", "--on", "ray")
     assert done.returncode == 1
     [_, error] = done.stderr.splitlines()
-    assert error.startswith(f"error: Ray's cluster {address} does not answer: ")
+    assert error.startswith(f"error: Ray's cluster {address} does not respond: ")

@@ -171,8 +171,8 @@ def test_types_do_not_depend_on_which_row_came_first() -> None:
         ({"seed": 8}, 'returned "seed", which is a column of the case'),
         ({"error": "x"}, "returned 'error', which cannot name a column"),
         ({1: "x"}, "returned 1, which cannot name a column"),
-        ({"x": object()}, 'returned "x": <object object>; no such cell'),
-        ({"x": 2**70}, 'returned "x": 1180591620717411303424; no such cell'),
+        ({"x": object()}, 'returned "x": <object object>, which cannot be a cell'),
+        ({"x": 2**70}, 'returned "x": 1180591620717411303424, which cannot be a cell'),
     ],
 )
 def test_what_cannot_be_a_row_is_an_error(returned: Any, words: str) -> None:
@@ -212,8 +212,8 @@ def _endless() -> Iterator[dict[str, int]]:
         (lambda: grid(a=range(10**9)), "at most 1,000,000 cases, not 1,000,000,000"),
         (lambda: grid(a=range(2000), b=range(2000)), "not 4,000,000"),
         (lambda: evaluate(simple, _endless()), "at most 1,000,000 cases"),
-        (lambda: evaluate(simple, []), "there is none; write a list of mappings"),
-        (lambda: evaluate(simple, [{"seed": 1}, 7]), "case 1: 7 is not a mapping; write one"),
+        (lambda: evaluate(simple, []), "cases: empty; write a list of mappings"),
+        (lambda: evaluate(simple, [{"seed": 1}, 7]), "case 1: 7 is not a mapping; write a mapping"),
         (lambda: evaluate(simple, {"seed": 1}), "write a list of mappings"),
         (lambda: evaluate(simple, 7), "cases: 7 is a number; write a list"),
         (lambda: evaluate(simple, [{1: 2}]), "case 0: 1 cannot be the name of a column"),
@@ -286,10 +286,10 @@ def test_a_study_goes_on_from_its_journal(tmp_path: Path) -> None:
     assert done.stdout == "[0, 2, 4, 6, 8, 10] [None]\n", done.stderr
     script.write_text(script.read_text().replace("2 *", "3 *"))
     done = run_to_end(command, cwd=tmp_path)
-    assert "OneBotError: journal is of another study" in done.stderr
+    assert "OneBotError: journal belongs to another study" in done.stderr
     for text in (b"", b"no journal"):
         journal.write_bytes(text)
-        with pytest.raises(OneBotError, match="is no journal of a study"):
+        with pytest.raises(OneBotError, match="is not the journal of a study"):
             evaluate(simple, [{"seed": 1}], journal=journal, resume=True)
     with pytest.raises(OneBotError, match="cannot be written: Is a directory"):
         evaluate(simple, [{"seed": 1}], journal=tmp_path)

@@ -175,8 +175,8 @@ def test_a_node_of_another_executor_is_refused(
 ) -> None:
     node, executor = Ticker(), MultiThreadedExecutor(2)
     executor.add_node(node)
-    assert '"ticker" runs in a MultiThreadedExecutor of its own' in capfd.readouterr().err
-    with pytest.raises(OneBotError, match='"ticker" runs in a MultiThreadedExecutor of its own'):
+    assert '"ticker" runs in a separate MultiThreadedExecutor' in capfd.readouterr().err
+    with pytest.raises(OneBotError, match='"ticker" runs in a separate MultiThreadedExecutor'):
         ros.add(node)
     executor.remove_node(node)
     ros.add(node)
@@ -372,7 +372,7 @@ def test_what_is_no_node_is_refused() -> None:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"domain_id": 300}, "domain_id is a number from 0 to 232, not 300"),
+    ({"domain_id": 300}, "domain_id must be a number from 0 to 232, not 300"),
     ({"domain_id": -1}, "domain_id"),
     ({"domain_id": "1"}, "domain_id"),
     ({"domain_id": True}, "domain_id"),
@@ -497,6 +497,6 @@ def test_topics_without_another_end_are_warned_of(
 ) -> None:
     ros.add(Follower())
     log = capfd.readouterr().err
-    assert 'nobody subscribes to /cmd_vel (did you mean "/velocity_controller/cmd_vel"?' in log
-    assert 'nobody publishes /odom (did you mean "/velocity_controller/odom"?' in log
-    assert log.count("nobody") == 2
+    assert 'no node subscribes to /cmd_vel (did you mean "/velocity_controller/cmd_vel"?' in log
+    assert 'no node publishes /odom (did you mean "/velocity_controller/odom"?' in log
+    assert log.count("no node") == 2

@@ -284,7 +284,7 @@ def test_whoever_else_drives_takes_over_and_a_lock_ends_the_goal(client: Client)
     twist = Twist()
     twist.angular.z = 0.3
     other.publish(twist)
-    assert ends(ended) == (ABORTED, "somebody else drives")
+    assert ends(ended) == (ABORTED, "another node drives the robot")
     client.do("navigate_to_pose", NavigateToPose, pose=pose(0.0, 0.8))
     ended = begin()
     lock = client.peer.publisher(Bool, "velocity_controller/cmd_vel_lock")

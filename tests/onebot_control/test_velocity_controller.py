@@ -169,7 +169,7 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
         publisher.publish(String(data=foreign))
         waiting = "not applied, still waiting for one:"
         wait_for(lambda: waiting in node.output, "the first refusal")
-        assert 'robot "bot" cannot be driven: no wheel' in node.output
+        assert 'robot "bot" cannot be driven: its joints include no wheel' in node.output
         publisher.publish(String(data=urdf()))
         wait_for(lambda: joints, "joint states")
         publisher.publish(String(data=urdf(name="other")))
