@@ -1,4 +1,4 @@
-"""Physics of robots on level ground or in a scene, by PyBullet: joint velocities in, motion out.
+"""Physics of robots on level ground or in a scene, with PyBullet: joint velocities in, motion out.
 
 Example:
     >>> from onebot_control.physics import RobotSpawn, World

@@ -1,8 +1,8 @@
-"""Records what touches the robots of a world, in each physics step of a control cycle.
+"""Records the contacts of the robots of a world, in each physics step of a control cycle.
 
-PyBullet's own list is that of the last step, and has points that are apart, too, with forces of
-earlier steps. It knows only the rigid bodies that were loaded: of links that are fixed to each
-other, the one whose shape is nearest is named.
+PyBullet only lists the contacts of the last step, including separated points with forces of earlier
+steps. It only knows the loaded rigid bodies; among links that are fixed to each other, a contact
+names the link with the nearest shape.
 """
 
 import math
@@ -25,11 +25,11 @@ from onebot_description.elements.urdf import Box, Cylinder, Link, Mesh, Shape, S
 from onebot_description.geometry.poses import Transform, Triple, inverse
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
-GROUND, WORLD = "ground", "world"  # names of what is no robot
-_BELOW = math.cos(math.radians(45.0))  # least z of the normal of what a robot stands on
+GROUND, WORLD = "ground", "world"  # names of bodies other than robots
+_BELOW = math.cos(math.radians(45.0))  # minimum z of the normal of a supporting surface
 
-_FAST = 2.0  # m/s at which bodies are at most expected to move
-_AGAIN = (20, 2)  # cycles from one look at what is near to the next: if nothing is, and otherwise
+_FAST = 2.0  # m/s, expected maximum speed of bodies
+_AGAIN = (20, 2)  # cycles between searches for nearby bodies: if there are none, and otherwise
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
 _Box = tuple[
@@ -42,15 +42,15 @@ _Listed = tuple[Sequence[Sequence[Any]], Mapping[_Place, Transform]]
 
 
 class Contact(NamedTuple):
-    """A place where something touches a robot, in the last control cycle.
+    """A contact point of a robot in the last control cycle.
 
     Attributes:
         link: the robot's link, as in its URDF.
         other: the other body: "ground", "world", or the name of another robot.
         other_link: that body's link, as in its URDF; "" for the ground.
-        point: where they touch, in the world, m.
+        point: position of the contact in the world, m.
         normal: unit vector in the world, from the other body towards the robot.
-        force: normal force on the robot along ``normal``, N; its mean over the cycle.
+        force: normal force on the robot along ``normal``, mean over the cycle, N.
     """
 
     link: str
@@ -62,7 +62,7 @@ class Contact(NamedTuple):
 
 
 class _Touch(NamedTuple):
-    """A point of PyBullet's list, as one of the two bodies has it."""
+    """A point of PyBullet's list, from the side of one of the two bodies."""
 
     own: _Place
     other: _Place
@@ -75,19 +75,19 @@ class ContactRecorder:
     """Records the contacts of a world's robots.
 
     Attributes:
-        collided: whether each robot has touched something other than what it stands on, since
-            it was placed.
-        always: whether anything may touch in any cycle, as there are arms or pushes.
-        wanted: whether contacts have been asked for; then each cycle records them.
+        collided: whether each robot has touched something other than its support, since it was
+            placed.
+        always: whether there may be a contact in any cycle, because of arms or pushes.
+        wanted: whether contacts have been requested; then each cycle records them.
     """
 
     def __init__(self, robots: Sequence[RobotBody], scene: SceneBodies | None) -> None:
-        """Begin without contacts; ``load`` has to follow."""
+        """Start without contacts; ``load`` must follow."""
         self._robots, self._scene = robots, scene
         self._links = [(_shapes(robot.spawn), _moved_links(robot.spawn)) for robot in robots]
 
     def load(self, bullet: Bullet) -> None:
-        """Begin without contacts in a world in which all bodies have been loaded anew."""
+        """Start without contacts in a world in which all bodies have just been loaded."""
         self._bullet = bullet
         self._rows = {robot.parts.body: row for row, robot in enumerate(self._robots)}
         self._ground = self._robots[0].parts.ground
@@ -115,9 +115,9 @@ class ContactRecorder:
             for place, shapes in self._shapes.items()
             if len({link.name for _, _, link in shapes}) > 1 and place[0] in self._loaded
         }
-        # What PyBullet listed in each step of the last cycle; None if that was not recorded.
+        # PyBullet's list after each step of the last cycle; None if it was not recorded.
         self._listed: list[_Listed] | None = []
-        self._moved = {*range(len(self._robots))}  # robots that were placed since then
+        self._moved = {*range(len(self._robots))}  # robots that have been placed since then
         self._poses: dict[_Place, Transform] = {}
         self.collided, self.wanted = [False] * len(self._robots), False
         self.always = any(robot.spawn.starts for robot in self._robots)
@@ -126,8 +126,8 @@ class ContactRecorder:
     def may_collide(self, period: float) -> bool:
         """Return whether a robot may touch something in the next ``period``, s.
 
-        Robots with arms and the like always may, others if they are near anything. Robots that have
-        collided already do not count.
+        Robots with commanded joints always may, others if they are near anything. Robots that have
+        already collided are ignored.
         """
         robots = [
             robot
@@ -139,7 +139,7 @@ class ContactRecorder:
             boxes = [self._box(robot) for robot in robots if self._indices[robot.parts.body]]
             for cycles in _AGAIN:
                 reach = 2.0 * _FAST * cycles * period
-                # PyBullet finds a robot that was placed where it was, until the next step.
+                # Until the next step, PyBullet finds a placed robot at its former position.
                 self._is_near = bool(self._moved) or any(self._nears(box, reach) for box in boxes)
                 self._valid = cycles - 1
                 if not self._is_near:
@@ -147,7 +147,7 @@ class ContactRecorder:
         return bool(robots) and (self.always or self._is_near)
 
     def _box(self, robot: RobotBody) -> _Box:
-        """Return what encloses a robot now, in the world's axes."""
+        """Return the current bounding box of a robot, along the world's axes."""
         body = robot.parts.body
         lows, highs = zip(
             *(self._bullet.getAABB(body, i) for i in self._indices[body]), strict=True
@@ -165,14 +165,14 @@ class ContactRecorder:
         return any(neighbour not in (body, self._ground) for neighbour, _ in near or ())
 
     def begin(self, *, recorded: bool) -> None:
-        """Begin a control cycle."""
+        """Start a control cycle."""
         self._listed = [] if recorded else None
         self._moved.clear()
         if not recorded:
             self._poses.clear()
 
     def forget(self, robot: RobotBody) -> None:
-        """Forget the contacts of a robot that was placed somewhere else."""
+        """Discard the contacts of a robot that has been moved to another place."""
         row = self._rows[robot.parts.body]
         self._moved.add(row)
         self._valid = 0
@@ -180,7 +180,7 @@ class ContactRecorder:
         self._poses.clear()
 
     def record(self) -> None:
-        """Record the contacts of the physics step that was just done."""
+        """Record the contacts of the last physics step."""
         self._listed = self._listed or []
         poses, self._poses = self._poses, {}
         points = self._bullet.getContactPoints(*self._filter)
@@ -196,9 +196,9 @@ class ContactRecorder:
                     self._judge(touch)
 
     def _touches(self, point: Sequence[Any]) -> Iterator[_Touch]:
-        """Yield a point of PyBullet's list as each robot that is part of it has it."""
+        """Yield a point of PyBullet's list from the side of each robot that is part of it."""
         _, body, other_body, index, other_index, at, on, normal, apart, force, *_ = point
-        # The solver skips points that are farther apart, and leaves an old force there.
+        # The solver skips points that are farther apart, whose force remains an old one.
         if force > 0.0 and apart <= TOUCHING:
             first, second, (x, y, z) = (body, index), (other_body, other_index), normal
             if body in self._rows:
@@ -210,8 +210,8 @@ class ContactRecorder:
         """Decide whether a contact is a collision."""
         row, other_body = self._rows[touch.own[0]], touch.other[0]
         if other_body in self._sleepers and touch.own[1] < 0 and self._robots[row].spawn.fixed_base:
-            # PyBullet would keep the forces of the step in which a body fell asleep: without
-            # gravity. Beside what moves it does not sleep.
+            # PyBullet would keep the forces of the step in which a body fell asleep, without
+            # gravity. Bodies beside moving ones do not sleep.
             self._sleepers.remove(other_body)
             state = engine.ACTIVATION_STATE_DISABLE_SLEEPING
             self._bullet.changeDynamics(other_body, -1, activationState=state)
@@ -220,11 +220,10 @@ class ContactRecorder:
             self.collided[row] = True
 
     def contacts(self, row: int) -> list[Contact]:
-        """Return the contacts of a robot in the last cycle, where it was last touched.
+        """Return the contacts of a robot in the last cycle, at their last positions.
 
-        They are recorded in each cycle from now on.
-
-        If that was not recorded, they are those of its last physics step.
+        They are recorded in each cycle from now on. If the last cycle was not recorded, these are
+        the contacts of its last physics step.
         """
         self.wanted = True
         if row in self._moved:
@@ -233,7 +232,7 @@ class ContactRecorder:
             self.record()
         listed = self._listed or []
         sums = defaultdict[_Names, float](float)
-        last: dict[_Names, list[_Touch]] = {}  # touches of the last step that had any
+        last: dict[_Names, list[_Touch]] = {}  # touches of the last step with any
         for points, poses in listed:
             touches = defaultdict[_Names, list[_Touch]](list)
             for touch in (item for point in points for item in self._touches(point)):
@@ -273,7 +272,7 @@ class ContactRecorder:
 def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:
     """Return the collision shapes of each rigid body of a robot, by its first link.
 
-    A wheel that rolls on a thin cylinder has its shapes as written, if they are of other links.
+    A wheel that rolls on a thin cylinder has its original shapes, if they belong to other links.
     """
     shapes = {}
     written = merged_bodies(replace(spawn.description, links=spawn.links)) if spawn.links else {}
@@ -287,7 +286,7 @@ def _shapes(spawn: RobotSpawn) -> Mapping[str, _Shapes]:
 
 
 def _moved_links(spawn: RobotSpawn) -> set[str]:
-    """Return the first links of the bodies that commanded joints move: they stand on nothing."""
+    """Return the first links of the bodies moved by commanded joints, which never support."""
     frames = rigid_frames(spawn.description)
     joints = {joint.child: joint for joint in spawn.description.moving_joints}
     commanded, moved = {*spawn.commanded, *spawn.gears} - {*spawn.steering}, set()
@@ -301,7 +300,7 @@ def _moved_links(spawn: RobotSpawn) -> set[str]:
 
 
 def _height(shape: Shape, pose: Floats, point: Floats) -> float:
-    """Return how far a point (3,) in the body's frame is above a surface, m; inside it is < 0."""
+    """Return the distance of a point (3,) in the body's frame to a surface, m; inside: < 0."""
     local = pose[:3, :3].T @ (point - pose[:3, 3])
     if isinstance(shape, Mesh):
         normals, offsets = _planes(shape)

@@ -19,7 +19,7 @@ logger = logging.getLogger("onebot_control.physics")
 
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
-# The C library that PyBullet prints by; on Windows it is no part of the process's own symbols.
+# The C library that PyBullet prints with; on Windows, it is not among the process's own symbols.
 _LIBC = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
 # Bullet's prefix of each warning names a line of its sources.
 _ORIGIN = re.compile(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:\s*")
@@ -53,7 +53,7 @@ def captured(*descriptors: int) -> Iterator[list[str]]:
     with _lock, scratch_file() as (file, _), contextlib.ExitStack() as restoring:
         _flush()
         for descriptor in descriptors or (1,):
-            # A closed descriptor has nothing to write to, nor to restore.
+            # A closed descriptor can neither be captured nor restored.
             with contextlib.suppress(OSError):
                 saved = os.dup(descriptor)
                 restoring.callback(_restore, saved, descriptor)
@@ -77,7 +77,7 @@ def log(lines: list[str]) -> None:
 def _flush() -> None:
     """Flush the buffers of C and Python to the current descriptors."""
     for stream in (sys.stdout, sys.stderr):
-        # Under a test runner or without a terminal a stream may be None or closed.
+        # In a test runner or without a terminal, a stream may be None or closed.
         with contextlib.suppress(AttributeError, ValueError, OSError):
             stream.flush()
     _LIBC.fflush(None)
@@ -89,10 +89,10 @@ def _restore(saved: int, descriptor: int) -> None:
 
 
 class _Engine:
-    """The module pybullet, imported at its first use, because that takes 0.3 s."""
+    """The module pybullet, imported at its first use, because the import takes 0.3 s."""
 
     def __getattr__(self, name: str) -> Any:
-        # PyBullet prints a line about itself when it is imported.
+        # PyBullet prints a line when it is imported.
         with captured(1, 2):
             import pybullet
         value = getattr(pybullet, name)
@@ -104,7 +104,7 @@ engine = _Engine()
 
 
 class Bullet:
-    """One of PyBullet's worlds: has the functions of ``engine``, without their physicsClientId.
+    """A PyBullet world, with the functions of ``engine`` without their physicsClientId.
 
     Attributes:
         client: its physicsClientId.
@@ -112,7 +112,7 @@ class Bullet:
     """
 
     def __init__(self) -> None:
-        """Make an empty world."""
+        """Create an empty world."""
         self.client: int = engine.connect(engine.DIRECT)
         self.close = weakref.finalize(self, engine.disconnect, self.client)
 

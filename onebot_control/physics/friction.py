@@ -1,11 +1,11 @@
-"""Sets friction and contacts of everything that touches the ground: wheels, casters, base, scenes.
+"""Sets friction and contacts of everything on the ground: wheels, casters, base, scenes.
 
 URDF does not specify all that a simulation needs, and PyBullet's defaults are unsuitable:
 
 - Wheels, driven ones and those of casters, have the friction of ``PhysicsSettings``, unless the
   URDF has a <lateral_friction>.
-- A wide or faceted driven wheel would touch the ground at changing places, so it rolls on a thin
-  cylinder instead; if the robot steers, on a disc that touches the ground in its middle.
+- A wide or faceted driven wheel would touch the ground at changing points, so it rolls on a thin
+  cylinder instead; if the robot steers, on a disc that touches the ground at its center.
 - More than two driven wheels are soft, to share the load, and give way sideways; see ``SkidAxle``.
 - Everything else that touches the ground glides, unless the URDF has a <lateral_friction>, and is
   lifted a little if it would carry the robot instead of the wheels.
@@ -36,15 +36,15 @@ from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Origin
 from onebot_description.model.rigid_bodies import Body, rigid_frames
 
-_THIN = 0.006  # m; a wheel that is no wider touches the ground in one place
+_THIN = 0.006  # m; wheels up to this width touch the ground at one point
 _WIDTH = 0.004  # m, width of the cylinder that replaces a wider wheel
-# The width for a robot that steers. Here, PyBullet's margin of 1 mm rounds the whole rim, which
-# therefore touches the ground in its middle. On an axle that is not exactly level, a wider one has
-# contact by one edge: 1 mm is 1 % of a small car's track, and steered and driven wheels fight.
+# The width for a robot that steers. With it, PyBullet's margin of 1 mm rounds the whole rim, so the
+# wheel touches the ground at its center. On an axle that is not exactly level, a wider wheel would
+# touch with one edge: 1 mm is 1 % of a small car's track, and wheels would work against each other.
 _DISC = 0.002
 _GLIDING = 0.01  # coefficient of friction of parts that glide
-# Rigid casters in front of and behind the wheels would carry the robot alone, were they not lifted:
-# round shapes up to _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
+# Rigid casters in front of and behind the wheels could carry the robot alone. Therefore, round
+# shapes up to _LEVEL (m) below the wheels are raised to _LIFT (m) above the ground.
 _LEVEL, _LIFT = 0.005, 0.0002
 # The same for meshes and boxes of a base that round shapes support. PyBullet uses a mesh's
 # convex hull, which also fills the space between the wheels.
@@ -55,11 +55,11 @@ _MARGIN = 0.001  # m by which PyBullet's convex hulls are larger than the mesh
 # up to four points per wheel where a rolling wheel has touched the ground, and solves them all:
 # at 1 m/s that takes four times as long, for forces of zero.
 TOUCHING = 1e-6
-# Torsional friction of what grasps, m: moment per force. How rigid pads share their pressure among
-# their points is indeterminate; where it is all at one, nothing else would resist turning.
+# Torsional friction of grippers, m: moment per force. The pressure distribution of rigid pads is
+# indeterminate; with all pressure at one point, nothing else would resist turning.
 _TORSION = 0.005
-# m by which skidding wheels yield to their load. The loads of more than three rigid wheels are
-# indeterminate, and friction would decide which of them carry the robot.
+# Deflection of skidding wheels under load, m. The loads of more than three rigid wheels are
+# indeterminate, and friction would determine which of them carry the robot.
 _SAG = 1e-4
 
 
@@ -67,7 +67,7 @@ _SAG = 1e-4
 
 
 class Contacts:
-    """Gives the links of one robot collision shapes and friction that suit the simulation."""
+    """Gives the links of one robot suitable collision shapes and friction for the simulation."""
 
     def __init__(
         self,
@@ -78,11 +78,11 @@ class Contacts:
         *,
         steers: bool = False,
     ) -> None:
-        """Find out what supports the robot.
+        """Determine what supports the robot.
 
         Args:
             robot: the robot; joints that are held still are fixed.
-            tyres: the round shapes of the driven wheels, by joint; None if there is none.
+            tyres: the round shapes of the driven wheels, by joint; None if a wheel has none.
             casters: joints of casters, swivelling and rolling ones.
             moved: joints of arms and grippers, whose links keep their shapes and friction.
             steers: whether the robot steers wheels.
@@ -117,7 +117,7 @@ class Contacts:
         return replace(link, friction=_GLIDING)
 
     def _joint_of(self, link: str) -> Joint | None:
-        """Return the joint that moves a link; None for the base and what is fixed to it."""
+        """Return the joint that moves a link; None for the base and links fixed to it."""
         first, _ = self._poses[link]
         return self._joints.get(first)
 
@@ -160,26 +160,26 @@ class Contacts:
         )
 
     def _lifted(self, link: Link) -> Link:
-        """Return a link of the base; shapes about as low as the wheels are lifted."""
-        collisions, most = [], 0.0
+        """Return a link of the base; shapes at about the height of the wheels are lifted."""
+        collisions, highest_lift = [], 0.0
         pose = self._poses[link.name][1]
         for geometry in link.collisions:
             gap = self._gap(link, geometry)
             is_round = _is_round(geometry.shape)
             depth, lift = (_LEVEL, _LIFT) if is_round else (self._depth, self._lift)
             if -depth < gap < lift:
-                most = max(most, lift - gap)
+                highest_lift = max(highest_lift, lift - gap)
                 place = pose @ matrices.of_origin(geometry.origin)
                 place[2, 3] += lift - gap
                 geometry = replace(geometry, origin=matrices.to_origin(np.linalg.inv(pose) @ place))
             collisions.append(geometry)
-        if most > _LEVEL:
+        if highest_lift > _LEVEL:
             logger.warning(
                 '%s: a collision shape of link "%s" reaches below the wheels; the simulation '
                 "lifts it by %.0f mm, so that the wheels carry the robot",
                 link.where,
                 link.name,
-                1e3 * most,
+                1e3 * highest_lift,
             )
         return replace(link, collisions=tuple(collisions))
 
@@ -197,16 +197,16 @@ def _shrunk(link: Link) -> Link:
 
 
 def _is_round(shape: Shape) -> bool:
-    """Return whether a shape can support a robot as a caster does."""
+    """Return whether a shape can support a robot like a caster."""
     return not isinstance(shape, Mesh | Box)
 
 
-def _is_thin(shape: Shape, most: float) -> bool:
-    return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= most)
+def _is_thin(shape: Shape, width: float) -> bool:
+    return isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and shape.length <= width)
 
 
 def _wheel(joint: Joint, tyre: Tyre, width: float) -> Geometry:
-    """Return a thin wheel of a ``width``, m, on the axle of ``joint``."""
+    """Return a thin wheel of this ``width``, m, on the axle of ``joint``."""
     x, y, z = joint.axis
     # A cylinder lies along z.
     rpy = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
@@ -234,9 +234,9 @@ def set_contact(
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
         settings: settings of the physics.
-        grasps: use friction anchors, so that a grasped object stays where it was touched as long
-            as friction suffices; without them it creeps, a box in a gripper by 0.4 mm in 10 s. And
-            resist turning on the spot, as soft fingers do.
+        grasps: use friction anchors, so that a grasped object does not creep as long as friction
+            suffices (without them, a box in a gripper creeps 0.4 mm in 10 s), and torsional
+            friction, like soft fingers.
     """
     bullet.changeDynamics(
         robot,
@@ -252,7 +252,7 @@ def set_contact(
 def soften(
     bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: PhysicsSettings
 ) -> None:
-    """Let wheels share the weight of ``mass``, kg, as tyres do: by critically damped springs."""
+    """Let wheels share the weight of ``mass``, kg, like tyres, with critically damped springs."""
     for index in wheels:
         share = mass / len(wheels)
         stiffness = share * settings.gravity / _SAG

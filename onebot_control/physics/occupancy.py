@@ -1,4 +1,4 @@
-"""Maps the things of a scene at some height, by its collision shapes."""
+"""Creates the occupancy grid of a scene at some height from its collision shapes."""
 
 import math
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
 
-_FLAT = 1e-4  # m, height of what the cells are probed with
-_INSIDE = 1e-6  # m; what only touches a cell's edge does not occupy it
+_FLAT = 1e-4  # m, height of the box that probes cells
+_INSIDE = 1e-6  # m, minimum overlap of an occupied cell
 _EDGE = 1e-6  # the same, in cells
 _MARGIN = 0.001  # m by which PyBullet's bounding boxes are larger
 _MAX_CELLS = 100_000_000
@@ -30,14 +30,14 @@ def occupancy_grid(
     height: float,
     bounds: Sequence[float] | None,
 ) -> OccupancyGrid:
-    """Return which cells the fixed bodies and the boxes of a scene reach into.
+    """Return the grid of the cells that fixed bodies and boxes of a scene reach into.
 
     Args:
         scene: the scene; None for bare ground.
         boxes: poses of its movable boxes.
         resolution: edge of a cell, m.
-        height: height at which to look, m.
-        bounds: minimum x, minimum y, maximum x and maximum y, m; None: around what is there.
+        height: height of the grid, m.
+        bounds: minimum x, minimum y, maximum x and maximum y, m; None: around these bodies.
 
     Raises:
         OneBotError: there is nothing at that height, and there are no bounds; or there would be
@@ -61,8 +61,8 @@ def occupancy_grid(
             # Corners of cells are at multiples of the resolution.
             bounds = (*(np.floor(around[0] / resolution + _EDGE) * resolution), *around[1])
         columns, rows = (
-            max(1, math.ceil((most - least) / resolution - _EDGE))
-            for least, most in zip(bounds[:2], bounds[2:], strict=True)
+            max(1, math.ceil((high - low) / resolution - _EDGE))
+            for low, high in zip(bounds[:2], bounds[2:], strict=True)
         )
         if columns * rows > _MAX_CELLS:
             raise OneBotError(f"{columns} x {rows} cells are too many; take a larger resolution")
@@ -91,7 +91,7 @@ def occupancy_grid(
             if wide == long == 1:
                 data[low, left] = OCCUPIED
                 continue
-            # The body reaches into the block: look at the halves of its longer side.
+            # The body reaches into the block: split the block along its longer side.
             right, top = (wide // 2, 0) if wide >= long else (0, long // 2)
             blocks.append((body, left, low, right or wide, top or long))
             blocks.append((body, left + right, low + top, wide - right, long - top))

@@ -17,9 +17,9 @@ class PhysicsSettings:
         settling: maximum simulated time for a robot to come to rest before it starts, s.
     """
 
-    # A control period has to be a whole number of steps, which it is not with PyBullet's default of
-    # 240 Hz and 100 Hz control; ``fitted`` makes it one for any control rate. 400 Hz take twice as
-    # long. OneBot is equally accurate with both; the odometry of tall robots with arms (Stretch) is
+    # A control period must be a whole number of steps, unlike PyBullet's default of 240 Hz with
+    # 100 Hz control; ``fitted`` ensures this for any control rate. 400 Hz takes twice as long.
+    # OneBot is equally accurate with both; the odometry of tall robots with arms (Stretch) is
     # within 0.04 % of the exact value, with 400 Hz within 0.02 %.
     rate: float = 200.0
     # The solver never stops early, so that a robot at rest drifts by nanometres, not millimetres.

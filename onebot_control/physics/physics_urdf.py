@@ -1,4 +1,4 @@
-"""Writes the URDF of a robot's rigid bodies for PyBullet, one link for each body.
+"""Writes the URDF of a robot's rigid bodies for PyBullet, with one link per body.
 
 PyBullet itself gives a link without ``<inertial>`` a mass of 1 kg, even when it merges links, and
 simulates fixed joints like moving ones.
@@ -34,8 +34,8 @@ from onebot_description.model.rigid_bodies import (
 
 HUB = "hub"  # prefix of the names of hubs and of their joints
 _HUB = 0.01  # mass of a skidding wheel's hub, as a fraction of the wheel's
-# rad or m beyond a joint's limit at which PyBullet stops it: at the limit itself, the stop would
-# take part of the load that a motor holds there.
+# Distance beyond a joint's limit at which PyBullet stops it, rad or m: a stop at the limit itself
+# would carry part of the load that a motor holds there.
 _STOP = 1e-4
 
 
@@ -43,18 +43,18 @@ _STOP = 1e-4
 class SkidAxle(Joint):
     """The joint of a skidding wheel, whose hub can slide along the axle against a motor.
 
-    PyBullet computes friction in two directions apart, each as strong as the bodies resist there. A
-    wheel resists little in the direction in which it rolls. With a fixed hub it would resist fully
-    sideways, and the friction would not oppose the actual sliding; so the hub gives way, too.
+    PyBullet computes friction in two directions separately, each as large as the bodies' resistance
+    in it. A wheel has little resistance in its rolling direction. With a fixed hub, it would have
+    full resistance sideways, and friction would not oppose the actual sliding; so the hub slides.
     """
 
 
 def rigid_bodies(description: Description) -> dict[str, Body]:
-    """Return the rigid bodies by the name of their first link, the root's first.
+    """Return the rigid bodies by the name of their first link, starting with the root's.
 
     Raises:
-        OneBotError: the links are not all connected, or joints cannot be simulated, a line for
-            each.
+        OneBotError: the links are not all connected, or joints cannot be simulated, with one line
+            for each.
     """
     description.require_tree()
     if problems := [*_joint_problems(description)]:
@@ -83,7 +83,7 @@ def physics_urdf(
     fixed: bool = False,
     fixed_base: bool = False,
 ) -> str:
-    """Return URDF text of the rigid bodies, which moves like ``description``.
+    """Return the URDF of rigid bodies that move like ``description``.
 
     Links connected by fixed joints are merged, visuals and extensions are removed, and inertias are
     diagonal in their principal axes. Bodies and moving joints are named by their index, because
@@ -93,11 +93,12 @@ def physics_urdf(
         description: the robot.
         bodies: its rigid bodies.
         meshes: the converted file for each URI of a collision mesh.
-        fixed: whether the bodies stand still, whatever their masses, and may have concave meshes.
-        fixed_base: whether the root's body stands still, whatever its mass.
+        fixed: whether the bodies are fixed, regardless of their masses, and may have concave
+            meshes.
+        fixed_base: whether the root's body is fixed, regardless of its mass.
 
     Raises:
-        OneBotError: bodies cannot be simulated; a line for each, with the remedy.
+        OneBotError: bodies cannot be simulated; one line for each, with the remedy.
     """
     robot = Element("robot", name="robot")
     numbers = {link: str(number) for number, link in enumerate(bodies)}
@@ -160,7 +161,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _inertial(description: Description, body: Body, share: float = 1.0) -> Element:
-    """Return the ``<inertial>`` of a ``share`` of a body."""
+    """Return the ``<inertial>`` of a body, scaled by ``share``."""
     moments, turn = _principal(description, body)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, body.center
@@ -184,7 +185,7 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
     where = f'{description.source}: link "{body.link}"'
     if body.mass <= 0:
         raise OneBotError(
-            f"{where} cannot be moved without a mass above 0; give it (or a link fixed to it) an "
+            f"{where} cannot move without a mass above 0; give it (or a link fixed to it) an "
             "<inertial> with mass and inertia"
         )
     moments, axes = body.principal()
@@ -193,10 +194,10 @@ def _principal(description: Description, body: Body) -> tuple[Floats, Floats]:
         raise OneBotError(f"{where} {fault}")
     if fault:
         logger.warning("%s %s", where, fault)
-    # PyBullet ignores the whole inertia if rounding lifts one moment above the sum of the others.
-    greatest = int(np.argmax(moments))
-    sum_of_others = float(moments.sum() - moments[greatest])
-    moments[greatest] = min(moments[greatest], sum_of_others * (1 - 1e-9))
+    # PyBullet ignores the whole inertia if rounding raises one moment above the sum of the others.
+    largest = int(np.argmax(moments))
+    sum_of_others = float(moments.sum() - moments[largest])
+    moments[largest] = min(moments[largest], sum_of_others * (1 - 1e-9))
     return moments, axes
 
 

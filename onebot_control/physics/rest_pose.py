@@ -28,18 +28,18 @@ from onebot_description.geometry.poses import (
     yaw_of,
 )
 
-# A robot is at rest if it was slower than this (m/s and rad/s) for _RESTING_TIME (s).
+# A robot is at rest once its speed has been below this (m/s and rad/s) for _RESTING_TIME (s).
 _RESTING = 1e-6
 _RESTING_TIME = 0.05
 _MAX_TILT = math.radians(45.0)
 
-_DEEP = 2e-3  # m by which a link of a robot with a fixed base may be in the ground
+_DEEP = 2e-3  # m, allowed overlap of links with the ground, for a fixed base
 
 # In a scene.
-_STEP = 1e-3  # m; steps of the search for a height at which the robot is free
-_ABOVE = 1e-3  # m; it is released so far above that height, which may be one step too low
-_SWIVELLING = 0.02  # m/s and rad/s; allowed speed, as of casters that still turn downhill
-_AWAY = 0.1  # m that a robot may slide before it rests
+_STEP = 1e-3  # m, step of the search for a height without collision
+_ABOVE = 1e-3  # m, height of the release above that, as it may be one step too low
+_SWIVELLING = 0.02  # m/s and rad/s, allowed speed, for example of casters that still turn downhill
+_AWAY = 0.1  # m, allowed sliding distance before the robot rests
 
 
 class RestPose(NamedTuple):
@@ -58,18 +58,17 @@ def settle(
 ) -> RestPose:
     """Let a robot come to rest on its wheels at the origin, and return its pose.
 
-    Afterwards the robot is at rest there, with all joints exactly at ``starts``. A fixed base is
-    not moved by what is below it: it stands on the ground, or is at the origin if its root link is
-    ``world``.
+    Afterwards the robot is at rest there, with all joints exactly at ``starts``. A fixed base does
+    not settle: it is placed on the ground, or at the origin if its root link is ``world``.
 
     Args:
-        robot: alone in its world.
-        spawn: what was loaded.
+        robot: the robot, alone in its world.
+        spawn: the loaded robot.
         starts: start positions of all joints, rad or m.
         settings: settings of the physics.
 
     Raises:
-        OneBotError: the robot does not stay on the ground or upright, or is not in metres.
+        OneBotError: the robot does not stay on the ground or upright, or is not in meters.
     """
     bullet, description, driven = robot.bullet, spawn.description, spawn.driven
     if any(starts):
@@ -98,7 +97,7 @@ def settle(
 
 
 def _standing(robot: LoadedBody, description: Description) -> RestPose:
-    """Return the pose of a fixed base, and place the robot there."""
+    """Place the robot with its fixed base at rest, and return its pose."""
     base = robot.bullet.getClosestPoints(robot.body, robot.ground, 1e9, linkIndexA=-1)
     lowest = min((point[8] for point in base), default=0.0)
     _check_size(robot, description, lowest)
@@ -120,7 +119,7 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
 
 
 def _check_size(robot: LoadedBody, description: Description, lowest: float) -> None:
-    """Refuse a robot that is not in metres; ``lowest`` is the height of its lowest point, m."""
+    """Reject a robot that is not in meters; ``lowest`` is the height of its lowest point, m."""
     if abs(lowest) > MILLIMETRES:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
@@ -129,11 +128,11 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
     links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
     for index, link in {-1: description.root_link, **links}.items():
         low, high = robot.bullet.getAABB(robot.body, index)
-        length = max(most - least for least, most in zip(low, high, strict=True))
+        length = max(end - start for start, end in zip(low, high, strict=True))
         if length > LARGEST_ROBOT:
             text = (
                 f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
-                f"with what is fixed to it; is it in {unit_of(length)}? Lengths are in m"
+                f"including links fixed to it; is it in {unit_of(length)}? Lengths are in m"
             )
             if length > MILLIMETRES:
                 raise OneBotError(text)
@@ -141,7 +140,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
 
 
 def _come_to_rest(robot: LoadedBody, settings: PhysicsSettings) -> None:
-    """Simulate until the robot rests on the ground, for ``settings.settling`` seconds at most."""
+    """Simulate until the robot rests on the ground, for up to ``settings.settling`` seconds."""
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
         robot.lift_weightless()
@@ -178,8 +177,8 @@ def _check_rest(
         )
     if not _is_upright(rotation):
         raise OneBotError(
-            f"{source}: the robot topples over when it is set on the ground; it needs a "
-            "<collision> on each side of its centre of mass, such as a caster"
+            f"{source}: the robot topples over when placed on the ground; it needs a "
+            "<collision> on each side of its center of mass, such as a caster"
         )
 
 
@@ -199,16 +198,16 @@ def pose_on(
 ) -> Transform:
     """Return the pose of a robot's root link at rest on the fixed bodies of a scene.
 
-    The robot is released level above them, and has to come to rest there on its wheels. A fixed
-    base stands level on the highest of them; if its root link is ``world``, it stays where it is,
-    and only the links that move must not be in them: what is in the way would throw these.
+    The robot is released level above them, and must come to rest there on its wheels. A fixed base
+    stands level on the highest of them. If its root link is ``world``, it is not moved, and only
+    its moving links must not overlap them, as they would be thrown.
 
     Args:
         scene: the scene's description.
         spawn: the robot.
         settings: settings of the physics.
         rest: the robot's pose on level ground.
-        where: the place of its root link.
+        where: planar pose of its root link.
         positions: positions of all joints, rad or m.
 
     Raises:
@@ -241,7 +240,7 @@ def pose_on(
 
 
 def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
-    """Lift the robot from ``pose`` until it is free; return the links that it was in."""
+    """Lift the robot from ``pose`` until it is free; return the links that it overlapped."""
     (x, y, z), rotation = pose
     met: dict[str, None] = {}
     while links := scene.fixed_at(robot):
@@ -253,7 +252,7 @@ def _lift(scene: SceneBodies, robot: LoadedBody, pose: Transform) -> list[str]:
 
 
 def _base_touches(robot: LoadedBody, scene: SceneBodies) -> bool:
-    """Return whether something is just below a fixed base that was lifted."""
+    """Return whether something is just below a lifted fixed base."""
     return any(
         point[7][2] > 0.0  # the normal, towards the robot
         for body in scene.fixed
@@ -262,7 +261,7 @@ def _base_touches(robot: LoadedBody, scene: SceneBodies) -> bool:
 
 
 def _stands(robot: LoadedBody, driven: Sequence[str], pose: Transform, where: PlanarPose) -> bool:
-    """Return whether the robot rests upright on its wheels where it was released."""
+    """Return whether the robot rests upright on its wheels near its release."""
     (x, y, _), rotation = pose
     touching = robot.bullet.getContactPoints(robot.body)
     links = {point[3] for point in touching}

@@ -1,4 +1,4 @@
-"""One robot of a world: its motors, its state, and placing it."""
+"""One robot of a world: its motors, state and placement."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +25,7 @@ from onebot_description.geometry.poses import (
 )
 
 _EFFORT = 3  # column of the effort in getJointStates
-_MOVING = 1e-4  # rad/s or m/s from which a motor has to overcome the full friction of its joint
+_MOVING = 1e-4  # rad/s or m/s above which a motor must overcome the full friction of its joint
 
 
 class JointStates(NamedTuple):
@@ -44,11 +44,11 @@ class Twist(NamedTuple):
 
 
 class MassVelocity(NamedTuple):
-    """Velocity of the root link's centre of mass in the world's axes, as PyBullet returns it."""
+    """Velocity of the root link's center of mass in the world's axes, as in PyBullet."""
 
     linear: Triple  # m/s
     angular: Triple  # rad/s
-    centre: Triple  # the centre of mass in the root link's frame, m
+    center: Triple  # the center of mass in the root link's frame, m
 
     def twist(self, rotation: Quaternion) -> Twist:
         """Return the velocity of the root link's frame: v - w x c, turned into the frame's axes.
@@ -59,12 +59,12 @@ class MassVelocity(NamedTuple):
         back = conjugate(rotation)
         x, y, z = rotate(back, self.linear)
         turning = rotate(back, self.angular)
-        a, b, c = cross(turning, self.centre)
+        a, b, c = cross(turning, self.center)
         return Twist((x - a, y - b, z - c), turning)
 
 
 class _World(Protocol):
-    """What a robot needs of its world; see ``World``."""
+    """The part of ``World`` that a robot uses."""
 
     bullet: Bullet
     settings: PhysicsSettings
@@ -90,14 +90,14 @@ class RobotBody:
     with the reference r at the end of the step, which it reaches unless a limit prevents it.
 
     Attributes:
-        world: the world that it is in.
-        spawn: the robot as it was given.
+        world: its world.
+        spawn: the robot as given.
         joints: names of the moving joints, in the description's order.
         driven: names of the joints that follow velocities, in the given order.
         commanded: names of the joints that follow positions, in the given order.
         starts: start positions, in the order of ``joints``.
         rest_pose: height and tilt at rest on level ground.
-        parts: PyBullet's indices of it.
+        parts: its PyBullet indices.
         pose: the root link's frame, as last read.
         positions: joint positions, in the order of ``joints``, as last read.
         finite: whether the state last read was finite.
@@ -137,7 +137,7 @@ class RobotBody:
         self.finite = True
 
     def start_at(self, place: PlanarPose) -> None:
-        """Change where the robot starts, from the world's next restart on.
+        """Change the robot's start pose, from the world's next restart on.
 
         Raises:
             OneBotError: the pose is not finite, or too far from the origin.
@@ -173,14 +173,14 @@ class RobotBody:
         return any(not {point[1], point[2]} <= own_bodies for point in points)
 
     def turn(self, velocities: Sequence[float]) -> None:
-        """Set the motors' target velocities, which stay until others are set.
+        """Set the motors' target velocities, which apply until others are set.
 
         Args:
             velocities: velocities in the order of ``driven``, rad/s (m/s for prismatic joints);
                 they are clamped to the joints' limits.
 
         Raises:
-            ValueError: one is not finite; then nothing has changed.
+            ValueError: a velocity is not finite; nothing has changed.
         """
         self.world.check()
         # PyBullet keeps the targets; setting them takes as long as reading the joints.
@@ -198,20 +198,20 @@ class RobotBody:
         ]
 
     def ends(self, duration: float) -> list[float]:
-        """Return when each physics step of the next ``duration``, s, ends; s from now."""
+        """Return the end times of the physics steps in the next ``duration``, s; s from now."""
         return [(step + 1) * self._step for step in range(self.world.settings.steps(duration))]
 
     def follow(self, references: Sequence[Sequence[float]]) -> None:
-        """Set the positions to which the commanded joints move in the next ``World.step``.
+        """Set the target positions of the commanded joints for the next ``World.step``.
 
         Args:
             references: positions at the end of each physics step (see ``ends``), in the order of
-                ``commanded``, rad or m; the last ones stay until others are set.
+                ``commanded``, rad or m; the last ones apply until others are set.
         """
         self._references = references
 
     def track(self, step: int) -> None:
-        """Set the motors of the commanded joints for physics step number ``step`` of a step."""
+        """Set the motors of the commanded joints for physics step number ``step``."""
         # Comparisons: min() and max() would take three times as long.
         targets = []
         for goal, position, (lower, upper, fastest) in zip(
@@ -234,8 +234,8 @@ class RobotBody:
 
         Args:
             name: the joint.
-            effort: the maximum effort, Nm or N; 0 for that of the joint.
-            velocity: the maximum velocity, rad/s or m/s; 0 for that of the joint.
+            effort: maximum effort, Nm or N; 0 for the joint's own limit.
+            velocity: maximum velocity, rad/s or m/s; 0 for the joint's own limit.
         """
         row = self.commanded.index(name)
         motor = len(self.driven) + row
@@ -256,10 +256,10 @@ class RobotBody:
     def reset(self) -> None:
         """Move the robot and the scene's boxes back to their start; time continues.
 
-        A box stays where it is if a robot is in its place.
+        A box is not moved if a robot is in its place.
 
         Raises:
-            OneBotError: another robot is at its start, or it cannot stand there; then nothing has
+            OneBotError: another robot is at its start, or it cannot stand there; nothing has
                 changed.
         """
         self.world.stand({self: self.spawn.start}, at_start=True)
@@ -276,8 +276,7 @@ class RobotBody:
 
         Raises:
             OneBotError: the pose is not finite, or too far from the origin to be exact, another
-                robot is there, or the scene leaves no place to stand there; then nothing has
-                changed.
+                robot is there, or the scene leaves no place to stand; nothing has changed.
         """
         self.world.stand({self: checked_place(x, y, yaw)}, at_start=False)
 
@@ -290,11 +289,11 @@ class RobotBody:
         self._update(self._read_joints())
 
     def read_again(self) -> None:
-        """Read the state after joints were set."""
+        """Read the state after joints have been set."""
         self._update(self._read_joints())
 
     def continue_from(self, other: "RobotBody") -> None:
-        """Take over pose, velocity and motors of the same robot in another world."""
+        """Adopt pose, velocity and motors of the same robot in another world."""
         body, bullet = self.parts.body, self.world.bullet
         self.parts.place(other.pose)
         bullet.resetBaseVelocity(body, *other._velocity)
@@ -306,7 +305,7 @@ class RobotBody:
         self._update(self._read_joints())
 
     def continue_joints(self, other: "RobotBody") -> None:
-        """Take over the joint positions of the robot that this one replaces, except of wheels."""
+        """Adopt the joint positions, except of wheels, of the robot that this one replaces."""
         positions = {**self.spawn.starts}
         present = zip(other.joints, other.positions, strict=True)
         positions.update((name, at) for name, at in present if name in positions)
@@ -314,7 +313,7 @@ class RobotBody:
 
     def record_efforts(self) -> None:
         """Sum up the motors' efforts after a physics step; ``read`` adds those of the last one."""
-        # Keep floats only: whole states of 100 robots would not fit into the processor's caches.
+        # Only keep floats: whole states of 100 robots would not fit into the processor's caches.
         states = self._read_motors()
         # Not sum(), which rounds differently from Python 3.12 on.
         self._sums = [
@@ -329,14 +328,14 @@ class RobotBody:
         efforts = [0.0] * len(states)
         for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
             efforts[row] = (total + states[row][_EFFORT]) / steps
-            if friction:  # PyBullet leaves it out, but the motor has to overcome it
+            if friction:  # PyBullet does not include it, but the motor must overcome it
                 efforts[row] += friction * clamp(states[row][1] / _MOVING, -1.0, 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
         self._references = self._references[-1:]
         self._update(states, base_moves=not self.spawn.fixed_base)
 
     def _reader(self, indices: Sequence[int]) -> Callable[[], Sequence[Sequence[Any]]]:
-        """Return a function that reads joints; without any, PyBullet would return None."""
+        """Return a function that reads joints; PyBullet would return None for no joints."""
         if not indices:
             return tuple
         return partial(self.world.bullet.getJointStates, self.parts.body, indices)
@@ -365,5 +364,5 @@ class RobotBody:
 
 
 def _strength(effort: float, friction: float) -> float:
-    """Return the maximum effort of a motor, of which its joint's friction takes a part."""
+    """Return the maximum effort of a motor, minus the friction of its joint."""
     return max(effort - friction, friction)

@@ -1,14 +1,14 @@
-"""Simulates wheels with rollers on their rims, as mecanum and omni wheels have.
+"""Simulates wheels with rollers on their rims: mecanum and omni wheels.
 
-At the ground, such a wheel grips along its roller's axle, and the roller turns freely across it. In
-the direction of the grip, its contact moves like that of a plain wheel of radius r cos(a) if the
-wheel's radius is r and the roller's axle is a away from forward, which turns as fast about a level
-axle across the grip. This wheel is simulated. As the forces at the contact are the same, so are all
-forces and torques on the robot and on the wheel's motor.
+At the ground, such a wheel grips along its roller's axle, and the roller turns freely across it.
+Let r be the wheel's radius, and a the angle of the roller's axle to forward. In the direction of
+the grip, the contact moves like that of a plain wheel of radius r cos(a) with the same angular
+velocity about a level axle across the grip. This plain wheel is simulated. As the forces at the
+contact are the same, so are all forces and torques on the robot and the wheel's motor.
 
-The wheel slides freely on its axle, as the roller turns. Before each step, it is put back to its
-place on the axle, and keeps its velocity. So friction, which is limited by the load, acts along the
-grip only.
+The wheel slides freely on its axle, like the turning roller. Before each step, it is moved back to
+its place on the axle, and keeps its velocity. So friction, which is limited by the load, only acts
+along the grip.
 """
 
 import math
@@ -26,8 +26,8 @@ from onebot_description.geometry.poses import Origin, total
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
-# Mass of a simulated wheel, as a fraction of the robot's. As it slides, it does not resist a push
-# across the grip: four wheels make the robot 5 % lighter there. With less, the solver takes longer.
+# Mass of a simulated wheel, as a fraction of the robot's. A sliding wheel does not resist a push
+# across the grip: with four wheels, the robot seems 5 % lighter. With less, the solver is slower.
 _MASS = 0.025
 _UP = np.array([0.0, 0.0, 1.0])
 _RING = np.diag([0.5, 0.5, 1.0])  # inertia (3, 3) of a thin ring about z, by its moment about z
@@ -35,21 +35,21 @@ _RING = np.diag([0.5, 0.5, 1.0])  # inertia (3, 3) of a thin ring about z, by it
 
 @dataclass(frozen=True)
 class RollerAxle(SkidAxle):
-    """The joint of the plain wheel that is simulated for one with rollers; z is its axis."""
+    """The joint of the plain wheel that replaces a wheel with rollers; z is its axis."""
 
 
 def has_rollers(description: Description) -> bool:
-    """Return whether a robot to simulate has wheels with rollers."""
+    """Return whether a simulated robot has wheels with rollers."""
     return any(isinstance(joint, RollerAxle) for joint in description.joints)
 
 
 def with_rollers(
     description: Description, rollers: Mapping[str, tuple[Tyre, float]]
 ) -> Description:
-    """Return a robot whose wheels with rollers are those to simulate.
+    """Return a robot whose wheels with rollers are replaced by simulated wheels.
 
-    The positive velocity of such a wheel drives it forward, to the right of its joint's axis seen
-    from above.
+    A positive velocity of such a wheel drives it forward: seen from above, to the right of its
+    joint's axis.
 
     Args:
         description: the robot.
@@ -81,10 +81,10 @@ def with_rollers(
 
 
 def _axle(joint: Joint, tyre: Tyre, angle: float, carrier: Floats) -> tuple[RollerAxle, Floats]:
-    """Return the simulated joint of a wheel, and its rotation (3, 3) in the written joint's frame.
+    """Return the simulated joint of a wheel, and its rotation (3, 3) in the original joint's frame.
 
     Args:
-        joint: the wheel's joint, as written.
+        joint: the wheel's original joint.
         tyre: the shape of the wheel.
         angle: direction of the roller's axle, rad to the left of forward.
         carrier: pose (4, 4) of the joint's parent in the root link's frame.
@@ -104,14 +104,14 @@ def _axle(joint: Joint, tyre: Tyre, angle: float, carrier: Floats) -> tuple[Roll
 
 
 def _loaded(carrier: Link, joint: Joint, wheel: Body, mass: float, rest: Floats) -> Link:
-    """Return the link that carries a wheel, with the wheel's mass where it is written.
+    """Return the link that carries a wheel, with the remaining mass of the original wheel.
 
     Args:
         carrier: the link.
-        joint: the wheel's joint, as written.
-        wheel: the wheel, as written.
-        mass: of the simulated wheel, kg, which is left out.
-        rest: inertia (3, 3) of the wheel, but for that of the simulated one, kg m^2.
+        joint: the wheel's original joint.
+        wheel: the original wheel.
+        mass: mass of the simulated wheel, kg, which is subtracted.
+        rest: inertia (3, 3) of the wheel minus that of the simulated wheel, kg m^2.
     """
     written, body = matrices.of_origin(joint.origin), Body(carrier.name)
     body.add(carrier, np.eye(4))
@@ -121,7 +121,7 @@ def _loaded(carrier: Link, joint: Joint, wheel: Body, mass: float, rest: Floats)
 
 
 def _ball(link: Link, ball: Sphere, mass: float, moment: float) -> Link:
-    """Return the link of a simulated wheel, a ``ball``, which touches the ground in one point."""
+    """Return the link of a simulated wheel, a ``ball`` that touches the ground at one point."""
     body = Body(link.name)
     body.add_mass(mass, np.zeros(3), moment * _RING)
     return replace(link, collisions=(Geometry(ball, Origin()),), inertial=body.inertial)

@@ -1,8 +1,8 @@
 """Loads the scene around the robots of a world: walls, ramps, and boxes that can be pushed.
 
-A scene is described by URDF, as a robot is. Links that fixed joints connect with the root link
-stand still, whatever their mass. A link below a ``floating`` joint, with everything fixed to it, is
-a movable body, which falls and can be pushed.
+A scene is described in URDF, like a robot. Links that are connected to the root link by fixed
+joints do not move, regardless of their mass. A link below a ``floating`` joint, with everything
+fixed to it, is a movable body, which falls and can be pushed.
 """
 
 import math
@@ -30,25 +30,25 @@ from onebot_description.geometry.poses import PlanarPose, Transform
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 from onebot_description.model.robot_model import JointArrays
 
-_DEPTH = 1e-3  # m; bodies that touch penetrate each other by less
-# m. PyBullet separates bodies gently that overlap by up to 15 mm, as measured; deeper ones are
-# thrown: a box of 0.2 m that is half in the ground jumps 0.5 m high. Any other place for such a box
-# would be a guess, so it is refused, like a robot that starts in a wall.
+_DEPTH = 1e-3  # m; touching bodies overlap by less
+# m. According to measurements, PyBullet gently separates bodies that overlap by up to 15 mm; deeper
+# ones are thrown: a box of 0.2 m that is half in the ground jumps 0.5 m high. Any other place for
+# such a box would be a guess, so it is rejected, like a robot that starts in a wall.
 _DEEPEST = 0.01
-_SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # endings of PyBullet's constants
+_SLEEPS, _AWAKE = "ENABLE_SLEEPING ENABLE_WAKEUP", "WAKE_UP"  # suffixes of PyBullet's constants
 
 
 def load_scene(world: str) -> Description | None:
     """Load the description of a world, and check that it can be simulated.
 
     Args:
-        world: name or file, as ``load_world`` takes it; "" for bare ground.
+        world: name or file, as in ``load_world``; "" for bare ground.
 
     Returns:
         The description; None for bare ground.
 
     Raises:
-        OneBotError: there is no such world, or it cannot be simulated.
+        OneBotError: the world does not exist, or cannot be simulated.
     """
     if not world:
         return None
@@ -74,7 +74,7 @@ class SceneBodies:
         """Divide a scene into its bodies; ``enter`` adds them to a world.
 
         Raises:
-            OneBotError: something cannot be simulated, a line for each problem.
+            OneBotError: something cannot be simulated, with one line per problem.
         """
         self._firsts = {link: first for link, (first, _) in rigid_frames(description).items()}
         self.description = description
@@ -83,8 +83,8 @@ class SceneBodies:
             raise OneBotError("\n".join(problems))
         joints = tuple(replace(joint, kind="fixed") for joint in description.joints)
         poses = rigid_frames(replace(description, joints=joints))  # poses in the root link's frame
-        # Each shape becomes a body of its own: in each step, PyBullet checks all
-        # shapes of a body, but only if the body is nearby.
+        # Each shape becomes a separate body: in each step, PyBullet checks all shapes of a body,
+        # but only if the body is nearby.
         self._fixed = []
         for link in description.links:
             for shape in link.collisions:
@@ -138,7 +138,7 @@ class SceneBodies:
         for part, start in zip(self._free if free else (), self._starts, strict=False):
             self.parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
             self.parts[-1].place(start)
-            # A sleeping body costs no time until something touches it; two awake crates took half
+            # A sleeping body takes no time until something touches it; two awake crates took half
             # the time of a step.
             self._activate(self.parts[-1], _SLEEPS)
         if problems := [*self._overlap_problems(ground)]:
@@ -199,7 +199,7 @@ class SceneBodies:
         return {body: link for body, link in self.fixed.items() if self._overlaps(robot, body)}
 
     def moving_links_in(self, robot: LoadedBody) -> list[str]:
-        """Return the links of fixed bodies that moving links of ``robot`` are deep in."""
+        """Return the links of fixed bodies that moving links of ``robot`` deeply overlap."""
         return [
             link
             for body, link in self.fixed.items()
@@ -218,9 +218,9 @@ class SceneBodies:
         return self._depth(robot.body, body) > _DEPTH
 
     def _depth(self, one: int, other: int, *, moved: bool = False) -> float:
-        """Return how deep two bodies overlap, m; 0 if they do not.
+        """Return the overlap of two bodies, m; 0 if there is none.
 
-        ``moved``: only the links of ``one`` that its joints move.
+        ``moved`` restricts this to the links of ``one`` that are moved by its joints.
         """
         near = self._bullet.getClosestPoints(one, other, 0.0)
         return max((-point[8] for point in near if not moved or point[3] >= 0), default=0.0)

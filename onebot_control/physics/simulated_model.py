@@ -1,11 +1,11 @@
-"""Prepares a description for the simulation: which joints have motors, and how heavy wheels are.
+"""Prepares a description for the simulation: the motors of joints, and the inertia of wheels.
 
 - Wheel motors without an effort limit get the torque at which the wheels slip.
-- Joints that a controller commands by position have motors, too; joints that mimic them follow by
+- Joints with position commands from a controller also have motors; joints that mimic them follow by
   gears.
-- Joints that ``<ros2_control>`` lists without a command interface swing freely; other joints of
-  arms, grippers and heads are held still.
-- A joint that mimics a wheel stays where it starts in the physics; only its published position
+- Joints without a command interface in ``<ros2_control>`` swing freely; other joints of arms,
+  grippers and heads are held still.
+- A joint that mimics a wheel keeps its start position in the physics; only its published position
   follows the wheel.
 
 For friction and contacts see ``friction``.
@@ -43,17 +43,17 @@ from onebot_description.geometry.poses import about, clamp, total
 from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
 
 _GRAVITY = 9.81  # m/s^2
-# Least moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
+# Minimum moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
 # solver's iterations do not reach the wheel's speed.
 _LIGHTEST = 0.005
-_MIN_TURNING = 0.2  # least fraction of a skidding wheel's mobility that is due to its own turning
-# Least inertia behind each motor, as if of its rotor: a finger of 1 g would drop a box of 50 g,
+_MIN_TURNING = 0.2  # minimum fraction of a skidding wheel's mobility due to its own turning
+# Minimum inertia behind each motor, like that of a rotor: a finger of 1 g would drop a box of 50 g,
 # because the solver's iterations do not reach the force of its motor.
 _MIN_MASS, _MIN_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
-# Least moment of inertia per effort of the motor behind geared joints: as rotors, it grows with the
-# gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
+# Minimum moment of inertia per motor effort behind geared joints: like that of rotors, it grows
+# with the gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
 _MIN_GEARED = 1e-4  # kg m^2 / (N m)
-_FILLED = 0.5  # share of its convex hull; a finger's mesh that fills less is reported
+_FILLED = 0.5  # share of the convex hull below which a finger's mesh is reported
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -67,7 +67,7 @@ def simulated_model(
 
     Args:
         description: the robot.
-        wheels: its driven wheels; None if its base stands still.
+        wheels: its driven wheels; None if its base is fixed.
         commanded: names of joints that follow positions, besides those that steer.
         positions: start positions of joints, rad or m; they override those of ``<ros2_control>``.
 
@@ -126,7 +126,7 @@ def simulated_model(
 
 
 def without_limits(description: Description, joints: Collection[str]) -> Description:
-    """Return a description without limits of command interfaces of some joints; report them."""
+    """Remove the limits of command interfaces of some joints, and report them."""
     listed = description.interfaces
     free = {name: listed[name]._replace(limits={}) for name in joints if name in listed}
     if limited := [name for name in free if listed[name].limits]:
@@ -140,7 +140,7 @@ def check_interfaces(description: Description, commanded: Collection[str], *, st
     """Check that positions are among the command interfaces of the ``commanded`` joints.
 
     Raises:
-        OneBotError: a joint has others only, or the robot stands and all of its joints have.
+        OneBotError: a joint only has other interfaces, or the base is fixed and all joints do.
     """
     other_commands = {
         name: listed.commands
@@ -158,11 +158,11 @@ def check_interfaces(description: Description, commanded: Collection[str], *, st
 
 
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
-    """Return the joints that a controller commands if its parameters name none.
+    """Return the joints that a controller commands if its parameters do not name any.
 
-    These are the joints with a position command interface in ``<ros2_control>``, except wheels, or
-    else all moving joints that it does not list, except wheels, casters and joints that carry them.
-    Mimic joints are never among them.
+    These are the joints with a position command interface in ``<ros2_control>``, except wheels; if
+    there are none, all moving joints that it does not list, except wheels, casters and joints that
+    carry them. Mimic joints are always excluded.
     """
     joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
     positioned = _positioned_names(description) - {*(wheels.joints if wheels else ())}
@@ -201,10 +201,10 @@ class _Roles:
     """Decides how each moving joint is simulated.
 
     Attributes:
-        held: positions of joints that nothing moves, by name.
+        held: positions of joints that do not move, by name.
         mimic_joints: joints that mimic wheels and casters; leaders first.
         fixed: start positions of both of these, by name.
-        gears: how joints follow commanded ones, by name.
+        gears: gears of the joints that follow commanded joints, by name.
         starts: start positions of commanded joints and gears, by name.
         passive: start positions of joints that swing freely, by name.
     """
@@ -248,7 +248,7 @@ class _Roles:
             if name not in self._joints:
                 raise OneBotError(f"{where} does not move{did_you_mean(name, self._joints)}")
             if name in commanded and (mimic := self._joints[name].mimic):
-                text = f'follows "{mimic.joint}" by <mimic>; command that one'
+                text = f'follows "{mimic.joint}" by <mimic>; command that joint'
                 raise OneBotError(f"{where} {text}")
 
     def _check_starts(
@@ -294,12 +294,11 @@ class _Roles:
 def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bool) -> Joint:
     """Return a joint with a motor that follows positions, or with a gear.
 
-    A gear keeps to its leader's limits. The motor accounts for the joint's friction; see
-    ``RobotBody``.
+    A gear has its leader's limits. The motor accounts for the joint's friction; see ``RobotBody``.
 
     Args:
         joint: the joint.
-        interfaces: those of ``<ros2_control>``, whose limits of velocity and effort count, too.
+        interfaces: its ``<ros2_control>`` interfaces, whose velocity and effort limits also apply.
         is_gear: whether it is moved by another joint's motor.
     """
     limits = interfaces.limits if interfaces else {}
@@ -314,12 +313,12 @@ def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bo
         mimic=None,
     )
     if is_gear and joint.kind != "continuous":
-        return replace(joint, lower=1.0, upper=-1.0)  # how PyBullet denotes no limits
+        return replace(joint, lower=1.0, upper=-1.0)  # PyBullet's notation for no limits
     return joint
 
 
 def _steering(joint: Joint, effort: float) -> Joint:
-    """Return a joint that steers, with limits of its motor where none are written."""
+    """Return a joint that steers, with default motor limits where none are given."""
     fastest = min(joint.velocity or STEERING_SPEED, STEERING_SPEED)
     return replace(joint, effort=joint.effort or effort, velocity=fastest)
 
@@ -327,7 +326,7 @@ def _steering(joint: Joint, effort: float) -> Joint:
 def _report_held(
     description: Description, held: Collection[str], commanded: Collection[str]
 ) -> None:
-    """Warn of joints that stand still, beside commanded ones or with other interfaces."""
+    """Warn about fixed joints, if others are commanded or they have other interfaces."""
     listed = description.interfaces
     driven = {name for name in listed if listed[name].commands}
     leaders = [
@@ -345,11 +344,11 @@ def _report_held(
 
 
 def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
-    """Warn of fingers with hollow or bent meshes: what they grip meets their convex hulls.
+    """Warn about fingers with hollow or bent meshes: their convex hulls touch the object.
 
     Args:
         rigid: the robot; joints that are held still are fixed.
-        fingers: names of the joints that move them.
+        fingers: names of the joints that move the fingers.
     """
     if not fingers:
         return
@@ -364,15 +363,15 @@ def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
     ]
     if hollow:
         logger.warning(
-            "%s: link %s: a collision mesh fills less than half of its convex hull, which is what "
-            "touches things; to grip well, fingers need boxes or several convex meshes",
+            "%s: link %s: a collision mesh fills less than half of its convex hull, which is used "
+            "for contacts; to grip well, fingers need boxes or several convex meshes",
             rigid.source,
             listing(dict.fromkeys(hollow)),
         )
 
 
 def _filled(mesh: Mesh) -> float:
-    """Return the share of its convex hull that a mesh fills; 1 if it is not closed."""
+    """Return the ratio of the volumes of a mesh and its convex hull; 1 if it is not closed."""
     from trimesh import Trimesh  # slow to import, and few grippers have meshes
 
     try:
@@ -387,7 +386,7 @@ def _with_rotors(
 ) -> Sequence[Link]:
     """Return the links, with at least the minimum inertia behind each of the ``moved`` joints.
 
-    Links without any mass get just this minimum, and are reported.
+    Links without mass get this minimum, and are reported.
     """
     if not moved:
         return rigid.links
@@ -405,22 +404,22 @@ def _with_rotors(
     leaders = {name: mimic.joint for name, mimic in gears.items()}
     leaders |= {name: name for name in leaders.values()}
 
-    def least(joint: str) -> float:
+    def minimum(joint: str) -> float:
         effort = efforts[leaders[joint]] if joint in leaders else 0.0
         return max(_MIN_MOMENT, _MIN_GEARED * effort if effort < _UNLIMITED else 0.0)
 
     return [
-        _with_rotor(link, joint, bodies[link.name], least(joint.name))
+        _with_rotor(link, joint, bodies[link.name], minimum(joint.name))
         if (joint := joints.get(link.name))
         else link
         for link in rigid.links
     ]
 
 
-def _with_rotor(link: Link, joint: Joint, body: Body, least: float) -> Link:
-    """Return a link with what its ``body`` lacks of the minimum mass and inertia added.
+def _with_rotor(link: Link, joint: Joint, body: Body, minimum: float) -> Link:
+    """Return a link with mass and inertia added until its ``body`` has the minimum.
 
-    ``least`` is the minimum moment of inertia about the axis of a rotating joint, kg m^2.
+    ``minimum`` is the minimum moment of inertia about the axis of a rotating joint, kg m^2.
     """
     axis = np.array(joint.axis)
     arm = body.center - (body.center @ axis) * axis
@@ -428,7 +427,7 @@ def _with_rotor(link: Link, joint: Joint, body: Body, least: float) -> Link:
     mass = 0.0
     if joint.kind == "prismatic" or body.mass <= 0.0:
         mass = max(0.0, _MIN_MASS - body.mass)
-    missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else least - moment
+    missing = 0.0 if joint.kind == "prismatic" and body.mass > 0.0 else minimum - moment
     if mass == 0.0 and missing <= 0.0:
         return link
     total = Body(link.name)
@@ -438,15 +437,15 @@ def _with_rotor(link: Link, joint: Joint, body: Body, least: float) -> Link:
 
 
 def _thin_ring(axis: Floats, moment: float) -> Floats:
-    """Return the inertia (3, 3) of a thin ring with this moment about its axis, half across it."""
+    """Return the inertia (3, 3) of a thin ring with this moment about its axis."""
     return moment / 2.0 * (np.outer(axis, axis) + np.eye(3))
 
 
 def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[str]:
-    """Return the joints of casters: the swivelling and the rolling ones.
+    """Return the swivelling and rolling joints of casters.
 
     They are continuous, as are all joints between them and the base. Driven, mimic and
-    ``commanded`` joints are not among them, nor are those with a position command interface.
+    ``commanded`` joints and joints with a position command interface are excluded.
     """
     chains, bound = _chains(wheels), {*commanded, *_positioned_names(wheels.description)}
     for chain in chains:
@@ -470,7 +469,7 @@ def _fixed(joint: Joint, position: float) -> Joint:
 
 def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
     radius = tyre.radius if tyre else 1.0
-    # A robot without mass is refused later, when it is loaded.
+    # A robot without mass is rejected later, when it is loaded.
     slipping = weight * radius or math.inf
     return replace(
         joint,
@@ -485,7 +484,7 @@ def _motor(joint: Joint, weight: float, tyre: Tyre | None) -> Joint:
 
 def _massive(wheels: Wheels, link: Link) -> Link:
     """Return a link; a driven wheel gets the inertia that the simulation needs."""
-    if wheels.rollers:  # ``with_rollers`` has inertias of its own
+    if wheels.rollers:  # ``with_rollers`` sets its own inertias
         return link
     first, _ = wheels.rigid[link.name]
     driven = {wheels.axles[name].joint.child: name for name in wheels.names}
@@ -497,19 +496,19 @@ def _massive(wheels: Wheels, link: Link) -> Link:
         return replace(link, inertial=ring)
     if link.name != first or link.inertial is None:
         return link
-    least = _LIGHTEST * wheels.robot.mass * tyre.radius**2
+    minimum = _LIGHTEST * wheels.robot.mass * tyre.radius**2
     return replace(
-        link, inertial=_no_lighter(link.inertial, wheels.axles[driven[first]].joint, least)
+        link, inertial=_no_lighter(link.inertial, wheels.axles[driven[first]].joint, minimum)
     )
 
 
-def _no_lighter(inertial: Inertial, joint: Joint, least: float) -> Inertial:
-    """Return the inertia of a wheel, with at least ``least`` kg m^2 about its axle."""
+def _no_lighter(inertial: Inertial, joint: Joint, minimum: float) -> Inertial:
+    """Return the inertia of a wheel, with at least ``minimum`` kg m^2 about its axle."""
     along = matrices.of_origin(inertial.origin)[:3, :3].T @ np.array(joint.axis)
     rows, columns = np.triu_indices(3)
     tensor = np.zeros((3, 3))
     tensor[rows, columns] = tensor[columns, rows] = inertial.inertia
-    missing = max(0.0, least - float(along @ tensor @ along))
+    missing = max(0.0, minimum - float(along @ tensor @ along))
     tensor += _thin_ring(along, missing)
     return replace(inertial, inertia=tuple(tensor[rows, columns].tolist()))
 
@@ -527,14 +526,14 @@ def _ring(wheels: Wheels, name: str, tyre: Tyre) -> Inertial | None:
 def _moment(wheels: Wheels, name: str, tyre: Tyre, mass: float) -> float:
     """Return a wheel's moment of inertia about its axle for isotropic skidding.
 
-    With it, a push moves the wheel's contact equally along the robot, where the wheel turns, and
-    across, where it slides on its axle; see ``SkidAxle``.
+    With it, a push moves the wheel's contact equally in both directions: along the robot, where the
+    wheel turns, and across, where it slides on its axle; see ``SkidAxle``.
     """
     robot_body = wheels.robot
     places = {wheel: wheels.middle(wheel) - robot_body.center for wheel in wheels.names}
     _, y, z = places[name]
     roll, pitch, yaw = np.diag(robot_body.inertia)
-    # The wheels slide on their axles, so their mass across does not resist the robot's turning.
+    # As the wheels slide on their axles, their mass does not resist the robot's turning.
     yaw = max(yaw - mass * total(place[0] ** 2 for place in places.values()), _MIN_TURNING * yaw)
     sideways = 1.0 / mass + tyre.radius**2 / roll
     base = 1.0 / robot_body.mass + y**2 / yaw + z**2 / pitch

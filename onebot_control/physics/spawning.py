@@ -28,12 +28,12 @@ from onebot_description.geometry.poses import (
 )
 from onebot_description.model.rigid_bodies import Body
 
-# m; farther out, rounding errors are not small compared with a wheel's contact depth (micrometres).
+# m; farther out, rounding errors are not small compared to a wheel's contact depth (micrometers).
 FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the maximum force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
 _HOLDING = 1e6  # N, maximum force that holds the hub of a skidding wheel on its axle
-_DETERMINATE = 3  # wheels up to which their loads are determinate; more share them as springs do
+_DETERMINATE = 3  # maximum number of wheels with determinate loads; more are simulated as springs
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
@@ -42,8 +42,8 @@ class MimicJoint(NamedTuple):
 
     name: str
     mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier mimic_joint
-    lower: float  # least position, rad or m
-    upper: float
+    lower: float  # minimum position, rad or m
+    upper: float  # maximum position
 
     def at(self, position: float) -> float:
         """Return its position, rad or m, when its leader is at ``position``."""
@@ -55,20 +55,20 @@ class RobotSpawn(NamedTuple):
 
     description: Description
     driven: Sequence[str]  # joints with a motor that follows velocities; see ``RobotBody``
-    start: PlanarPose = PlanarPose()  # of the root link's frame
+    start: PlanarPose = PlanarPose()  # start pose of the root link's frame
     name: str = ""  # name in error messages
     commanded: Sequence[str] = ()  # joints with a motor that follows positions
-    steering: Sequence[str] = ()  # those of the commanded joints that steer wheels
-    gears: Mapping[str, Mimic] = MappingProxyType({})  # how joints follow commanded ones, by name
+    steering: Sequence[str] = ()  # the commanded joints that steer wheels
+    gears: Mapping[str, Mimic] = MappingProxyType({})  # gears of joints that follow commanded ones
     starts: Mapping[str, float] = MappingProxyType({})  # start positions of joints; others are at 0
-    fixed_base: bool = False  # whether the root link stands still
-    links: tuple[Link, ...] = ()  # the written ones, if some have other shapes when simulated
-    held: Mapping[str, float] = MappingProxyType({})  # positions of joints that are fixed now
+    fixed_base: bool = False  # whether the root link is fixed
+    links: tuple[Link, ...] = ()  # the original links, if some have other shapes when simulated
+    held: Mapping[str, float] = MappingProxyType({})  # positions of the joints made fixed
     mimic_joints: Sequence[MimicJoint] = ()  # fixed joints that mimic wheels; leaders first
 
     @property
     def converges_slowly(self) -> bool:
-        """Whether the solver needs many iterations: for a standing arm, or a linkage.
+        """Whether the solver needs many iterations: for an arm with a fixed base, or a linkage.
 
         In a linkage, such as fingers, several rotating joints are geared to one.
         """
@@ -99,21 +99,21 @@ class LoadedBody(NamedTuple):
     bullet: Bullet  # its world
     ground: int
     body: int
-    joints: Mapping[str, int]  # the moving ones by name, in the description's order
+    joints: Mapping[str, int]  # moving joints by name, in the description's order
     hubs: Sequence[int]  # joints on which the hubs of skidding wheels and of rollers slide
-    # PyBullet's base frame: centre of mass and principal axes of the root body, in the root link's
+    # PyBullet's base frame: center of mass and principal axes of the root body, in the root link's
     # frame.
     mass_frame: Transform
     link_frame: Transform  # the root link's frame in ``mass_frame``
-    # Bodies with parts without gravity: index, where to lift it, m in its frame, and the force, N.
+    # Bodies with parts without gravity: index, point of the lifting force, m, and the force, N.
     weightless: Sequence[tuple[int, Triple, float]] = ()
-    rollers: Sequence[int] = ()  # those of the hubs on which wheels with rollers slide freely
+    rollers: Sequence[int] = ()  # the hubs on which wheels with rollers slide freely
 
     def pose(self) -> Transform:
         """Return the pose of the root link's frame in the world: m, and quaternion x y z w."""
         mass_pose = Transform(*self.bullet.getBasePositionAndOrientation(self.body))
         position, (x, y, z, w) = compose(mass_pose, self.link_frame)
-        # Two quaternions describe a rotation; return the one with w >= 0.
+        # Of the two quaternions of the rotation, return the one with w >= 0.
         return Transform(position, (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w))
 
     def link_pose(self, index: int) -> Transform:
@@ -127,20 +127,20 @@ class LoadedBody(NamedTuple):
         """Apply a force during the next physics step.
 
         Args:
-            index: PyBullet's, of the rigid body; -1: the root.
-            point: where it acts, in the frame of the body's first link, m.
-            force: in the world's axes, N.
+            index: PyBullet's index of the rigid body; -1: the root.
+            point: point of the force in the frame of the body's first link, m.
+            force: force in the world's axes, N.
         """
         at = self.link_pose(index).at(point)
         self.bullet.applyExternalForce(self.body, index, force, at, engine.WORLD_FRAME)
 
     def lift_weightless(self) -> None:
-        """Cancel gravity for the parts that have none, during the next physics step."""
+        """Cancel gravity for the parts without gravity, during the next physics step."""
         for index, point, force in self.weightless:
             self.apply_force(index, point, (0.0, 0.0, force))
 
     def center_rollers(self) -> None:
-        """Put wheels with rollers back to the middle of their axles, with their velocities."""
+        """Move wheels with rollers back to the center of their axles, keeping their velocities."""
         states = self.bullet.getJointStates(self.body, self.rollers)
         self.bullet.resetJointStatesMultiDof(
             self.body,
@@ -179,7 +179,7 @@ def make_world(bullet: Bullet, settings: PhysicsSettings, residual: float = 0.0)
     bullet.setPhysicsEngineParameter(
         numSolverIterations=settings.iterations,
         solverResidualThreshold=residual,
-        # With the cache, an edited file would be loaded in its old version.
+        # With the cache, PyBullet would load the old version of an edited file.
         enableFileCaching=0,
     )
     plane = bullet.createCollisionShape(engine.GEOM_PLANE)
@@ -200,7 +200,7 @@ def load_robot(
 ) -> LoadedBody:
     """Load a robot into a world, with its root link's frame at the origin.
 
-    Motors hold their joints until they get a velocity. What PyBullet prints is logged.
+    Motors hold their joints until they get a velocity. PyBullet's output is logged.
 
     Args:
         bullet: the world.
@@ -275,7 +275,7 @@ def load_robot(
 
 
 def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
-    """Make a joint follow another one, as if by gear wheels."""
+    """Make a joint follow another one, as with gear wheels."""
     constraint = bullet.createConstraint(
         robot,
         leader,
@@ -327,7 +327,7 @@ def _load(
             with captured() as lines:
                 body: int = bullet.loadURDF(path, useFixedBase=fixed or fixed_base, flags=flags)
         except engine.error:
-            reason = "; ".join(lines) or "it gives no reason"
+            reason = "; ".join(lines) or "no reason given"
             raise OneBotError(
                 f"{description.source}: PyBullet cannot load this: {reason}"
             ) from None
@@ -340,8 +340,8 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
     """Convert the collision meshes of bodies to temporary files that PyBullet can load.
 
     Args:
-        bodies: whose meshes to convert.
-        convex: write the convex hulls, for bodies that move.
+        bodies: the bodies with the meshes.
+        convex: write the convex hulls, for moving bodies.
 
     Yields:
         The path of each file, by the mesh's URI.
@@ -376,9 +376,9 @@ def converted_meshes(bodies: Iterable[Body], *, convex: bool = True) -> Iterator
 
 
 def _as_obj(mesh: Mesh, convex: bool) -> str:
-    """Return a mesh, or its convex hull, in metres, as text of a Wavefront OBJ file."""
+    """Return a mesh, or its convex hull, in meters, as text of a Wavefront OBJ file."""
     corners, faces = read_mesh(mesh)
-    if convex and len(np.unique(corners, axis=0)) > 3:  # fewer have no hull
+    if convex and len(np.unique(corners, axis=0)) > 3:  # fewer points have no hull
         # PyBullet uses the hull anyway, but may take minutes to compute it.
         from trimesh.convex import convex_hull
 

@@ -1,4 +1,4 @@
-"""Worlds in which robots move on the same ground, among the same walls, which ``scene`` loads."""
+"""Worlds in which robots move on the same ground and in the same scene (see ``scene``)."""
 
 import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -21,19 +21,19 @@ from onebot_description.geometry.poses import PlanarPose, Transform, Triple
 from onebot_description.model.rigid_bodies import merged_bodies, rigid_frames
 
 # With arms or rollers, the solver stops once an iteration changes no velocity by more than the
-# square root of this, rad/s or m/s: a step of seven joints takes half the time, one of a linkage a
-# fifth, and joints are off by 1e-8 rad. At rest, OneBot drifts by 60 nm/s with an arm, by 0.4 nm/s
-# otherwise.
+# square root of this, rad/s or m/s: a step with seven joints takes half the time, a step with a
+# linkage a fifth, and joints are off by 1e-8 rad. At rest, OneBot drifts by 60 nm/s with an arm,
+# and by 0.4 nm/s otherwise.
 _RESIDUAL = 1e-12
 
 
 @dataclass
 class _Push:
     parts: LoadedBody
-    index: int  # these three as for ``LoadedBody.apply_force``
+    index: int  # index, point and force as in ``LoadedBody.apply_force``
     point: Triple
     force: Triple
-    steps: int  # physics steps to come
+    steps: int  # remaining physics steps
 
     def apply(self) -> None:
         """Apply the force in the next physics step."""
@@ -42,7 +42,7 @@ class _Push:
 
 
 class World(AbstractContextManager["World"]):
-    """Simulates robots on the same ground, which can collide.
+    """Simulates robots on the same ground; they can collide.
 
     Time advances only in ``step``, for all robots. The same calls give identical results in any
     process. Worlds are independent of each other; a world must not be used by two threads at the
@@ -69,7 +69,7 @@ class World(AbstractContextManager["World"]):
             spawns: the robots.
             settings: settings of the physics.
             scene: walls, ramps and boxes; see ``onebot_control.physics.scene``.
-            at_start: place each robot at its start; otherwise the caller has to place them.
+            at_start: place each robot at its start; otherwise the caller must place them.
 
         Raises:
             OneBotError: a start pose is not finite, a robot or the scene cannot be simulated, two
@@ -77,18 +77,18 @@ class World(AbstractContextManager["World"]):
         """
         self.settings = settings
         self.scene = None if scene is None else SceneBodies(scene)
-        # Without a circle of references, a world that is forgotten, or refused, is freed at once.
+        # Without a reference cycle, a world that is dropped, or rejected, is freed immediately.
         self.robots = tuple(RobotBody(weakref.proxy(self), spawn) for spawn in spawns)
         self._commanded = [robot for robot in self.robots if robot.commanded]
-        # A robot on bare ground comes to rest in this world, others in one of their own.
+        # A single robot on bare ground comes to rest in this world, others in separate worlds.
         self._alone = len(self.robots) == 1 and scene is None
         self._on_scene: dict[tuple[RobotBody, PlanarPose, tuple[float, ...]], Transform] = {}
         if not self._alone:
             self._find_rest_poses()
         self.bullet = Bullet()
-        self._problem = ""  # why it can no longer be used
+        self._problem = ""  # reason why it can no longer be used
         self._contacts: ContactRecorder | None = None
-        # The ground is an obstacle for arms only.
+        # The ground is only an obstacle for arms.
         self._has_obstacles = bool(self.scene or self._commanded) or len(self.robots) > 1
         self._pushes: list[_Push] = []
         self._build()
@@ -97,7 +97,7 @@ class World(AbstractContextManager["World"]):
 
     @property
     def contacts(self) -> ContactRecorder:
-        """What has touched the robots in steps that recorded it."""
+        """The recorder of the robots' contacts."""
         self.check()
         if self._contacts is None:
             self._contacts = ContactRecorder(self.robots, self.scene)
@@ -109,8 +109,8 @@ class World(AbstractContextManager["World"]):
 
         Args:
             duration: s.
-            recorded: record ``contacts``, too; None: if there may be a collision. If they have been
-                asked for once, they always are.
+            recorded: whether to record ``contacts``; None: if there may be a collision. Once they
+                have been requested, they are always recorded.
 
         Raises:
             OneBotError: the world is closed, or its state is no longer finite.
@@ -154,15 +154,15 @@ class World(AbstractContextManager["World"]):
         self._check_finite()
 
     def restart(self, starts: Sequence[PlanarPose] = ()) -> None:
-        """Go back to the start by building the world again, so that runs repeat bit by bit.
+        """Go back to the start by rebuilding the world, so that runs are bit-identical.
 
         Restoring a saved state is not enough: PyBullet's solver keeps its order of contacts.
 
         Args:
-            starts: new start poses of all robots; empty for the present ones.
+            starts: new start poses of all robots; empty for the current ones.
 
         Raises:
-            OneBotError: the robots cannot stand there together; then nothing has changed.
+            OneBotError: the robots cannot stand there together; nothing has changed.
         """
         present = [robot.spawn.start for robot in self.robots]
         try:
@@ -190,12 +190,12 @@ class World(AbstractContextManager["World"]):
         """Place robots at rest.
 
         Args:
-            places: the poses of the root links of some robots of this world, or of all.
+            places: root link poses of some or all robots of this world.
             at_start: also move their joints and the scene's boxes back to their start.
 
         Raises:
             OneBotError: the world is closed or has diverged, a robot cannot stand there, or
-                another one is there; then nothing has changed.
+                another one is there; nothing has changed.
         """
         self.check()
         stances: dict[RobotBody, tuple[Transform, Sequence[float]]] = {}
@@ -221,10 +221,10 @@ class World(AbstractContextManager["World"]):
             self.scene.read()
 
     def set_joints(self, robot: RobotBody, positions: Mapping[str, float]) -> None:
-        """Set positions of joints of a robot, rad or m, at rest; all others go on.
+        """Set positions of joints of a robot, rad or m, at rest; all others continue.
 
         Raises:
-            OneBotError: the robot would be in something there; then nothing has changed.
+            OneBotError: the robot would overlap something there; nothing has changed.
         """
         self.check()
         with self._undone_if_refused():
@@ -238,7 +238,7 @@ class World(AbstractContextManager["World"]):
                 }
                 if links:
                     text = f"link {listing(sorted(links))} of {self.scene.description.source}"
-                    raise OneBotError(f"the robot would be in {text} there; nothing has moved")
+                    raise OneBotError(f"the robot would overlap {text} there; nothing has moved")
             self._check_overlaps([robot])
         robot.read_again()
 
@@ -250,12 +250,12 @@ class World(AbstractContextManager["World"]):
         Args:
             robot: the robot.
             link: its link.
-            point: (3,), where, in the link's frame, m; None: the centre of mass of the rigid body.
+            point: (3,), in the link's frame, m; None: the center of mass of the rigid body.
             force: (3,), in the world's axes, N.
             duration: s, rounded to whole physics steps.
 
         Raises:
-            OneBotError: there is no such link, or it stands still.
+            OneBotError: there is no such link, or it is fixed.
         """
         self.check()
         description = robot.spawn.description
@@ -269,7 +269,7 @@ class World(AbstractContextManager["World"]):
         joints = {joint.child: joint.name for joint in description.moving_joints}
         index = robot.parts.joints[joints[first]] if first in joints else -1
         if robot.spawn.fixed_base and index < 0:
-            raise OneBotError(f'{description.source}: link "{link}" stands still')
+            raise OneBotError(f'{description.source}: link "{link}" is fixed')
         steps = self.settings.steps(duration)
         self.contacts.always = True
         (x, y, z), (along_x, along_y, along_z) = place.tolist(), force.tolist()
@@ -278,7 +278,7 @@ class World(AbstractContextManager["World"]):
 
     @contextmanager
     def _undone_if_refused(self) -> Iterator[None]:
-        """Undo what the ``with`` block does to PyBullet's world if it raises a OneBotError."""
+        """Undo the ``with`` block's changes to PyBullet's world if it raises a OneBotError."""
         present: int = self.bullet.saveState()
         try:
             yield
@@ -292,12 +292,12 @@ class World(AbstractContextManager["World"]):
         """Return a new world in which ``spawn``, at rest, replaces one robot.
 
         The other robots continue from their current state, the new one from the joint positions of
-        the old one; this world does not change. The start poses stay, whether there is room there
-        or not. The scene's boxes are at their current poses, at rest.
+        the old one; this world does not change. The start poses are kept, even if there is no room.
+        The scene's boxes are at their current poses, at rest.
 
         Args:
             row: index of the robot to replace.
-            spawn: the new robot, and its pose now.
+            spawn: the new robot with its current pose.
             settings: settings of the new world's physics.
 
         Raises:
@@ -319,7 +319,7 @@ class World(AbstractContextManager["World"]):
 
     def close(self) -> None:
         """Free the world; most other methods raise OneBotError afterwards."""
-        self._problem = "this simulation has been closed; make a new one"
+        self._problem = "this simulation has been closed; create a new one"
         self.bullet.close()
 
     def check(self) -> None:
@@ -328,7 +328,7 @@ class World(AbstractContextManager["World"]):
             raise OneBotError(self._problem)
 
     def _check_finite(self) -> None:
-        """Raise OneBotError, from now on, if the state last read is not finite."""
+        """Raise OneBotError, from now on, if the last read state is not finite."""
         diverged = [robot.spawn.description for robot in self.robots if not robot.finite]
         if self.scene is not None and not self.scene.finite:
             diverged.append(self.scene.description)
@@ -343,11 +343,11 @@ class World(AbstractContextManager["World"]):
         self.close()
 
     def _find_rest_poses(self) -> None:
-        """Find each robot's pose at rest by simulating it alone; identical robots only once."""
+        """Find each robot's rest pose by simulating it alone, once for identical robots."""
         rest_poses: dict[tuple[object, ...], RestPose] = {}
         for robot in self.robots:
             spawn = robot.spawn._replace(start=PlanarPose(), name="")
-            description = spawn.description  # its joints have the positions of those that are held
+            description = spawn.description  # its joints include the positions of held ones
             key = description.urdf, description.joints, robot.driven, robot.commanded, robot.starts
             if key not in rest_poses:
                 with World([spawn], self.settings) as alone:
@@ -382,14 +382,14 @@ class World(AbstractContextManager["World"]):
             self._contacts.load(bullet)
 
     def _start(self) -> None:
-        """Place all robots at their starts, from the saved state, as ``RobotBody.reset`` does."""
+        """Place all robots at their starts, from the saved state, like ``RobotBody.reset``."""
         self._problem = ""
         for robot, pose in zip(self.robots, self._place_at_starts(), strict=True):
             robot.put(pose)
         self._check_finite()
 
     def _place_at_starts(self) -> list[Transform]:
-        """Place the bodies of all robots as at the start, and return their poses.
+        """Place the bodies of all robots at their starts, and return their poses.
 
         Raises:
             OneBotError: the robots cannot stand there together.
@@ -406,7 +406,7 @@ class World(AbstractContextManager["World"]):
     def _pose_at(
         self, robot: RobotBody, where: PlanarPose, positions: Sequence[float]
     ) -> Transform:
-        """Place the robot at rest on what stands still there; return its pose.
+        """Place the robot at rest on the fixed bodies there; return its pose.
 
         Raises:
             OneBotError: the scene leaves no place to stand there.
@@ -417,7 +417,7 @@ class World(AbstractContextManager["World"]):
         robot.parts.place(pose, positions)
         if self.scene.fixed_at(robot.parts):
             key = robot, where, tuple(positions)
-            if key not in self._on_scene:  # a reset comes back to the same place
+            if key not in self._on_scene:  # a reset returns to the same place
                 self._on_scene[key] = pose_on(
                     self.scene.description,
                     robot.spawn,
@@ -431,7 +431,7 @@ class World(AbstractContextManager["World"]):
         return pose
 
     def _check_boxes(self, robot: RobotBody, where: PlanarPose) -> None:
-        """Raise OneBotError if a robot that was just placed overlaps a box."""
+        """Raise OneBotError if a robot that has just been placed overlaps a box."""
         if self.scene is not None and (links := self.scene.free_at(robot.parts)):
             raise OneBotError(
                 f"x {where.x:g} m, y {where.y:g} m: link {listing(links)} of "
@@ -439,7 +439,7 @@ class World(AbstractContextManager["World"]):
             )
 
     def _check_overlaps(self, placed: Collection[RobotBody]) -> None:
-        """Raise OneBotError if one of the robots that were just placed overlaps another one."""
+        """Raise OneBotError if a robot that has just been placed overlaps another one."""
         if len(self.robots) == 1:
             return
         self.bullet.performCollisionDetection()

@@ -1,1 +1,1 @@
-"""Runs control cycles in real time: pace, due measurements, frames. Without messages or rclpy."""
+"""Runs control cycles in real time: pace, due measurements, frames; without messages or rclpy."""

@@ -18,8 +18,8 @@ from onebot_description.timing.wake_detector import WAKE, WakeDetector, boot_tim
 T = TypeVar("T")
 
 _PATIENCE = 10.0  # s to wait for the end of the loop
-_LONGEST_WAIT = 0.1  # s between checks whether anything was posted
-_PAUSED_WAIT = 0.01  # s, least time between messages while paused on system time
+_MAX_WAIT = 0.1  # s, maximum time between checks for posted functions
+_PAUSED_WAIT = 0.01  # s, minimum time between messages while paused on system time
 _WOKE = "Current goal cancelled: the controller was stopped meanwhile, or had no processor time."
 
 
@@ -29,10 +29,10 @@ class ControlLoop:
     Other threads post functions, which the loop calls between two cycles, so no locks are needed.
 
     Attributes:
-        fleet: the robots; other threads may read, but not change them.
+        fleet: the robots; other threads may read them, but not change them.
         simulated: whether stamps are simulated time; otherwise they are system time.
         paused: whether simulated time is paused.
-        wake: detects when the process wakes from a stop; the robots brake then, and joints hold.
+        wake: detects when the process wakes from a stop; then robots brake and hold their joints.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class ControlLoop:
             meter: measures the pace.
             wake: detects when the process wakes from a stop.
             measured: waits until all measurements of a step are published.
-            missing: returns what a step still has to wait for; "" for nothing.
+            missing: returns what a step is still waiting for; "" for nothing.
             failed: called with the error that ends the loop.
         """
         self.fleet, self.simulated, self.paused = fleet, simulated, False
@@ -76,7 +76,7 @@ class ControlLoop:
         self._pacer = Pacer(self.fleet.period, factor)
         self._stamps = SystemStamps()
         self._meter.set(self._pacer.due, factor)
-        self._woke = self._started = self.wake.check()  # nothing was commanded before
+        self._woke = self._started = self.wake.check()  # there were no commands before
         self._thread.start()
 
     def stop(self) -> None:
@@ -111,18 +111,18 @@ class ControlLoop:
         self.post(call)
         while True:
             try:
-                return answer.result(_LONGEST_WAIT)
+                return answer.result(_MAX_WAIT)
             except futures.TimeoutError:
                 if not (self._thread.is_alive() or answer.done()):
                     raise OneBotError("the control loop has ended") from None
 
     def predates_wake(self, sent: float) -> bool:
-        """Return whether the process woke from a stop after a time, by ``boot_time``."""
+        """Return whether the process woke from a stop after a time, in ``boot_time``."""
         return sent < self.wake.certain() > self._started
 
     @property
     def just_woke(self) -> bool:
-        """Whether what arrives now may have been sent before the process woke from a stop."""
+        """Whether messages that arrive now may predate the process's wake from a stop."""
         return self.wake.just_woke() and self.wake.woke > self._started
 
     @property
@@ -131,23 +131,23 @@ class ControlLoop:
         return self._pacer.left
 
     def set_factor(self, factor: float) -> None:
-        """Change the real-time factor (call it by ``post`` or ``call``)."""
+        """Change the real-time factor (call it with ``post`` or ``call``)."""
         self._pacer.set(self.fleet.period, factor)
         if factor != self._meter.wanted:
             self._meter.set(self._pacer.due, factor)
 
     def pause(self, paused: bool) -> None:
-        """Pause or resume simulated time (call it by ``call``)."""
+        """Pause or resume simulated time (call it with ``call``)."""
         self.paused = paused
 
     def step(self, cycles: int = 1) -> None:
-        """Run cycles of a paused simulation (call it by ``call``).
+        """Run cycles of a paused simulation (call it with ``call``).
 
-        When it returns, all measurements of these cycles are published.
+        When it returns, all measurements of these cycles have been published.
 
         Raises:
-            OneBotError: the loop is not paused, was resumed or stopped meanwhile, or what a step
-                waits for did not come.
+            OneBotError: the loop is not paused, was resumed or stopped meanwhile, or the wait for
+                a message timed out.
         """
         if not self.paused:
             raise OneBotError("step is for a paused simulation; pause it first")
@@ -172,7 +172,7 @@ class ControlLoop:
             left = deadline - time.monotonic()
             if left <= 0.0 or self._stopped:
                 raise OneBotError(f"{text} within {timeout:g} s (step_timeout)")
-            self._call_next(min(left, _LONGEST_WAIT))
+            self._call_next(min(left, _MAX_WAIT))
 
     def now_ns(self) -> int:
         """Return the current cycle's stamp, ns."""
@@ -204,7 +204,7 @@ class ControlLoop:
             self.fleet.close()
 
     def _publish_paused(self) -> None:
-        """Publish while paused: system time continues, and transforms have to be current."""
+        """Publish while paused: system time continues, and transforms must be up to date."""
         for robot in self.fleet.robots:
             robot.wait(robot.period)
         self._publish([robot.snapshot() for robot in self.fleet.robots], self.now_ns())
@@ -226,7 +226,7 @@ class ControlLoop:
             self._inbox.get()()
 
     def _call_next(self, timeout: float) -> None:
-        """Call the next posted function; wait for one at most ``timeout`` s."""
+        """Call the next posted function, for which it waits up to ``timeout`` s."""
         try:
             function = self._inbox.get(timeout=timeout)
         except Empty:
@@ -236,19 +236,19 @@ class ControlLoop:
             function()
 
     def _wait(self) -> None:
-        """Wait until the next cycle is due, but call posted functions at once."""
-        until = time.monotonic() + (_LONGEST_WAIT if self.simulated else _PAUSED_WAIT)
+        """Wait until the next cycle is due, and call posted functions immediately."""
+        until = time.monotonic() + (_MAX_WAIT if self.simulated else _PAUSED_WAIT)
         while not self._stopped:
             left = self._pacer.left
             if self.paused:
                 left = max(left, until - time.monotonic())
             if left <= 0.0:
                 return
-            self._call_next(min(left, _LONGEST_WAIT))
+            self._call_next(min(left, _MAX_WAIT))
 
 
 class SteppedLoop(ControlLoop):
-    """A control loop without a thread, whose cycles ``Simulation.run`` runs."""
+    """A control loop without a thread; its cycles are run by ``Simulation.run``."""
 
     def __init__(self, fleet: Fleet, publish: Callable[[Sequence[Snapshot], int], None]) -> None:
         """See ``ControlLoop``."""
@@ -269,37 +269,37 @@ class SteppedLoop(ControlLoop):
         """Ignore the pace: a Simulation always runs as fast as possible."""
 
     def pause(self, paused: bool) -> None:
-        """Refuse to pause, as ``step`` refuses to step."""
+        """Reject a pause, like ``step``."""
         if paused:
             self.step()
 
     def step(self, cycles: int = 1) -> None:
-        """Refuse to step.
+        """Reject a step.
 
         Raises:
             OneBotError: always.
         """
-        raise OneBotError("time passes in Simulation.run only")
+        raise OneBotError("time only passes in Simulation.run")
 
 
 class VelocityCommand(NamedTuple):
-    """A velocity command, as received; its times are by ``boot_time``, which nobody can set."""
+    """A received velocity command; its times are in ``boot_time``, a clock that cannot be set."""
 
     linear: float  # forward, m/s
     lateral: float  # leftward, m/s
     angular: float  # left turn, rad/s
     stamp: int  # time in its header, ns; 0 for none
-    given: float  # when it was given, s
-    sent: float  # the earliest time at which it can have been sent, s
+    given: float  # time at which it was given, s
+    sent: float  # earliest possible time of sending, s
 
 
 class LoopSlot:
-    """The place of one robot in the control loop, through which the threads of its nodes reach it.
+    """The place of one robot in the control loop; the threads of its nodes use the robot here.
 
     Attributes:
         row: index of the robot in its fleet.
-        loop: the control loop; None until all robots of the world are described.
-        answered: stamp of the newest command, ns.
+        loop: the control loop; None until the descriptions of all robots are known.
+        answered: stamp of the latest command, ns.
     """
 
     def __init__(self, row: int) -> None:
@@ -308,7 +308,7 @@ class LoopSlot:
 
     @property
     def robot(self) -> ControlledRobot:
-        """The robot, which another one replaces when its description changes."""
+        """The robot, which is replaced when its description changes."""
         return self.running.fleet.robots[self.row]
 
     @property
@@ -316,23 +316,23 @@ class LoopSlot:
         """The control loop.
 
         Raises:
-            OneBotError: there is none yet.
+            OneBotError: there is no loop yet.
         """
         if self.loop is None:
             raise OneBotError("there is no robot yet")
         return self.loop
 
     def command(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
-        """Command the robot from the next cycle on; ``ignored`` gets the reason if it is not."""
+        """Command the robot from the next cycle on; ``ignored`` gets the reason if it fails."""
         self.running.post(lambda: self._accept(command, ignored))
 
     def brake(self, reason: str) -> None:
-        """Stop the robot, if there is one yet; goals of its joints end for this reason."""
+        """Stop the robot, if there is one yet; goals of its joints end with this reason."""
         if self.loop is not None:
             self.loop.post(lambda: self.robot.stop(reason))
 
     def hold_joints(self, reason: str) -> None:
-        """Hold its joints, likewise."""
+        """Hold the robot's joints, if there is one yet; their goals end with this reason."""
         if self.loop is not None:
             self.loop.post(lambda: self.robot.hold_joints(reason))
 
@@ -346,7 +346,7 @@ class LoopSlot:
             ignored(refused)
 
     def _age(self, command: VelocityCommand) -> float | None:
-        """Return the age of a command, s, when it takes effect; None if it is not known.
+        """Return the age of a command, s, when it takes effect; None if it is unknown.
 
         It includes the time that the command waits in this process.
         """

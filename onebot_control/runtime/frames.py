@@ -1,4 +1,4 @@
-"""The names of a robot's frames, which must differ from those of everything else in its world."""
+"""The names of a robot's frames, which must be unique in its world."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -26,9 +26,9 @@ class RobotFrames(NamedTuple):
         *,
         in_scene: bool,
     ) -> "RobotFrames":
-        """Return the frames of a robot; one that stands has no odometry.
+        """Return the frames of a robot.
 
-        Then its root link may be the world's frame.
+        A robot with a fixed base has no odometry, and its root link may be the world frame.
 
         Args:
             config: its parameters.
@@ -53,7 +53,7 @@ class RobotFrames(NamedTuple):
     ) -> Iterator[Problem]:
         """Report names that two frames share, because in TF each frame has one parent.
 
-        The root link of a scene may be the world's frame itself.
+        The root link of a scene may be the world frame itself.
 
         Args:
             others: frames of the other robots, by node.
@@ -75,7 +75,7 @@ class RobotFrames(NamedTuple):
             ("world_frame_id", self.world),
         ):
             if frame and frame in owners:
-                text = f'"{frame}" is {owners[frame]}; each frame needs a name of its own'
+                text = f'"{frame}" is {owners[frame]}; each frame needs a unique name'
                 yield Problem(key, text)
             owners.setdefault(frame, key)
 
@@ -86,11 +86,11 @@ def check_frames(
     others: Mapping[str, RobotFrames],
     scene: Description | None,
 ) -> None:
-    """Check the frames that a robot would have.
+    """Check new frames of a robot.
 
     Args:
-        frames: its frames under other parameters, or by another description.
-        present: those that it has now.
+        frames: its frames with other parameters or another description.
+        present: its current frames.
         others: frames of the other robots, by node.
         scene: the scene around the robots.
 

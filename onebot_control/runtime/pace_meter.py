@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 _SECOND = 1.0
-# Fractions of the wanted factor: slow motion is logged after a second below _SLOW, its end after
-# _STEADY seconds that all reached _BACK.
+# Fractions of the wanted factor: slow motion is logged after a second below _SLOW, and its end
+# after _STEADY seconds that all reached _BACK.
 _SLOW, _BACK = 0.9, 0.95
 _STEADY = 5.0  # s
 
@@ -13,10 +13,10 @@ _STEADY = 5.0  # s
 class Pace:
     """The real-time factor and missed cycles over some seconds."""
 
-    seconds: float = 0.0  # real ones
-    simulated: float = 0.0  # s
-    cycles: int = 0  # control cycles done
-    missed: int = 0  # control cycles left out
+    seconds: float = 0.0  # real time, s
+    simulated: float = 0.0  # simulated time, s
+    cycles: int = 0  # number of executed control cycles
+    missed: int = 0  # number of missed control cycles
 
     @property
     def factor(self) -> float:
@@ -45,13 +45,13 @@ class PaceMeter:
         wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
-    _is_slow = False  # whether the log has said so last
+    _is_slow = False  # as last logged
 
     def measured(self, pace: Pace, *, is_slow: bool) -> None:
-        """Report the pace of about a second; a subclass does it."""
+        """Report the pace of about a second; implemented by subclasses."""
 
     def log(self, text: str, *, is_slow: bool) -> None:
-        """Log a line, once when the pace falls, and once when it is back; a subclass does it."""
+        """Log a line when the pace falls, and when it has recovered; implemented by subclasses."""
 
     def set(self, due: float, wanted: float) -> None:
         """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
@@ -59,16 +59,16 @@ class PaceMeter:
         self._second, self._steady = Pace(), Pace()
 
     def skip(self, due: float) -> None:
-        """Leave out the time until ``due`` (monotonic, s): simulated time was paused."""
+        """Ignore the time until ``due`` (monotonic, s), as simulated time was paused."""
         self._due = due
 
     def cycle(self, due: float, simulated: float, missed: int) -> None:
         """Count a control cycle.
 
         Args:
-            due: when the next cycle is due, monotonic, s.
+            due: time at which the next cycle is due, monotonic, s.
             simulated: simulated duration of the cycle, s.
-            missed: number of cycles that were left out after it.
+            missed: number of missed cycles after it.
         """
         seconds, self._due = due - self._due, due
         self._second.add(seconds, simulated, missed)

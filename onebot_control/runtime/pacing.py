@@ -1,7 +1,7 @@
-"""When control cycles are due, and their stamps: both evenly spaced, however the thread wakes up.
+"""The due times and stamps of control cycles, evenly spaced despite jitter of the thread.
 
 ``Pacer`` schedules the cycles on a monotonic clock; ``SystemStamps`` gives them stamps of the
-system clock that are as evenly spaced. ``Divider`` picks the cycles in which something happens.
+system clock with the same spacing. ``Divider`` selects the cycles in which something happens.
 """
 
 import ctypes
@@ -15,7 +15,7 @@ from onebot_description.timing import NS_PER_S
 # Stamps follow the system clock when it has drifted this far from them, ns.
 _DRIFT = 2_000_000
 _COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one is used
-_SET_BACK = NS_PER_S  # ns; if the system clock goes back by this much or more, somebody has set it
+_SET_BACK = NS_PER_S  # ns; the system clock has been set if it goes back by this or more
 # From Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
 
@@ -23,12 +23,13 @@ _PR_SET_TIMERSLACK = 29
 class Pacer:
     """Schedules cycles at evenly spaced deadlines on a monotonic clock.
 
-    Missed cycles are left out, not caught up in a burst: the deadlines start again from now.
+    Missed cycles are skipped, not caught up in a burst: the deadlines restart from the current
+    time.
 
     Attributes:
         due: monotonic time at which the current cycle is due, s.
-        lag: seconds by which the current cycle was late, if the deadlines started again; else 0.
-        missed: number of cycles that were left out then.
+        lag: seconds by which the current cycle was late, if the deadlines restarted; else 0.
+        missed: number of skipped cycles in that case.
     """
 
     def __init__(
@@ -62,8 +63,8 @@ class Pacer:
         """Wait until the next cycle is due.
 
         Args:
-            wait: waits until ``due``; it may return early, when the loop stops, or much later, if
-                the process was stopped meanwhile.
+            wait: waits until ``due``; may return early, when the loop stops, or much later, if the
+                process was stopped meanwhile.
         """
         self.due = self.due + self._interval if self._interval else self._clock()
         self.lag, self.missed = 0.0, 0
@@ -75,25 +76,25 @@ class Pacer:
 
 
 class Divider:
-    """Picks evenly spaced control cycles, so that something happens ``rate`` times a second."""
+    """Selects evenly spaced control cycles, so that something happens ``rate`` times per second."""
 
     def __init__(self, rate: float, cycles: float) -> None:
-        """Pick the first cycle.
+        """Select the first cycle.
 
         Args:
-            rate: cycles to pick per second, Hz; above ``cycles``, every cycle is picked.
+            rate: cycles to select per second, Hz; above ``cycles``, every cycle is selected.
             cycles: control cycles per second, Hz.
         """
         self._share = rate / cycles
         self.restart()
 
     def restart(self) -> None:
-        """Pick the next cycle."""
+        """Select the next cycle."""
         self._phase = 1.0
 
     def due(self) -> bool:
-        """Return whether this cycle is picked; call it once per cycle."""
-        # The threshold is just below 1, so that rounding errors of the sum drop no cycle.
+        """Return whether this cycle is selected; call it once per cycle."""
+        # The threshold is just below 1, so that rounding errors of the sum do not drop a cycle.
         picked = self._phase >= 1.0 - 1e-9
         self._phase += self._share - (1.0 if picked else 0.0)
         return picked
@@ -102,12 +103,12 @@ class Divider:
 class SystemStamps:
     """Converts due times on the monotonic clock to stamps of the system clock.
 
-    The stamps are as evenly spaced as the cycles. Reading the system clock in each cycle would put
-    the jitter of waking up into every velocity that somebody computes from stamps. When the system
-    clock is set or has drifted, the stamps follow it.
+    The stamps are spaced as evenly as the cycles. Reading the system clock in each cycle would add
+    the jitter of the thread to all velocities computed from stamps. When the system clock is set or
+    has drifted, the stamps follow it.
 
-    Stamps do not go back, unless the system clock is set back by a second or more: when it goes
-    back by less, they advance at half speed until it has caught up.
+    Stamps only go back if the system clock is set back by a second or more: when it goes back by
+    less, they advance at half speed until it has caught up.
     """
 
     def __init__(
@@ -127,16 +128,16 @@ class SystemStamps:
             self._offset = offset
         due_ns = round(due * NS_PER_S)
         stamp = due_ns + self._offset
-        least = self._last + (due_ns - self._last_due) // 2
-        if least - _SET_BACK < stamp:
-            stamp = max(stamp, least)
+        minimum = self._last + (due_ns - self._last_due) // 2
+        if minimum - _SET_BACK < stamp:
+            stamp = max(stamp, minimum)
         self._last_due, self._last = due_ns, stamp
         return stamp
 
     def _compare(self) -> tuple[int, int]:
-        """Return how far the system clock is ahead of the monotonic one, and its uncertainty, ns.
+        """Return the offset of the system clock from the monotonic one and its uncertainty, ns.
 
-        On a busy machine, the thread may be preempted for long between two readings.
+        On a busy machine, the thread may be preempted for a long time between two readings.
         """
         start = self._monotonic()
         system = self._system()
@@ -147,10 +148,10 @@ class SystemStamps:
 def wake_exactly(exactly: bool = True) -> None:
     """Make waits of the calling thread end on time; by default, Linux may end them 50 us late.
 
-    On other systems, and where it is not allowed, it does nothing.
+    On other systems, and without permission, this has no effect.
 
     Args:
-        exactly: False for the default again.
+        exactly: False to restore the default.
     """
     if sys.platform == "linux":
         slack = ctypes.c_ulong(exactly)  # ns; 0 stands for the default

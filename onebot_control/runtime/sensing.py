@@ -1,4 +1,4 @@
-"""Measures when a sensor is due and somebody subscribes to it, at once or in a thread."""
+"""Measures with due sensors that have subscribers, immediately or in a thread."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -15,8 +15,8 @@ from onebot_description.geometry.poses import Transform
 from onebot_description.timing.throttled import Throttled
 
 _REPORT = 60.0  # s between reports of dropped measurements
-_WINDOW, _MIN_TIME = 100, 10.0  # due measurements that are judged together; seconds if slow
-_ENOUGH = 0.95  # if a smaller fraction of them is made, it is reported
+_WINDOW, _MIN_TIME = 100, 10.0  # due measurements that are checked together; seconds if slow
+_ENOUGH = 0.95  # minimum fraction of these measurements that must be made
 _PATIENCE = 10.0  # s to wait for the end of the thread
 
 
@@ -28,22 +28,22 @@ class Outlet(Protocol):
         """The topic of each output."""
 
     def wanted(self) -> frozenset[str]:
-        """Return the outputs that somebody subscribes to."""
+        """Return the outputs with subscribers."""
 
     def publish(self, stamp: int, outputs: Mapping[str, Any]) -> None:
-        """Publish a measurement of ``stamp``, ns, by outputs."""
+        """Publish the outputs of a measurement at ``stamp``, ns."""
 
 
 class Channel:
     """A sensor with its topics, and counts of its measurements.
 
     Attributes:
-        instrument: measures.
+        instrument: makes the measurements.
         outlet: publishes the measurements.
-        divider: picks the control cycles in which it is due.
-        given: number of measurements that the control thread has requested.
-        done: number of those that were made.
-        dropped: number of due measurements that were dropped, although somebody subscribes.
+        divider: selects the control cycles in which a measurement is due.
+        given: number of measurements requested by the control thread.
+        done: number of completed measurements.
+        dropped: number of due measurements that were dropped despite subscribers.
     """
 
     def __init__(self, instrument: Instrument[Any], outlet: Outlet, cycles: float) -> None:
@@ -51,15 +51,15 @@ class Channel:
         self.instrument, self.outlet = instrument, outlet
         self.divider = Divider(instrument.rate, cycles)
         self.given = self.done = self.dropped = 0
-        self._judged = (0, 0)  # done and dropped when they were last judged
+        self._judged = (0, 0)  # done and dropped at the last check
 
     @property
     def busy(self) -> bool:
-        """Whether as many measurements as possible are waiting."""
+        """Whether the maximum number of measurements is waiting."""
         return self.given - self.done > self.instrument.waiting
 
     def warning(self) -> str:
-        """Return a warning if too few of the last measurements were made; "" otherwise."""
+        """Return a warning if too few of the last measurements were made, or ""."""
         done, dropped = self.done - self._judged[0], self.dropped - self._judged[1]
         if done + dropped < min(_WINDOW, _MIN_TIME * self.instrument.rate):
             return ""
@@ -73,7 +73,7 @@ class Channel:
 
 
 class Sensing:
-    """Makes due measurements at once, in the control cycle.
+    """Makes due measurements immediately, in the control cycle.
 
     ``due``, ``take`` and ``enter`` are called by the control thread.
     """
@@ -84,12 +84,12 @@ class Sensing:
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
         self._last: Sequence[Snapshot] | None = None  # the last states of these robots
-        self._tick: int | None = None  # the last cycle's
+        self._tick: int | None = None  # number of the last cycle
 
     def start(self) -> None:
         """Start measuring.
 
-        If there are sensors, the surroundings are built here, because reading meshes later would
+        If there are sensors, the surroundings are built now, because reading meshes later would
         delay the loop.
         """
         if any(self._channels.values()):
@@ -99,7 +99,7 @@ class Sensing:
         """Stop measuring."""
 
     def restart(self, seed: int) -> None:
-        """Start again from the beginning, with noise of this seed."""
+        """Restart from the beginning, with the noise of this seed."""
         self.flush()
         self._last = self._tick = None
         self._sensors.restart()
@@ -109,7 +109,7 @@ class Sensing:
                 channel.instrument.reseed(seed)
 
     def flush(self) -> None:
-        """Wait until all requested measurements are published."""
+        """Wait until all requested measurements have been published."""
 
     def asked(self, row: int) -> frozenset[str]:
         """Return the topics on which a robot's measurements are due in this control cycle."""
@@ -125,17 +125,17 @@ class Sensing:
 
         Args:
             row: index of the robot in its fleet.
-            robot: as sensors see it.
+            robot: the robot as seen by sensors.
             channels: its sensors.
         """
         if self._sensors.enter(row, robot):
-            self._last = None  # motion between two robots is none
+            self._last = None  # there is no motion between two different robots
         self._channels[row] = sorted(channels, key=lambda channel: -channel.instrument.waiting)
 
     def due(self, tick: int) -> frozenset[int]:
         """Find the measurements due in a control cycle; return the rows of their robots."""
         self._due = []
-        if self._tick != tick:  # else simulated time is paused
+        if self._tick != tick:  # otherwise simulated time is paused
             for channels in self._channels.values():
                 for channel in channels:
                     if channel.divider.due() and (topics := channel.outlet.wanted()):
@@ -149,7 +149,7 @@ class Sensing:
         boxes: Sequence[Transform],
         contacts: Callable[[int], Sequence[Contact]] = lambda row: (),
     ) -> None:
-        """Make, or queue, every measurement due in this cycle.
+        """Make or queue all measurements that are due in this cycle.
 
         Args:
             stamp: stamp of the cycle, ns.

@@ -1,4 +1,4 @@
-"""Measures with cameras: rays, calibration, depths and clouds; ``painter`` has colours."""
+"""Measures with cameras: rays, calibration, depths and clouds; ``painter`` computes colors."""
 
 import math
 from collections.abc import Sequence, Set
@@ -45,11 +45,11 @@ def calibration(camera: Camera) -> dict[str, str | list[float]]:
 def camera_rays(camera: Camera) -> Rays:
     """Return the rays of the pixels, row by row from the top; their x, along the axis, is 1."""
     # glibc returns free memory to the system once it exceeds twice the largest block ever freed.
-    # Freeing a large block once avoids that: fetching memory again for each image would take a
+    # Freeing a large block once avoids this: requesting memory again for each image would take a
     # third of the time.
     np.empty(_KEPT, np.uint8)
     focal = focal_length(camera)
-    # Each pixel's coordinate by the camera matrix K, with the principal point in the middle.
+    # Coordinates of the pixels from the camera matrix K, with the principal point at the center.
     across = (camera.width / 2.0 - np.arange(camera.width)) / focal
     up = (camera.height / 2.0 - np.arange(camera.height)) / focal
     z, y = np.meshgrid(up, across, indexing="ij")
@@ -57,14 +57,14 @@ def camera_rays(camera: Camera) -> Rays:
 
 
 def reach(camera: Camera) -> float:
-    """Return how far the rays of a camera are cast along its axis, m."""
+    """Return the length of a camera's rays along its axis, m."""
     return max(camera.far, camera.depth_far)
 
 
 def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" = None) -> Singles:
     """Return the measured depths (H, W) along the axis, m (REP-117, REP-118).
 
-    Depths beyond the far clip are infinite, those before the near clip minus infinity.
+    Depths beyond the far clip are infinite, depths below the near clip are minus infinity.
 
     Args:
         camera: the sensor.
@@ -79,7 +79,7 @@ def depths(camera: Camera, hits: Hits, generator: "np.random.Generator | None" =
 
 
 COLORED_POINT = point_layout(("rgb", "<u4", 16))
-"""Layout of a coloured point in a cloud, as in depth_image_proc, too."""
+"""Layout of a colored point in a cloud, as in depth_image_proc."""
 
 
 def cloud(
@@ -94,7 +94,7 @@ def cloud(
     Args:
         rays: rays of the camera.
         depth_image: (H, W), m.
-        picture: (H, W, 3), colours of the points; None for black.
+        picture: (H, W, 3), colors of the points; None for black.
         pose: rotation (3, 3) and position (3,) of the camera in the frame of the points.
         nowhere: x, y and z of points whose depth is not finite.
     """
@@ -111,13 +111,13 @@ def picture_from(world: SensedWorld, eye: Floats, target: Floats, width: int, he
 
     Args:
         world: the world.
-        eye: (3,), where it is seen from, m.
-        target: (3,), another point, which is in the middle of the picture, m.
-        width: pixels.
-        height: pixels.
+        eye: (3,), position of the camera, m.
+        target: (3,), another point, at the center of the picture, m.
+        width: width of the picture, pixels.
+        height: height of the picture, pixels.
     """
     ahead = (target - eye) / np.linalg.norm(target - eye)
-    # Seen from straight above, y is up, as on a map.
+    # From straight above, y is up, as on a map.
     left = np.cross([0.0, 0.0, 1.0] if math.hypot(*ahead[:2]) > _LEVEL else [0.0, 1.0, 0.0], ahead)
     left /= np.linalg.norm(left)
     rotation = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
@@ -128,11 +128,11 @@ def picture_from(world: SensedWorld, eye: Floats, target: Floats, width: int, he
 
 
 class CameraInstrument(Instrument[Camera]):
-    """Measures with a camera: colours, depths, and clouds of both."""
+    """Measures with a camera: colors, depths, and clouds of both."""
 
     waiting = 1
     needs_embree = True
-    noises: Sequence[Noise] = ()  # pictures' noise has no constant offset
+    noises: Sequence[Noise] = ()  # the noise of pictures has no constant offset
 
     @cached_property
     def _rays(self) -> Rays:

@@ -1,4 +1,4 @@
-"""Point clouds of what rays hit, as arrays of points that are laid out as in gz sim."""
+"""Point clouds of the hits of rays, as arrays with the layout of gz sim."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from onebot_description.arrays import Floats, Singles
 
 
 def point_layout(*others: tuple[str, str, int]) -> "np.dtype[np.void]":
-    """Return the layout of a point: x, y, z, and others by their names, formats and offsets."""
+    """Return the layout of a point: x, y, z, and other fields as (name, format, offset)."""
     fields = [("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8), *others]
     return np.dtype(
         {
@@ -48,6 +48,6 @@ def cloud_of(
 
 
 def finite(points: NDArray[np.void]) -> NDArray[np.void]:
-    """Return, in one row (1, N), the points at which a ray hit something in range."""
+    """Return the points at which a ray hit something in range, as one row (1, N)."""
     hits: NDArray[np.void] = points[np.isfinite(points["x"])]
     return hits.reshape(1, -1)

@@ -1,4 +1,4 @@
-"""Measures with contact sensors: what touches their links."""
+"""Measures with contact sensors: the contacts of their links."""
 
 from collections.abc import Sequence, Set
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ class LinkContact(NamedTuple):
 
 
 class ContactInstrument(Instrument[ContactSensor]):
-    """Measures with a contact sensor, whose contacts are those of the last control cycle."""
+    """Measures the contacts of a contact sensor in the last control cycle."""
 
     waiting = 50
     needs_contacts = True

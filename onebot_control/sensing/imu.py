@@ -1,4 +1,4 @@
-"""Measures with IMUs: from two motions of the sensor, and its orientation."""
+"""Measures with IMUs, from two motions of the sensor and its orientation."""
 
 from collections.abc import Sequence, Set
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry import quaternions
 from onebot_description.geometry.poses import Quaternion, multiply, rotate, scaled
 
-_STEP = 1e-5  # s; poses this much before and after a moment give the velocity in it
+_STEP = 1e-5  # s, time between the poses for numerical differentiation
 
 
 class ImuMotion(NamedTuple):
@@ -28,7 +28,7 @@ class ImuMotion(NamedTuple):
 
     @classmethod
     def through(cls, rotations: Floats, positions: Floats, step: float) -> "ImuMotion":
-        """Return the motion in the middle of three poses, which are ``step`` seconds apart.
+        """Return the motion at the middle one of three poses, which are ``step`` seconds apart.
 
         Args:
             rotations: (3, 3, 3), of the sensor in the world.
@@ -41,7 +41,7 @@ class ImuMotion(NamedTuple):
 
 
 def _spin(turned: Floats, seconds: float) -> Floats:
-    """Return the angular velocity (3,), rad/s, of a small rotation (3, 3) in some seconds."""
+    """Return the angular velocity (3,), rad/s, of a small rotation (3, 3) within ``seconds``."""
     x, y, z = turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]
     return np.array([x, y, z]) / (2.0 * seconds)
 
@@ -53,12 +53,12 @@ def measure(
 
     An accelerometer also measures the reaction to gravity (REP-145): R^T (a - g). The acceleration
     is the mean over a period, dv/dt + w x v with velocities v in the sensor's axes, which is exact
-    in a steady turn. A robot that is teleported stops: that is measured, but not where it is put.
+    in a steady turn. A teleported robot stops: this deceleration is measured, the jump is not.
 
     Args:
         before: motion one period ago; ``now`` if it is unknown.
         now: current motion.
-        period: between both, s.
+        period: time between both, s.
         gravity: downwards, m/s^2.
     """
     spin = (before.angular + now.angular) / 2.0
@@ -101,7 +101,7 @@ class ImuInstrument(Instrument[Imu]):
         last_snapshot = frame.before[row] if frame.before else snapshot
         last_motion, now = self._motions(world, [last_snapshot, snapshot])
         angular, linear = measure(last_motion, now, world.period, world.gravity)
-        # As all velocities, it is per second of the clock; the acceleration is the one simulated.
+        # Like all velocities, it is scaled to the clock's time; the acceleration is not scaled.
         values = np.concatenate([angular * snapshot.pace, linear])
         if generator := self.generator(frame):
             for axis, noise in enumerate(self.noises):
@@ -111,7 +111,7 @@ class ImuInstrument(Instrument[Imu]):
         return {"imu": (turn, values[:3], values[3:])}
 
     def _motions(self, world: SensedWorld, snapshots: Sequence[Snapshot]) -> list[ImuMotion]:
-        """Return the sensor's motions: those of its link against the base, too."""
+        """Return the sensor's motions, including those of its link relative to the base."""
         states = [state for snapshot in snapshots for state in _around(snapshot)]
         link = world.placed.surroundings.link(self.row, self.sensor.link, states)
         assert link is not None
@@ -121,7 +121,7 @@ class ImuInstrument(Instrument[Imu]):
 
 
 def _around(snapshot: Snapshot) -> list[RobotState]:
-    """Return the states of a robot ``_STEP`` before a snapshot, in it, and as much after it."""
+    """Return the states of a robot ``_STEP`` before a snapshot, at it, and ``_STEP`` after it."""
     ((x, y, z), rotation), joints = snapshot.pose, snapshot.joints
     vx, vy, vz = rotate(rotation, snapshot.mass_velocity.twist(rotation).linear)
     turning = snapshot.mass_velocity.angular

@@ -1,4 +1,4 @@
-"""What measures with one sensor of one robot, and the world that it measures in."""
+"""The base class of instruments, which measure with one sensor, and the world for measurements."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -22,30 +22,30 @@ from onebot_description.model.rigid_bodies import rigid_frames
 
 M = TypeVar("M", bound=SensorModel)
 
-_TRIED = 1000  # rays that tell whether a link is a sensor's housing
+_TRIED = 1000  # maximum number of rays for the detection of a sensor's housing
 
 
 class Frame(NamedTuple):
     """The state of a world in one control cycle, for its sensors."""
 
-    tick: int  # control cycles done before this one
+    tick: int  # number of control cycles before this one
     stamp: int  # time of the cycle, ns
     snapshots: Sequence[Snapshot]  # states of the robots
-    before: Sequence[Snapshot] | None  # one cycle ago; None if not known
+    before: Sequence[Snapshot] | None  # states one cycle ago; None if unknown
     boxes: Sequence[Transform]  # poses of movable boxes
     robots: Sequence[SensedRobot]
     starts: Sequence[Quaternion]  # rotations of the robots in the first cycle
-    # In the last cycle, by the robot's index; of those with an instrument that ``needs_contacts``.
+    # Contacts in the last cycle, by row, of robots with an instrument that ``needs_contacts``.
     contacts: Mapping[int, Sequence[Contact]]
 
 
 class SensedWorld(NamedTuple):
-    """The surroundings at the time of a frame, to measure in."""
+    """The surroundings at the time of a frame, for measurements."""
 
     frame: Frame
     placed: Placed
     painter: Painter
-    period: float  # control cycle, s
+    period: float  # duration of a control cycle, s
     gravity: float  # m/s^2
 
 
@@ -53,13 +53,13 @@ class Instrument(ABC, Generic[M]):
     """Measures with one sensor of one robot; each kind of sensor has a subclass.
 
     Attributes:
-        waiting: how many measurements may wait; those of which more may wait are made first.
+        waiting: maximum number of waiting measurements; instruments with more measure first.
         needs_embree: whether it cannot measure without Embree.
         needs_contacts: whether it needs the robot's contacts in a frame.
         sensor: the sensor's description.
-        model: what it measures.
+        model: the model of the sensor.
         row: index of the robot in its fleet.
-        rate: measurements per simulated second, Hz: the sensor's, or one in each control cycle.
+        rate: measurements per simulated second, Hz: the sensor's rate, or one per control cycle.
     """
 
     waiting: ClassVar[int]
@@ -91,7 +91,7 @@ class Instrument(ABC, Generic[M]):
         self.rate = min(sensor.rate or cycles, cycles)
         self._name = f"{namespace}/{sensor.link}/{sensor.name}"
         self._mount = matrices.of_origin(sensor.origin)
-        self._unseen: list[str] = []  # links that its rays pass through; found when it measures
+        self._unseen: list[str] = []  # links that rays pass through; found at the first measurement
 
     @abstractmethod
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
@@ -132,34 +132,35 @@ class Instrument(ABC, Generic[M]):
         return self.mounted(link)
 
     def mounted(self, link: LinkPose) -> LinkPose:
-        """Return the pose, or poses, of the sensor for its link's."""
+        """Return the pose, or poses, of the sensor for the pose(s) of its link."""
         turn, at = self._mount[:3, :3], self._mount[:3, 3]
         return LinkPose(link.rotation @ turn, link.rotation @ at + link.position)
 
     def hits(
-        self, world: SensedWorld, pose: LinkPose, rays: Rays, least: float, reach: float
+        self, world: SensedWorld, pose: LinkPose, rays: Rays, minimum: float, reach: float
     ) -> Hits:
-        """Return what the sensor's rays hit, other than its own link and its housing.
+        """Return the hits of the sensor's rays, which pass through its own link and its housing.
 
         Args:
             world: world to measure in.
             pose: pose of the sensor.
             rays: rays of the sensor.
-            least: least distance that is measured, in lengths of the directions.
+            minimum: minimum measured distance, in lengths of the directions.
             reach: maximum distance, in lengths of the directions.
         """
         placed = world.placed
-        self._unseen = self._unseen or [self.sensor.link, *self._housing(world, pose, rays, least)]
+        if not self._unseen:
+            self._unseen = [self.sensor.link, *self._housing(world, pose, rays, minimum)]
         skipped = [placed.surroundings.target(self.row, link) for link in self._unseen]
         return cast(rays, *pose, placed.surroundings.still, placed.targets, reach, skipped)
 
     def _housing(
-        self, world: SensedWorld, pose: LinkPose, rays: Rays, least: float
+        self, world: SensedWorld, pose: LinkPose, rays: Rays, minimum: float
     ) -> Iterator[str]:
         """Yield the links around the sensor, which would hide everything else.
 
-        They are fixed to its link, and more than half of its rays hit them nearer than it measures:
-        a ring of rays hits a convex shape beside it with less than half.
+        They are fixed to its link, and more than half of its rays hit them below the minimum
+        distance: of a ring of rays, less than half can hit a convex shape beside it.
         """
         targets, surroundings = world.placed.targets, world.placed.surroundings
         some = rays.singles[:: len(rays.singles) // _TRIED + 1]
@@ -171,7 +172,7 @@ class Instrument(ABC, Generic[M]):
             back = targets.rotations[index].T
             start = (back @ (pose.position - targets.positions[index])).astype(np.float32)
             directions = some @ (back @ pose.rotation).T.astype(np.float32)
-            limits = np.full(len(some), least, np.float32)
+            limits = np.full(len(some), minimum, np.float32)
             hits = targets.surfaces[index].cast(np.tile(start, (len(some), 1)), directions, limits)
             if (hits.faces >= 0).mean() > 0.5:
                 yield link
@@ -179,7 +180,7 @@ class Instrument(ABC, Generic[M]):
     def seen_from(
         self, world: SensedWorld, pose: LinkPose, otherwise: Floats
     ) -> tuple[Floats, Floats]:
-        """Return the sensor's pose in its messages' frame; if that is no link, ``otherwise``."""
+        """Return the sensor's pose in its messages' frame; ``otherwise`` if it is not a link."""
         frame = world.placed.link(self.row, self.sensor.frame)
         if frame is None:
             return otherwise, np.zeros(3)

@@ -1,4 +1,4 @@
-"""Measures with lidars: their rays, and the ranges and points that are measured with them."""
+"""Measures with lidars: their rays, ranges and points."""
 
 from collections.abc import Sequence, Set
 from functools import cached_property
@@ -15,7 +15,7 @@ from onebot_description.arrays import Floats, Singles
 from onebot_description.description.sensors.lidar import Fan, Lidar
 from onebot_description.description.sensors.noise import Noise
 
-_MARGIN = 1e-4  # m; a range that rounding lifts above the maximum is still measured
+_MARGIN = 1e-4  # m; a range that rounding raises above the maximum is still measured
 
 
 def angles(fan: Fan) -> Floats:
@@ -34,7 +34,7 @@ def lidar_rays(lidar: Lidar) -> Rays:
 
 
 def reach(lidar: Lidar) -> float:
-    """Return how far the rays of a lidar are cast, m."""
+    """Return the length of a lidar's rays, m."""
     return lidar.range_max + _MARGIN
 
 
@@ -46,7 +46,7 @@ def ranges(
 ) -> Singles:
     """Return the measured ranges (N,), m (REP-117).
 
-    Ranges beyond the maximum are infinite, those below the minimum minus infinity.
+    Ranges beyond the maximum are infinite, ranges below the minimum are minus infinity.
 
     Args:
         lidar: the sensor.
@@ -56,7 +56,7 @@ def ranges(
     """
     measured = hits.distances
     if generator is not None:
-        # Noise moves no range into or out of the sensor's range.
+        # Noise does not move ranges into or out of the sensor's range.
         measured = add_noise(measured, lidar.noise, offset, generator)
         measured = np.clip(measured, np.float32(lidar.range_min), np.float32(lidar.range_max))
     return hits.within(lidar.range_min, lidar.range_max, measured)
@@ -74,7 +74,7 @@ def cloud(
     Args:
         lidar: the sensor; if its clouds are not organized, only finite points are returned (1, N).
         rays: N rays, in the lidar's frame.
-        all_ranges: (N,), m; points of ranges that are not finite are infinite.
+        all_ranges: (N,), m; ranges that are not finite give infinite points.
         pose: rotation (3, 3) and position (3,) of the lidar in the frame of the points.
     """
     points = cloud_of(POINT, lidar.rays, rays, all_ranges, pose)
@@ -102,7 +102,7 @@ class LidarInstrument(Instrument[Lidar]):
         outputs = dict[str, Any]()
         if "scan" in wanted:
             rows = lidar.vertical.samples
-            outputs["scan"] = measured.reshape(rows, -1)[rows // 2]  # the upper one of two
+            outputs["scan"] = measured.reshape(rows, -1)[rows // 2]  # middle row; of two, the upper
         if "range" in wanted:
             outputs["range"] = measured.min()
         for output in wanted & {"points", "point_cloud"}:

@@ -1,4 +1,4 @@
-"""Gaussian noise that depends only on sensor, time and seed, so that runs repeat byte by byte."""
+"""Gaussian noise that only depends on sensor, time and seed, so that runs are bit-identical."""
 
 import zlib
 from typing import TypeVar
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from onebot_description.description.sensors.noise import Noise
 
-# Annotations with np.random are strings: evaluating them would import it, for robots without noise.
+# Annotations with np.random are strings: evaluating them would import it for robots without noise.
 T = TypeVar("T", np.float32, np.float64)
 
 _NONE = Noise()
@@ -17,13 +17,13 @@ _NONE = Noise()
 def noise_generator(sensor: str, tick: int, seed: int = 0) -> "np.random.Generator":
     """Return the random generator of a sensor's noise in one control cycle.
 
-    Each cycle has its own (Philox: Salmon et al., "Parallel Random Numbers: As Easy as 1, 2, 3",
-    2011), so that noise does not depend on which measurements were made.
+    Each cycle has a separate generator (Philox: Salmon et al., "Parallel Random Numbers: As Easy as
+    1, 2, 3", 2011), so that noise does not depend on earlier measurements.
 
     Args:
         sensor: name of the sensor, unique in its world.
         tick: number of the control cycle; -1 for values that are drawn once.
-        seed: 0 to 2^64 - 1; another one gives all sensors other noise.
+        seed: 0 to 2^64 - 1; changes the noise of all sensors.
     """
     # The lowest of the counter's four words counts the drawn numbers; the key has two words.
     key, counter = zlib.crc32(sensor.encode()) | seed << 64, [0, tick + 1, 0, 0]
@@ -31,7 +31,7 @@ def noise_generator(sensor: str, tick: int, seed: int = 0) -> "np.random.Generat
 
 
 def bias(noise: Noise, once: "np.random.Generator") -> float:
-    """Draw the constant offset of a value, from the generator of what is drawn ``once``."""
+    """Draw the constant offset of a value, with the generator ``once``."""
     drawn = once.normal(noise.bias_mean, noise.bias_stddev)
     return float(drawn if once.random() < 0.5 else -drawn)
 
@@ -43,7 +43,7 @@ def add_noise(
 
     Args:
         values: values of any shape.
-        noise: its parameters, in the unit of the values.
+        noise: parameters of the noise, in the unit of the values.
         offset: the result of ``bias``.
         generator: generator of this control cycle; see ``noise_generator``.
     """

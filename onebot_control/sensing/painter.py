@@ -1,4 +1,4 @@
-"""Paints what the rays of cameras hit, lit by one sun and the sky, without shadows."""
+"""Colors the hits of camera rays, with the light of the sun and the sky, without shadows."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,14 @@ _ZENITH = np.array([0.45, 0.64, 0.86], np.float32)  # sRGB
 _HORIZON = np.array([0.86, 0.90, 0.94], np.float32)
 _GROUND = np.array([0.56, 0.57, 0.58], np.float32)
 _TILE, _CONTRAST = 0.5, 0.07  # m; tiles make distance and motion of the ground visible
-_BLURRED, _FADED = 4.0, 32.0  # m; distances at which tiles begin to fade, and at which they end
+_BLURRED, _FADED = 4.0, 32.0  # m, distances at which tiles start to fade, and at which they end
 
 
 class Painter:
-    """Computes colour images from what the rays of cameras hit."""
+    """Computes color images from the hits of camera rays."""
 
     def __init__(self, still: Surface) -> None:
-        """Light the surface of what stands still, once."""
+        """Compute the lit colors of the fixed surface once."""
         self._still, self._lit = still, _lit(still, np.eye(3))
 
     def picture(
@@ -34,18 +34,18 @@ class Painter:
         targets: Targets,
         generator: "np.random.Generator | None" = None,
     ) -> Bytes:
-        """Return the image (H, W, 3), sRGB, of what the rays have hit.
+        """Return the image (H, W, 3), sRGB, of the hits.
 
         Args:
             camera: the sensor.
             rays: its rays.
             position: (3,), of the sensor in the world, m.
-            hits: what the rays hit.
-            targets: the moving surfaces at that time.
+            hits: hits of the rays.
+            targets: the moving surfaces at the time of the image.
             generator: generator of the noise; None for no noise.
         """
         seen, distances = hits.surfaces, hits.distances
-        if camera.depth_far > camera.far:  # the rays are cast beyond what is seen
+        if camera.depth_far > camera.far:  # the rays are longer than the range of the image
             seen = np.where(distances > np.float32(camera.far), np.int16(NOTHING), seen)
         pixels = np.zeros(len(seen), np.uint32)
         masks = seen == NOTHING, seen == GROUND
@@ -64,7 +64,7 @@ class Painter:
             pixels[mask] = _lit(surface, turn)[hits.faces[mask]]
             _add_textures(pixels, mask, hits, surface, turn)
         colors = np.empty((camera.height, camera.width, 3), np.uint8)
-        for channel in range(3):  # faster than a copy of all at once
+        for channel in range(3):  # faster than copying all channels at once
             colors[..., channel] = pixels.view(np.uint8)[channel::4].reshape(colors.shape[:2])
         if generator is None or camera.noise == Noise():
             return colors
@@ -80,14 +80,14 @@ def _rows(mask: NDArray[np.bool_], width: int) -> slice:
 
 
 def _packed(colors: Singles) -> NDArray[np.uint32]:
-    """Pack colours (N, 3), 0 to 1, into one number each: the bytes red, green, blue, 0."""
+    """Pack colors (N, 3), 0 to 1, into one number each: the bytes red, green, blue, 0."""
     pixels = np.zeros((len(colors), 4), np.uint8)
     pixels[:, :3] = np.minimum(colors * np.float32(255.0) + np.float32(0.5), np.float32(255.0))
     return pixels.view(np.uint32)[:, 0]
 
 
 def _light(normals: Singles, turn: Floats) -> Singles:
-    """Return the brightness (N, 1) of faces by their normals (N, 3), in a frame rotated by turn."""
+    """Return the brightness (N, 1) of faces with normals (N, 3) in a frame rotated by ``turn``."""
     up, sun = turn[2].astype(np.float32), (turn.T @ _SUN).astype(np.float32)
     middle, half = (_SKYLIGHT + _REFLECTED) / 2.0, (_SKYLIGHT - _REFLECTED) / 2.0
     direct = np.float32(_SUNLIGHT) * np.maximum(normals @ sun, np.float32(0.0))
@@ -96,7 +96,7 @@ def _light(normals: Singles, turn: Floats) -> Singles:
 
 
 def _lit(surface: Surface, turn: Floats) -> NDArray[np.uint32]:
-    """Return the colours of a surface's faces."""
+    """Return the lit colors of a surface's faces."""
     return _packed(surface.solid.colors * _light(surface.normals, turn))
 
 
@@ -107,7 +107,7 @@ def _add_textures(
     surface: Surface,
     turn: Floats,
 ) -> None:
-    """Colour the pixels in ``mask`` that show a texture of ``surface``."""
+    """Color the pixels in ``mask`` that show a texture of ``surface``."""
     for first, places, image in surface.solid.textures:
         faces = hits.faces - first
         rows = np.flatnonzero(mask & (faces >= 0) & (faces < len(places)))
@@ -122,7 +122,7 @@ def _add_textures(
 
 
 def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArray[np.uint32]:
-    """Return the colours of the ground that rays from ``position`` hit."""
+    """Return the colors of the ground where rays from ``position`` hit it."""
     tiles = np.zeros(len(distances), np.int32)
     for axis in (0, 1):
         along = directions[:, axis] * distances
@@ -136,7 +136,7 @@ def _ground(position: Floats, directions: Singles, distances: Singles) -> NDArra
 
 
 def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
-    """Return the colours of the sky for directions, by their z and inverse lengths."""
+    """Return the colors of the sky for directions with these z and inverse lengths."""
     height = upwards * inverse_lengths
     np.maximum(height, np.float32(0.0), out=height)
     height *= np.float32(255.0)
@@ -146,7 +146,7 @@ def _sky(upwards: Singles, inverse_lengths: Singles) -> NDArray[np.uint32]:
 
 _SHADES = np.linspace(0.0, 1.0, 256, dtype=np.float32)[:, None]
 _SKY_COLORS = _packed(_HORIZON + (_ZENITH - _HORIZON) * np.sqrt(_SHADES))
-# Colours of the ground by distance, first those of bright tiles, then those of dark ones.
+# Colors of the ground by distance: first of bright tiles, then of dark ones.
 _FADES = 1.0 / (1.0 + np.linspace(0.0, _FADED / _BLURRED, 128, dtype=np.float32) ** 2)
 _GROUND_COLORS = _packed(
     _GROUND * (1.0 + np.float32(_CONTRAST) * np.append(_FADES, -_FADES)[:, None])

@@ -1,8 +1,8 @@
-"""Casts rays at fixed and moving surfaces and at level ground; the nearest hit counts.
+"""Casts rays at fixed and moving surfaces and at level ground, and finds the nearest hits.
 
-Embree does it, called directly: trimesh's wrapper takes several times as long. Nothing is rebuilt
-when things move, because rays are transformed into the frame of each thing. Without Embree,
-PyBullet casts the rays.
+Embree is called directly, as trimesh's wrapper takes several times as long. Nothing is rebuilt when
+bodies move, because rays are transformed into the frame of each body. Without Embree, PyBullet
+casts the rays.
 """
 
 import math
@@ -19,8 +19,8 @@ from onebot_description.arrays import Floats, Singles
 
 HAS_EMBREE = find_spec("embreex") is not None  # some processors have no wheel
 NOTHING, GROUND = -2, -1  # instead of the index of a surface
-# From this number of rays on, this many form a bundle. Smaller bundles select fewer rays, but take
-# longer to test.
+# (minimum number of rays, rays per bundle). Smaller bundles select fewer rays, but take longer to
+# test.
 _BUNDLES = ((50_000, 64), (200, 8), (0, 1))
 _RAYS_A_CALL = 16_000  # PyBullet's limit
 
@@ -29,9 +29,9 @@ class Cones(NamedTuple):
     """Cones around bundles of rays from one point."""
 
     axes: Floats  # (C, 3), unit vectors
-    cosines: Floats  # (C,), of the angles at their sides
-    sines: Floats  # (C,)
-    wide: NDArray[np.bool_]  # (C,), whether they are more than half of all directions
+    cosines: Floats  # (C,), of the half angles
+    sines: Floats  # (C,), of the half angles
+    wide: NDArray[np.bool_]  # (C,), whether the half angle is above 90 degrees
 
     @classmethod
     def around(cls, units: Floats, size: int) -> "Cones":
@@ -44,13 +44,13 @@ class Cones(NamedTuple):
         return cls(axes, np.cos(halves), np.sin(halves), halves > np.pi / 2)
 
     def touched(self, centers: Floats, radii: Floats) -> NDArray[np.bool_]:
-        """Return which cones touch which spheres, (B, C), by centers (B, 3) and radii (B,)."""
+        """Return which cones touch which spheres, (B, C), of centers (B, 3) and radii (B,)."""
         apart = np.sqrt((centers * centers).sum(axis=1))
         outside = np.maximum(apart, 1e-9)
         sines = np.minimum(1.0, radii / outside)
         cosines = np.sqrt(1.0 - sines * sines)
-        # They touch if the centre is within the angle a + b of the axis: a of the sphere, b of the
-        # cone; compared by cos(a + b).
+        # They touch if the center is within the angle a + b of the axis, with the half angles a of
+        # the sphere and b of the cone; cos(a + b) is compared.
         limits = (outside * cosines)[:, None] * self.cosines
         limits -= (outside * sines)[:, None] * self.sines
         overlaps: NDArray[np.bool_] = centers @ self.axes.T >= limits
@@ -59,7 +59,7 @@ class Cones(NamedTuple):
         return overlaps
 
     def leaving(self, starts: Floats, turns: Floats, boxes: Floats) -> NDArray[np.bool_]:
-        """Return which cones cannot hit which boxes, (B, C), because they lead away from them.
+        """Return which cones cannot hit which boxes, (B, C), because they point away from them.
 
         Args:
             starts: (B, 3), the cones' apex in the boxes' frames.
@@ -75,19 +75,19 @@ class Cones(NamedTuple):
 class Rays:
     """The rays of a sensor, from one point, in the sensor's frame.
 
-    Neighbours are bundled, so that only rays that may hit a thing are cast at it.
+    Neighboring rays are bundled, so that only rays that may hit a surface are cast at it.
 
     Attributes:
         singles: the directions (N, 3); distances along a ray are in units of its length.
         inverse_lengths: (N,), one over their lengths.
-        bundles: cones around neighbours.
+        bundles: cones around neighboring rays.
     """
 
     def __init__(self, directions: Floats) -> None:
-        """Bundle rays by their directions (N, 3), row by row."""
+        """Bundle rays with directions (N, 3), row by row."""
         self.singles = directions.astype(np.float32)
         self._count = count = len(directions)
-        self._size = next(size for least, size in _BUNDLES if count >= least)
+        self._size = next(size for minimum, size in _BUNDLES if count >= minimum)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         self._longest = float(lengths.max())
         self.inverse_lengths = (1.0 / lengths[:, 0]).astype(np.float32)
@@ -95,7 +95,7 @@ class Rays:
         self.bundles = Cones.around(directions / lengths, self._size)
 
     def turned(self, rotation: Floats) -> Singles:
-        """Return the directions (N, 3), turned by ``rotation`` (3, 3)."""
+        """Return the directions (N, 3), rotated by ``rotation`` (3, 3)."""
         directions: Singles = self.singles @ rotation.T.astype(np.float32)
         return directions
 
@@ -105,7 +105,7 @@ class Rays:
         Args:
             centers: (B, 3), in the rays' frame.
             radii: (B,), m.
-            reach: longest distance, in lengths of the directions.
+            reach: maximum distance, in lengths of the directions.
         """
         is_near = self.nearest(centers, radii) <= reach
         if not self._all.wide[0]:
@@ -120,7 +120,7 @@ class Rays:
         return (distances / self._longest).astype(np.float32)
 
     def pairs(self, bundles: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the rays (P,) of the chosen bundles (B, bundles), and the row in B of each."""
+        """Return the rays (P,) of the selected bundles (B, bundles), and the row in B of each."""
         targets, starts = bundles.nonzero()
         rows = (starts[:, None] * self._size + np.arange(self._size)).ravel()
         targets = targets.repeat(self._size)
@@ -131,23 +131,23 @@ class Rays:
 
 
 class Hits(NamedTuple):
-    """What N rays hit first."""
+    """The first hits of N rays."""
 
     distances: Singles  # (N,), in lengths of the directions; the reach where nothing is hit
     surfaces: NDArray[np.int16]  # (N,), index of the surface, or NOTHING or GROUND
     faces: Integers  # (N,), index of the face in that surface
     second: Singles  # (N,), barycentric coordinate of the face's second corner
-    third: Singles  # (N,), of its third
+    third: Singles  # (N,), barycentric coordinate of the face's third corner
     directions: Singles  # (N, 3), in the world
 
-    def within(self, least: float, greatest: float, measured: Singles) -> Singles:
-        """Return distances (N,) as they were ``measured``, if they are in range (REP-117).
+    def within(self, minimum: float, maximum: float, measured: Singles) -> Singles:
+        """Return the ``measured`` distances (N,) of hits in range (REP-117).
 
-        Those beyond the maximum distance are infinite, those below the minimum minus infinity.
+        Distances beyond the maximum are infinite, distances below the minimum are minus infinity.
         """
-        far = (self.surfaces == NOTHING) | (self.distances > np.float32(greatest))
+        far = (self.surfaces == NOTHING) | (self.distances > np.float32(maximum))
         result = np.where(far, np.float32(np.inf), measured)
-        result[self.distances < np.float32(least)] = -np.inf
+        result[self.distances < np.float32(minimum)] = -np.inf
         return result
 
 
@@ -172,20 +172,20 @@ def cast(
     reach: float,
     skipped: Sequence[int] = (),
 ) -> Hits:
-    """Return what the rays of a sensor hit first.
+    """Return the first hits of a sensor's rays.
 
     Args:
         rays: rays of the sensor.
         rotation: (3, 3), of the sensor in the world.
         position: (3,), of the sensor in the world, m.
-        still: everything that stands still, in the world's frame; its index is 0.
-        targets: everything that may move; indices begin with 1.
+        still: all fixed surfaces, in the world's frame; their index is 0.
+        targets: all movable surfaces; their indices start at 1.
         reach: maximum distance, in lengths of the directions.
         skipped: indices of targets that cannot be hit; NOTHING is ignored.
     """
     directions = rays.turned(rotation)
     limit, surfaces = _ground(directions[:, 2], position[2], reach)
-    # One origin for all rays, by a stride of 0 instead of copies.
+    # All rays share one origin, with a stride of 0 instead of copies.
     origins = np.ndarray(directions.shape, np.float32, position.astype(np.float32), 0, (0, 4))
     still_faces = still.cast(origins, directions, limit)
     surfaces[still_faces.faces >= 0] = 0
@@ -203,18 +203,18 @@ def cast(
     back = targets.rotations.transpose(0, 2, 1)
     starts = np.einsum("bij,bj->bi", back, position - targets.positions)
     turns = back @ rotation
-    around = np.flatnonzero(nearest < 0.0)  # the spheres that the sensor is in
+    around = np.flatnonzero(nearest < 0.0)  # spheres that contain the sensor
     near_rays[around] &= ~rays.bundles.leaving(starts[around], turns[around], targets.boxes[around])
     is_near = np.any(near_rays, axis=1)
     starts, turns = starts.astype(np.float32), turns.astype(np.float32)
-    # Cast once for all targets that look alike: in a fleet there may be hundreds.
+    # Cast once for all targets with the same surface: in a fleet, there may be hundreds.
     for surface, group in targets.alike.items():
         kind = group[is_near[group]]
         if not len(kind):
             continue
         rows, members = rays.pairs(near_rays[kind])
         indices = kind[members]
-        ahead = limit[rows] > nearest[indices]  # leave out rays that hit something nearer
+        ahead = limit[rows] > nearest[indices]  # skip rays that hit something nearer
         rows, indices = rows[ahead], indices[ahead]
         if not len(rows):
             continue
@@ -226,7 +226,7 @@ def cast(
         distances = limit[rows]
         target_faces = surface.cast(starts[indices], directions_there, distances)
         hit = np.flatnonzero(target_faces.faces >= 0)
-        hit = hit[np.argsort(-distances[hit], kind="stable")]  # a ray's nearest hit counts
+        hit = hit[np.argsort(-distances[hit], kind="stable")]  # a ray's nearest hit is stored last
         rows = rows[hit]
         limit[rows], surfaces[rows] = distances[hit], indices[hit] + 1
         for values, new in zip((hits.faces, hits.second, hits.third), target_faces, strict=True):
@@ -235,17 +235,17 @@ def cast(
 
 
 def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDArray[np.int16]]:
-    """Return distances (N,) to the ground, at most the reach, and GROUND or NOTHING (N,).
+    """Return distances (N,) to the ground, up to the reach, and GROUND or NOTHING (N,).
 
     Args:
         upwards: (N,), z of the directions.
         height: height of the rays' origin, m.
-        reach: longest distance, in lengths of the directions.
+        reach: maximum distance, in lengths of the directions.
     """
     if height <= 0.0:
         full = np.full(len(upwards), reach, np.float32)
         return full, np.full(len(upwards), NOTHING, np.int16)
-    # Compare inverse distances, which are finite for level rays, too.
+    # Compare inverse distances, which are also finite for level rays.
     inverse = upwards * np.float32(-1.0 / height)
     hit = inverse > np.float32(1.0 / reach)
     np.maximum(inverse, np.float32(1.0 / reach), out=inverse)
@@ -253,7 +253,7 @@ def _ground(upwards: Singles, height: float, reach: float) -> tuple[Singles, NDA
 
 
 class _Found(NamedTuple):
-    faces: Integers  # (N,); -1 where there is none
+    faces: Integers  # (N,); -1 for no hit
     second: Singles  # (N,), as in Hits
     third: Singles
 
@@ -295,7 +295,7 @@ class Surface:
         Args:
             origins: (N, 3), in the solid's frame.
             directions: (N, 3), in the solid's frame.
-            distances: (N,), how far to cast, in lengths of the directions; shortened to the hits.
+            distances: (N,), maximum distances, in lengths of the directions; replaced by the hits'.
         """
         if self._caster is None:
             none = np.zeros(len(directions), np.float32)
@@ -316,7 +316,7 @@ def _embree(solid: Solid) -> _Caster:
 
 
 class _BulletRays:
-    """Casts rays with PyBullet, which takes 20 times as long and does not report the face hit."""
+    """Casts rays with PyBullet, which takes 20 times as long and does not report the hit face."""
 
     def __init__(self, solid: Solid) -> None:
         from onebot_control.physics.engine import Bullet, engine

@@ -38,23 +38,23 @@ class RobotPose:
 
     @classmethod
     def of(cls, transform: Transform) -> "RobotPose":
-        """Return the pose of a frame with this transform to the world."""
+        """Return the pose of a frame whose transform to the world is given."""
         translation, rotation = transform
         return cls(*translation, *to_rpy(rotation))
 
 
 @dataclass(frozen=True)
 class OdometryReading:
-    """Pose and velocity by the wheels, as in ``~/odom``.
+    """Pose and velocity from wheel odometry, as in ``~/odom``.
 
     Attributes:
-        x: position in the odometry's frame, whose origin is the robot's start, m.
-        y: position in the odometry's frame, m.
-        yaw: heading in that frame, rad, -pi to pi.
+        x: position in the odometry frame, whose origin is the robot's start, m.
+        y: position in the odometry frame, m.
+        yaw: heading in the odometry frame, rad, -pi to pi.
         linear: forward velocity, m/s, averaged over velocity_rolling_window_size cycles.
-        angular: velocity of turning to the left, rad/s, likewise.
+        angular: angular velocity to the left, rad/s, averaged over the same cycles.
         covariance: (3, 3), of x, y and yaw, in m^2, m rad, rad^2. It grows with the distance.
-        lateral: velocity to the left, m/s, likewise averaged.
+        lateral: velocity to the left, m/s, averaged over the same cycles.
     """
 
     x: float
@@ -73,7 +73,7 @@ class JointState:
     Attributes:
         position: rad, or m for a prismatic joint; never wrapped.
         velocity: rad/s, or m/s.
-        effort: effort of its motor, Nm or N; 0 without motor.
+        effort: effort of its motor, Nm or N; 0 without a motor.
     """
 
     position: float
@@ -83,13 +83,13 @@ class JointState:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Ranges that a lidar measures in a plane, as in sensor_msgs/LaserScan.
+    """Ranges measured by a lidar in a plane, as in sensor_msgs/LaserScan.
 
     Attributes:
         ranges: (N,), m; infinite if nothing is in range, minus infinity if something is too near
             (REP-117).
-        angles: (N,), of the rays about z of the lidar, rad; 0 is ahead, positive to the left.
-        range_min: least range, m.
+        angles: (N,), of the rays about the lidar's z axis, rad; 0 is ahead, positive to the left.
+        range_min: minimum range, m.
         range_max: maximum range, m.
     """
 
@@ -108,7 +108,7 @@ class Scan:
         """Return the range of the ray nearest to an angle, m.
 
         Args:
-            angle: rad; beyond the scan, its first or last ray is taken.
+            angle: rad; beyond the scan, its first or last ray is used.
         """
         return float(self.ranges[np.abs(self.angles - angle).argmin()])
 
@@ -132,7 +132,7 @@ class ByName(dict[str, V]):
     """Values by name; an unknown name raises OneBotError."""
 
     def __init__(self, error: str, values: Iterable[tuple[str, V]]) -> None:
-        """Take the values, and the error about a name, which replaces the braces in it."""
+        """Store the values, and the error for an unknown name, which replaces {} in it."""
         super().__init__(values)
         self._error = error
 

@@ -32,14 +32,14 @@ INSTRUMENTS: Mapping[type[SensorModel], type[Instrument[Any]]] = {
     Imu: ImuInstrument,
     ContactSensor: ContactInstrument,
 }
-"""What measures with a sensor, by its model."""
+"""The class of instruments for each sensor model."""
 
 
 class Sensors:
     """Keeps the robots and surroundings of a world up to date for its sensors."""
 
     def __init__(self, world: Description | None, cycles: float, gravity: float) -> None:
-        """Begin without robots.
+        """Start without robots.
 
         Args:
             world: the scene around the robots; None on bare ground.
@@ -53,10 +53,7 @@ class Sensors:
         self._placed: SensedWorld | None = None
 
     def enter(self, row: int, robot: SensedRobot) -> bool:
-        """Set the robot of a row; return whether it is a new one.
-
-        Only then the surroundings are built again.
-        """
+        """Set the robot of a row; return whether it is new, so that surroundings are rebuilt."""
         last = self._robots[row] if row < len(self._robots) else None
         if last is not None and last.description is robot.description:
             return False
@@ -64,7 +61,7 @@ class Sensors:
         return True
 
     def restart(self) -> None:
-        """Start again: the next frame is the first one."""
+        """Restart: the next frame is the first one."""
         self._starts, self._placed = (), None
 
     def frame(
@@ -100,7 +97,7 @@ class Sensors:
         )
 
     def prepare(self) -> None:
-        """Build the surroundings now, because reading meshes takes long."""
+        """Build the surroundings now, because reading meshes takes a long time."""
         self._build(self._robots)
 
     def world(self, frame: Frame) -> SensedWorld:
@@ -117,7 +114,7 @@ class Sensors:
         return self._placed
 
     def _build(self, robots: Sequence[SensedRobot]) -> tuple[VisibleSurfaces, Painter]:
-        """Return the surroundings of these robots, built again if the robots have changed."""
+        """Return the surroundings of these robots, rebuilt if the robots have changed."""
         if self._built is None or self._built[0] is not robots:
             surroundings = VisibleSurfaces(self._world, robots)
             self._built = robots, surroundings, Painter(surroundings.still)

@@ -1,7 +1,7 @@
-"""Solids: the visual shapes of links as triangles with colours.
+"""Solids: the visual shapes of links as triangles with colors.
 
-Round shapes have so many facets that sensors see them to a millimetre, if they are not larger than
-a robot; a ray that only just grazes a sphere may be farther off.
+Round shapes up to the size of a robot have enough facets for an accuracy of 1 mm, except for rays
+that graze a sphere.
 """
 
 import functools
@@ -38,15 +38,15 @@ from onebot_description.model.robot_model import RobotModel
 
 Integers = NDArray[np.int32]
 
-_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # colour of a visual without one
+_PLAIN: Rgba = (0.7, 0.7, 0.7, 1.0)  # color of a visual without a color
 _SECTIONS = 2200  # facets around a cylinder of radius 1 m
 _MAX_SECTIONS = {Cylinder: 4096, Capsule: 256}
 _HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
-_ICOSAHEDRON = 0.292  # m, that height for an icosahedron of radius 1; each subdivision quarters it
-_LARGEST_BALL = 6  # subdivisions of spheres at most: 82,000 facets
+_ICOSAHEDRON = 0.292  # m, this height for an icosahedron of radius 1; a subdivision quarters it
+_MAX_SUBDIVISIONS = 6  # of spheres: 82,000 facets
 
 
-# Corners and triangles of a cube of length 1, as in trimesh, which is slow to import.
+# Corners and triangles of a cube with edges of 1 m, as in trimesh, which is slow to import.
 _CUBE = np.array([*itertools.product((-0.5, 0.5), repeat=3)])
 _CUBE_FACES = np.array(
     [
@@ -65,7 +65,7 @@ class Texture(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Triangles with colours and textures, in one frame."""
+    """Triangles with colors and textures, in one frame."""
 
     corners: Singles  # (N, 3), m
     faces: Integers  # (F, 3)
@@ -80,7 +80,7 @@ class Solid(NamedTuple):
 
     @property
     def sphere(self) -> tuple[Floats, float]:
-        """Centre (3,) and radius of a bounding sphere, m."""
+        """Center (3,) and radius of a bounding sphere, m."""
         center = self.box.mean(axis=0)
         return center, float(np.linalg.norm(self.corners - center, axis=1).max(initial=0.0))
 
@@ -88,12 +88,12 @@ class Solid(NamedTuple):
 class _Part(NamedTuple):
     corners: Floats
     faces: NDArray[np.intp]
-    colors: Floats | None = None  # (F, 3) or (3,); None: the visual's
+    colors: Floats | None = None  # (F, 3) or (3,); None: the color of the visual
     texture: tuple[Floats, NDArray[np.uint8]] | None = None
 
 
 def solid_of(geometries: Iterable[tuple[Geometry, Floats]]) -> Solid:
-    """Merge visuals to one solid; those that cannot be read are logged and left out.
+    """Merge visuals to one solid; visuals that cannot be read are logged and skipped.
 
     Args:
         geometries: visuals, each with the pose (4, 4) of its link.
@@ -148,14 +148,14 @@ def _parts(geometry: Geometry) -> list[_Part]:
 
 @functools.lru_cache(maxsize=256)
 def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
-    """Return a box, or facets that are as far inside of a round shape as outside of it."""
+    """Return a box, or facets that extend equally far inside and outside of a round shape."""
     if isinstance(shape, Box):
         return _Part(_CUBE * shape.size, _CUBE_FACES)
     from trimesh import creation
 
     if isinstance(shape, Sphere):
         subdivisions = math.ceil(math.log(max(_ICOSAHEDRON * shape.radius / _HIGH, 1.0), 4.0))
-        ball = creation.icosphere(min(subdivisions, _LARGEST_BALL))
+        ball = creation.icosphere(min(subdivisions, _MAX_SUBDIVISIONS))
         nearest = np.abs((ball.triangles[:, 0] * ball.face_normals).sum(axis=1)).min()
         return _Part(ball.vertices * (2.0 * shape.radius / (1.0 + nearest)), ball.faces)
     sections = min(max(64, math.ceil(_SECTIONS * shape.radius)), _MAX_SECTIONS[type(shape)])
@@ -169,7 +169,7 @@ def _primitive(shape: Box | Capsule | Cylinder | Sphere) -> _Part:
 
 @functools.lru_cache(maxsize=256)
 def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
-    """Return the surfaces of a mesh file; as in RViz, its colours override the visual's.
+    """Return the surfaces of a mesh file; as in RViz, its colors override the visual's.
 
     ``state`` is part of the cache's key, so that an edited file is read again.
     """
@@ -198,7 +198,7 @@ def _mesh(mesh: Mesh, state: tuple[int, int] | None) -> tuple[_Part, ...]:
 
 
 def _look(visual: Any) -> tuple[Floats | None, tuple[Floats, NDArray[np.uint8]] | None]:
-    """Return colours (F, 3) or (3,), and texture coordinates with their image."""
+    """Return colors (F, 3) or (3,), and texture coordinates with their image."""
     if visual.kind == "texture":
         material = visual.material
         image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)

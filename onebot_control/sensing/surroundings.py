@@ -1,4 +1,4 @@
-"""The surroundings that sensors see: world, boxes and robots, by their visual shapes."""
+"""The surroundings seen by sensors: the visual shapes of world, boxes and robots."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
@@ -20,7 +20,7 @@ K = TypeVar("K", bound=Hashable)
 
 
 class SensedRobot(NamedTuple):
-    """A robot as sensors see it."""
+    """A robot as seen by sensors."""
 
     description: Description
     joints: Sequence[str]  # moving joints, in the order of their positions
@@ -46,12 +46,12 @@ class VisibleSurfaces:
     """The visible surfaces of a world, its boxes and robots, without their poses.
 
     Attributes:
-        still: the surface of everything that stands still, in the world's frame.
+        still: the surface of all fixed bodies, in the world's frame.
         kinds: the robots, grouped by description.
     """
 
     def __init__(self, world: Description | None, robots: Sequence[SensedRobot]) -> None:
-        """Build all surfaces; robots of the same description share theirs."""
+        """Build all surfaces; robots with the same description share them."""
         still, *boxes = map(solid_of, _visuals(world))
         self.still = Surface(still)
         self._surfaces = [Surface(box) for box in boxes]
@@ -118,9 +118,9 @@ class VisibleSurfaces:
 
 
 def _visuals(world: Description | None) -> list[list[tuple[Geometry, Floats]]]:
-    """Return the visuals of what stands still in a world, then of each box that can be moved.
+    """Return the visuals of a world's fixed bodies, then of each movable box.
 
-    Each has the pose (4, 4) of its link in the frame of what it is fixed to.
+    Each visual has the pose (4, 4) of its link in the frame of its rigid body.
     """
     if world is None:
         return [[]]
@@ -150,7 +150,7 @@ class Placed:
         boxes: Sequence[Transform],
         states: Sequence[RobotState],
     ) -> None:
-        """Take the poses of boxes in the world, and the states of robots, by row."""
+        """Store the poses of boxes in the world, and the states of robots, by row."""
         self.surroundings, self._boxes, self._states = surroundings, boxes, states
 
     @cached_property
@@ -173,12 +173,12 @@ class Placed:
 
 
 class RobotKind:
-    """Robots of the same description, whose link poses are computed together.
+    """Robots with the same description, whose link poses are computed together.
 
     Attributes:
         rows: rows of these R robots in their world.
         numbers: indices of the L links, by name.
-        seen: indices of the S links that have a shape.
+        seen: indices of the S links with a shape.
         targets: (R, S), indices of these links among the surfaces.
     """
 

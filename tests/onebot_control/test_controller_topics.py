@@ -171,7 +171,7 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         ("wheel_radius", -1.0, "wheel_radius out of range"),
         ("update_rate", 50, "read-only parameter"),
         ("joint_state_broadcaster.joints", ["arm"], 'no joint "arm"'),
-        ("odom_frame_id", "base_link", '"base_link" is base_frame_id; each frame needs a name'),
+        ("odom_frame_id", "base_link", '"base_link" is base_frame_id; each frame needs a unique'),
     ):
         (result,) = stepped.set_parameters(NODE, **{name: value})
         assert not result.successful and reason in result.reason

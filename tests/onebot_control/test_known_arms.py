@@ -52,7 +52,7 @@ HELD = (
 )
 HOLLOW = (
     "link left_inner_knuckle, right_inner_knuckle: a collision mesh fills less than half of its "
-    "convex hull, which is what touches things; to grip well, fingers need boxes or several convex "
+    "convex hull, which is used for contacts; to grip well, fingers need boxes or several convex "
     "meshes"
 )
 KNOWN = {

@@ -238,7 +238,7 @@ def test_frames_of_which_each_has_a_name(
             {"base_frame_id": "b", "odom_frame_id": "x", **PLAIN},
             {"/b": {"odom_frame_id": "b", **PLAIN}},
             "",
-            'base_frame_id: "b" is odom_frame_id of /b; each frame needs a name of its own',
+            'base_frame_id: "b" is odom_frame_id of /b; each frame needs a unique name',
         ),
         ({"world_frame_id": "wall"}, {}, WALLED, 'world_frame_id: "wall" is a link of the world'),
         (

@@ -202,7 +202,7 @@ def test_meshes_that_stand_still_are_not_filled(tmp_path):
         ),
         (
             [part("box", kind="floating")],
-            ['link "box" cannot be moved without a mass above 0; .* an <inertial>'],
+            ['link "box" cannot move without a mass above 0; .* an <inertial>'],
         ),
         (
             [part("box", kind="floating", mass=1.0).replace("collision", "visual")],

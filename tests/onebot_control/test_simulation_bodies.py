@@ -271,10 +271,10 @@ def test_moments_of_no_body_are_refused(moments, shown):
 def test_bodies_without_mass_are_refused():
     """The root and one that moves; a link fixed to one lends its mass."""
     turning = _turning("continuous")
-    with pytest.raises(OneBotError, match=r'r.urdf: link "l0" cannot be moved without a mass'):
+    with pytest.raises(OneBotError, match=r'r.urdf: link "l0" cannot move without a mass'):
         _text(_robot("", extra=turning))
     empty = _turning("continuous", contents=_SOLID.replace('mass value="1"', 'mass value="-1"'))
-    with pytest.raises(OneBotError, match=r'r.urdf: link "wheel" cannot be moved without a mass'):
+    with pytest.raises(OneBotError, match=r'r.urdf: link "wheel" cannot move without a mass'):
         _text(_robot(_SOLID, extra=empty))
     assert len(_text(_robot("", _SOLID, extra=turning)).findall("link")) == 2
 

@@ -71,7 +71,7 @@ def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
     ("xyz", "size", "reason"),
     [
         ("0 0 0", "0.4 0.3 940", "the robot would start at z = 470 m; is a <collision> or an"),
-        ("0 0 49.95", "400 300 100", 'the <collision> of link "base" is 400 m large, with what'),
+        ("0 0 49.95", "400 300 100", 'the <collision> of link "base" is 400 m large, including'),
         ("0 0 2000", "0.4 0.3 0.1", "the robot would start at z = -2000 m; is a <collision> or"),
     ],
 )
