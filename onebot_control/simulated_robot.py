@@ -334,10 +334,10 @@ class SimulatedRobot:
         return ByName("no joint {} can move", zip(self._controlled.joints, readings, strict=True))
 
     def scan(self, sensor: str = "") -> Scan:
-        """Measure with a lidar now, whatever its rate.
+        """Measure with a lidar now, regardless of its rate.
 
         Args:
-            sensor: name of the lidar; may be left out if there is only one.
+            sensor: name of the lidar; may be omitted if there is only one.
 
         Returns:
             The ranges in the lidar's plane, in the lidar's frame; for a 3D lidar, those of its
@@ -351,10 +351,10 @@ class SimulatedRobot:
         return Scan(ranges, angles(lidar.horizontal), lidar.range_min, lidar.range_max)
 
     def range(self, sensor: str = "") -> float:
-        """Measure with a range sensor now, whatever its rate.
+        """Measure with a range sensor now, regardless of its rate.
 
         Args:
-            sensor: name of the range sensor; may be left out if there is only one.
+            sensor: name of the range sensor; may be omitted if there is only one.
 
         Returns:
             The distance from the sensor's frame, m; infinite if nothing is in range, minus infinity
@@ -366,10 +366,10 @@ class SimulatedRobot:
         return float(self._measured("range", sensor))
 
     def image(self, sensor: str = "") -> NDArray[np.uint8]:
-        """Take a picture with a camera now, whatever its rate.
+        """Take a picture with a camera now, regardless of its rate.
 
         Args:
-            sensor: name of the camera; may be left out if there is only one.
+            sensor: name of the camera; may be omitted if there is only one.
 
         Returns:
             (height, width, 3), RGB, the topmost row first.
@@ -381,10 +381,10 @@ class SimulatedRobot:
         return pixels
 
     def depth(self, sensor: str = "") -> NDArray[np.float32]:
-        """Measure with a depth camera now, whatever its rate.
+        """Measure with a depth camera now, regardless of its rate.
 
         Args:
-            sensor: name of the depth camera; may be left out if there is only one.
+            sensor: name of the depth camera; may be omitted if there is only one.
 
         Returns:
             (height, width), distances along the camera's axis, m; infinite where nothing is in
@@ -397,10 +397,10 @@ class SimulatedRobot:
         return depths
 
     def points(self, sensor: str = "") -> NDArray[np.float32]:
-        """Measure the points that a lidar or a depth camera sees now, whatever its rate.
+        """Measure the points that a lidar or a depth camera sees now, regardless of its rate.
 
         Args:
-            sensor: name of the lidar or camera; may be left out if there is only one.
+            sensor: name of the lidar or camera; may be omitted if there is only one.
 
         Returns:
             (N, 3), in the frame of the sensor's messages, m; rays that hit nothing yield no point.
@@ -413,10 +413,10 @@ class SimulatedRobot:
         return xyz[np.isfinite(xyz).all(axis=1)]
 
     def imu(self, sensor: str = "") -> ImuReading:
-        """Measure with an inertial measurement unit (IMU) now, whatever its rate.
+        """Measure with an inertial measurement unit (IMU) now, regardless of its rate.
 
         Args:
-            sensor: name of the IMU; may be left out if there is only one.
+            sensor: name of the IMU; may be omitted if there is only one.
 
         Returns:
             Its orientation, and angular velocity (rad/s) and acceleration (m/s^2) in its own axes.

@@ -120,7 +120,7 @@ class SimulationConfig(DescriptionConfig):
 
     @property
     def drive(self) -> DriveParameters[Any] | None:
-        """The parameters of the robot's drive; None if its base stands still."""
+        """The parameters of the robot's drive; None if its base is fixed."""
         return self if isinstance(self, DriveParameters) else None
 
     def world_frame(self, *, in_scene: bool) -> str:

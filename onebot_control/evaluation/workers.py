@@ -100,7 +100,7 @@ def _start(packed: bytes) -> None:
 
 
 def _take_domain() -> None:
-    """Give this process a ROS domain of its own, for nodes in lockstep."""
+    """Give this process a separate ROS domain, for nodes in lockstep."""
     if sys.platform != "linux":
         return  # there, an installed ROS uses the domain of the environment
     from onebot_description.ros.domains import used_domain

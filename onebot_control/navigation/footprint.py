@@ -113,7 +113,7 @@ def vehicle_of(description: "Description", controllers: Sequence[ControllerLimit
 def _strictest(
     limits: Sequence[SpeedLimits], speed: float, acceleration: float
 ) -> tuple[float, float]:
-    """Return the least of the limits of speed and acceleration, or these if there are none."""
+    """Return the minimum of the limits of speed and acceleration, or the defaults without any."""
     speeds = [limit.max_velocity for limit in limits if math.isfinite(limit.max_velocity)]
     accelerations = [
         limit.max_acceleration for limit in limits if math.isfinite(limit.max_acceleration)

@@ -82,7 +82,7 @@ class CallbackWatch:
         """
         if self._since == float("inf"):
             raise OneBotError(
-                "simulated time passes in Simulation.run only: nothing can sleep on it"
+                "simulated time only passes in Simulation.run: nothing can sleep on it"
             )
         raise self.fail(OneBotError(self._text(sys._getframe(1), "sleeps on simulated time")))
 

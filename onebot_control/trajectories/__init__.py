@@ -1,1 +1,1 @@
-"""What moves the joints of an arm: trajectories, goals, tolerances, a follower. No ROS here."""
+"""Moves the joints of an arm: trajectories, goals, tolerances, followers. It does not use ROS."""

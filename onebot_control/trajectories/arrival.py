@@ -1,10 +1,10 @@
-"""Whether joints are at their goals, or cannot get there. No ROS here.
+"""Determines whether joints have reached their goals, or cannot reach them. It does not use ROS.
 
-A joint cannot get there if it stands still elsewhere for a second of simulated time, as a finger
-that presses on something does, or if it comes no nearer for five seconds: it swings, because its
-motor is too weak to lift it. "Nearer" compares the maximum error in each second with those before,
-so a joint that swings about its goal less and less can get there, and so can one that is late
-because of its velocity limit.
+A joint cannot reach its goal if it stands still elsewhere for a second of simulated time, like a
+finger that presses on something, or if its error does not decrease for five seconds, for example if
+its motor is too weak to lift it. The maximum errors of each second are compared, so a joint with
+decaying oscillations about its goal can reach it, and so can a joint that is late because of its
+velocity limit.
 
 Example:
     >>> from onebot_control.trajectories.arrival import Arrival
@@ -19,24 +19,24 @@ Example:
 import math
 from collections.abc import Mapping, Sequence
 
-_NEAR = 1e-4  # rad or m; at its goal, a joint has at most this error,
-_STILL = 1e-3  # rad/s or m/s; and at most this velocity
+_NEAR = 1e-4  # rad or m, maximum error of a joint at its goal
+_STILL = 1e-3  # rad/s or m/s, maximum velocity of a joint at its goal
 _WINDOW = 1.0  # s; a joint that moves less than _NEAR within it stands still
-_PATIENCE = 5  # windows without a smaller maximum error, until a joint cannot get there
+_PATIENCE = 5  # number of windows without a smaller maximum error until a joint counts as stalled
 _ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 
 
 class Arrival:
-    """Follows joints from the end of their trajectory until each is there or cannot get there."""
+    """Monitors joints after the end of their trajectory until each is at its goal or stalled."""
 
     def __init__(self, joints: Sequence[str]) -> None:
-        """Follow the joints with these names."""
+        """Monitor the joints with these names."""
         self._progress = {name: _Progress() for name in joints}
-        self._elapsed = 0.0  # s since the current window began
+        self._elapsed = 0.0  # s since the start of the current window
 
     @property
     def stalled(self) -> tuple[str, ...]:
-        """The joints that cannot get there."""
+        """The joints that cannot reach their goals."""
         return tuple(name for name, joint in self._progress.items() if joint.stalled)
 
     def update(
@@ -45,12 +45,12 @@ class Arrival:
         """Run one control cycle.
 
         Args:
-            errors: goal minus position of each joint by its name, rad or m.
-            velocities: its velocity, rad/s or m/s.
+            errors: goal minus position of each joint, by name, rad or m.
+            velocities: velocity of each joint, by name, rad/s or m/s.
             period: seconds until the next cycle.
 
         Returns:
-            Whether each joint is at its goal, or cannot get there.
+            Whether each joint is at its goal, or stalled.
         """
         ends_window = self._elapsed > _WINDOW - _ROUNDING
         self._elapsed = period if ends_window else self._elapsed + period
@@ -65,22 +65,22 @@ class Arrival:
 
 
 class _Progress:
-    """How near to its goal a joint has come."""
+    """The progress of a joint towards its goal."""
 
     def __init__(self) -> None:
         self.stalled = False
         self._best = math.inf  # the smallest of the windows' maximum errors, rad or m
-        self._waited = 0  # windows since then
-        self._least, self._most = math.inf, -math.inf  # errors in the current window
+        self._waited = 0  # number of windows since then
+        self._low, self._high = math.inf, -math.inf  # range of the errors in the current window
 
     def add(self, error: float) -> None:
-        self._least, self._most = min(self._least, error), max(self._most, error)
+        self._low, self._high = min(self._low, error), max(self._high, error)
 
     def end_window(self) -> None:
-        """Judge the window that ends now, and begin the next one."""
-        greatest = max(-self._least, self._most)
-        stands = self._most - self._least < _NEAR
-        self._waited = 0 if greatest < self._best - _NEAR else self._waited + 1
-        self._best = min(self._best, greatest)
-        self.stalled = greatest > _NEAR and (stands or self._waited >= _PATIENCE)
-        self._least, self._most = math.inf, -math.inf
+        """Evaluate the window that ends now, and start the next one."""
+        maximum = max(-self._low, self._high)
+        stands = self._high - self._low < _NEAR
+        self._waited = 0 if maximum < self._best - _NEAR else self._waited + 1
+        self._best = min(self._best, maximum)
+        self.stalled = maximum > _NEAR and (stands or self._waited >= _PATIENCE)
+        self._low, self._high = math.inf, -math.inf

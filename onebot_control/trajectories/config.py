@@ -1,6 +1,6 @@
 """Reads and checks joint_trajectory_controller's parameters.
 
-``TrajectoryConfig.joint_constraints`` reads those of single joints, such as
+``TrajectoryConfig.joint_constraints`` reads the parameters of single joints, such as
 ``constraints.elbow.goal``.
 """
 
@@ -25,17 +25,17 @@ from onebot_description.parameters.reader import (
 C = TypeVar("C", bound="JointControllerConfig")
 
 _INTERFACES = ("position", "velocity", "acceleration", "effort")
-_NO_FEEDBACK = "of position interfaces there is no feedback"
-MAX_SCALING = 1000.0  # above it, times would soon exceed what ROS can stamp
+_NO_FEEDBACK = "position interfaces have no feedback"
+MAX_SCALING = 1000.0  # above it, times would soon exceed the range of ROS stamps
 _CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointControllerConfig:
-    """The parameters of a joint controller; each kind has a dataclass.
+    """The parameters of a joint controller; each type of controller has a dataclass.
 
     Attributes:
-        joints_parameter: name of the parameter that names the joints.
+        joints_parameter: name of the parameter with the joints.
         enforce_command_limits: whether commands are kept within the joints' limits.
     """
 
@@ -52,35 +52,35 @@ class JointControllerConfig:
             values: values by their dotted ROS names.
 
         Raises:
-            ConfigError: values are wrong; it names each of them, and what would be right.
+            ConfigError: values are wrong; it names each of them, and valid values.
         """
         return read(cls, values)
 
     @classmethod
     def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each of ``names`` that is not a parameter of this kind."""
+        """Return a problem for each of ``names`` that is not a parameter of this type."""
         return unknown_parameters(cls, names)
 
     @classmethod
     def lacks(cls, values: Mapping[str, Any]) -> str:
-        """Return which parameter it cannot run without is not among ``values``; "" for none."""
+        """Return which required parameters are missing in ``values``; "" for none."""
         required = [leaf.name for leaf in leaves(cls) if leaf.default is REQUIRED]
         missing = [name for name in required if name not in values]
         return f"has no parameter {listing(missing)}" if missing else ""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The joints that the parameters name; empty for all joints that can be commanded."""
+        """The joints in the parameters; empty for all joints that can be commanded."""
         named = getattr(self, self.joints_parameter)
         return (named,) if isinstance(named, str) else tuple(named)
 
     @property
     def interfaces(self) -> tuple[str, ...]:
-        """The command interfaces that the parameters name."""
+        """The command interfaces in the parameters."""
         return ("position",)
 
     def ignored(self, joints: Sequence[str]) -> list[Problem]:
-        """Return parameters without effect on a controller of these joints, with the reason."""
+        """Return the parameters without effect on a controller of these joints, with reasons."""
         return []
 
 
@@ -101,7 +101,7 @@ class SpeedScaling:
 
 @dataclass(frozen=True)
 class PositionsUpsampling:
-    """Parameters of goals whose points a policy streams."""
+    """Parameters of goals whose points are streamed by a policy."""
 
     enable: bool = ignored(False, "points with positions are joined linearly")
     policy_frequency: float = ignored(0.0, "points with positions are joined linearly")
@@ -109,16 +109,16 @@ class PositionsUpsampling:
 
 @dataclass(frozen=True)
 class Constraints:
-    """The parameters ``constraints.*`` that all joints share."""
+    """The parameters ``constraints.*`` shared by all joints."""
 
     stopped_velocity_tolerance: float = ignored(
-        0.01, "of position interfaces the velocity is not compared", at_least=0.0
+        0.01, "velocities of position interfaces are not compared", at_least=0.0
     )
     goal_time: float = parameter(
-        0.0, "how late the goal may be reached, s; 0: waits for ever", at_least=0.0
+        0.0, "maximum delay of reaching the goal, s; 0: waits forever", at_least=0.0
     )
     decelerate_on_cancel: bool = parameter(
-        False, "brake by max_deceleration_on_cancel instead of stopping at once", read_only=True
+        False, "brake with max_deceleration_on_cancel, not abruptly", read_only=True
     )
 
 
@@ -127,10 +127,10 @@ class JointConstraint:
     """The parameters ``constraints.<joint>.*``: tolerances of one joint, in rad or m."""
 
     trajectory: float = parameter(
-        0.0, "position error allowed on the way, rad or m; 0: any", at_least=0.0
+        0.0, "maximum position error along the path, rad or m; 0: any", at_least=0.0
     )
     goal: float = parameter(
-        0.0, "position error allowed at the goal, rad or m; 0: any", at_least=0.0
+        0.0, "maximum position error at the goal, rad or m; 0: any", at_least=0.0
     )
     max_deceleration_on_cancel: float = parameter(
         0.0, "deceleration with decelerate_on_cancel, rad/s2 or m/s2", at_least=0.0, read_only=True
@@ -143,7 +143,7 @@ def _gain() -> Any:
 
 @dataclass(frozen=True)
 class JointGains:
-    """The parameters ``gains.<joint>.*``, also those of older versions."""
+    """The parameters ``gains.<joint>.*``, including those of older versions."""
 
     p: float = _gain()
     i: float = _gain()
@@ -158,7 +158,7 @@ class JointGains:
     error_deadband: float = _gain()
     antiwindup_strategy: str = ignored("legacy", _NO_FEEDBACK)
     normalize_error: bool = ignored(False, _NO_FEEDBACK)
-    angle_wraparound: bool = ignored(False, "that of continuous joints wraps")
+    angle_wraparound: bool = ignored(False, "the error of continuous joints always wraps")
 
 
 @dataclass(frozen=True)
@@ -181,44 +181,44 @@ class TrajectoryConfig(JointControllerConfig):
 
     joints: tuple[str, ...] = parameter(
         (),
-        "the joints it moves, in this order; empty: all of the robot's",
+        "joints to move, in this order; empty: all joints of the robot",
         unique=True,
         read_only=True,
     )
     command_joints: tuple[str, ...] = ignored((), "it commands its joints", read_only=True)
     command_interfaces: tuple[str, ...] = parameter(
         ("position",),
-        "what is commanded; only position has an effect",
+        "commanded interfaces; only position has an effect",
         choices=_INTERFACES,
         unique=True,
         read_only=True,
     )
     state_interfaces: tuple[str, ...] = parameter(
         ("position", "velocity"),
-        "what of the measured motion a trajectory begins with",
+        "the part of the measured motion from which a trajectory starts",
         choices=_INTERFACES,
         unique=True,
         read_only=True,
     )
-    allow_partial_joints_goal: bool = parameter(False, "joints that a goal leaves out are held")
+    allow_partial_joints_goal: bool = parameter(False, "hold joints that are missing in a goal")
     open_loop_control: bool = parameter(
         False, "deprecated name of interpolate_from_desired_state", read_only=True
     )
     interpolate_from_desired_state: bool = parameter(
-        False, "begin a trajectory at the last command, not at the measured motion", read_only=True
+        False, "trajectories start at the last command, not the measured motion", read_only=True
     )
     allow_integration_in_goal_trajectories: bool = parameter(
-        False, "accept points with velocities or accelerations only, and integrate them"
+        False, "accept points with only velocities or accelerations, and integrate them"
     )
     set_last_command_interface_value_as_state_on_activation: bool = parameter(
-        True, "hold the last command when it starts again, not the measured position"
+        True, "hold the last command on reactivation, not the measured position"
     )
     action_monitor_rate: float = parameter(
-        20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
+        20.0, "rate of the action's feedback, Hz", at_least=0.1, read_only=True
     )
     interpolation_method: str = parameter(
         "splines",
-        "none: jump to the next point as soon as one is reached",
+        "none: jump to the next point when a point is reached",
         choices=("splines", "none"),
         read_only=True,
     )
@@ -230,11 +230,13 @@ class TrajectoryConfig(JointControllerConfig):
         "time after the last point until the measured position is held, s; 0: never",
         at_least=0.0,
     )
-    allow_trajectory_replacement: bool = ignored(True, "a new goal holds joints that it leaves out")
+    allow_trajectory_replacement: bool = ignored(True, "a new goal holds joints missing in it")
     start_with_holding: bool = ignored(True, "it always holds the joints")
-    state_publish_rate: float = ignored(0.0, "~/controller_state is of each cycle", read_only=True)
+    state_publish_rate: float = ignored(
+        0.0, "~/controller_state is published in each cycle", read_only=True
+    )
     enforce_command_limits: bool = parameter(
-        True, "refuse positions beyond the joints' limits, and command none"
+        True, "reject and never command positions beyond the joints' limits"
     )
     speed_scaling: SpeedScaling = group(SpeedScaling)
     positions_upsampling: PositionsUpsampling = group(PositionsUpsampling)
@@ -246,7 +248,7 @@ class TrajectoryConfig(JointControllerConfig):
         """Check parameters, and convert them to a config; those of single joints are kept as given.
 
         Raises:
-            ConfigError: values are wrong; it names each of them, and what would be right.
+            ConfigError: values are wrong; it names each of them, and valid values.
         """
         of_joints = {name: value for name, value in values.items() if is_joint_parameter(name)}
         common = {name: value for name, value in values.items() if name not in of_joints}
@@ -254,7 +256,7 @@ class TrajectoryConfig(JointControllerConfig):
 
     @classmethod
     def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each unknown name; parameters of single joints have any joint."""
+        """Return a problem for each unknown name, regardless of the joints in names."""
         parameters = list(names)
         common = (name for name in parameters if not is_joint_parameter(name))
         return [
@@ -268,11 +270,11 @@ class TrajectoryConfig(JointControllerConfig):
         return self.command_interfaces
 
     def ignored(self, joints: Sequence[str]) -> list[Problem]:
-        """Return a problem for each joint that has parameters, but is none of ``joints``."""
+        """Return a problem for each joint with parameters that is not among ``joints``."""
         owners = dict.fromkeys(name.rpartition(".")[0] for name in self.of_joints)
         named = {owner.partition(".")[2]: owner for owner in owners}
         return [
-            Problem(named[name], f"no joint of the controller{hint}; it is ignored")
+            Problem(named[name], f"not a joint of the controller{hint}; it is ignored")
             for name, hint in unknown_names(named, joints)
         ]
 
@@ -282,7 +284,7 @@ class TrajectoryConfig(JointControllerConfig):
         Gains are only checked: they have no effect on position commands.
 
         Raises:
-            ConfigError: values are wrong; it names each of them, and what would be right.
+            ConfigError: values are wrong; it names each of them, and valid values.
         """
         constraints = read(JointParameters, self.of_joints).constraints
         return [constraints.get(name, JointConstraint()) for name in joints]
@@ -294,11 +296,11 @@ class TrajectoryConfig(JointControllerConfig):
 
     @property
     def begins_at_command(self) -> bool:
-        """Whether a trajectory begins at the last command, not at the measured motion."""
+        """Whether a trajectory starts at the last command, not at the measured motion."""
         return self.open_loop_control or self.interpolate_from_desired_state
 
 
 def is_joint_parameter(name: str) -> bool:
-    """Return whether a parameter is of a single joint, as ``constraints.<joint>.goal`` is."""
+    """Return whether a parameter belongs to a single joint, like ``constraints.<joint>.goal``."""
     constraint = name.startswith(_CONSTRAINTS) and "." in name.removeprefix(_CONSTRAINTS)
     return constraint or name.startswith(_GAINS)

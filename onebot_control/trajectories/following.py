@@ -1,4 +1,4 @@
-"""Follows trajectories as joint_trajectory_controller does. No ROS here.
+"""Follows trajectories like joint_trajectory_controller. It does not use ROS.
 
 Example:
     >>> from onebot_control.trajectories.config import TrajectoryConfig
@@ -51,12 +51,12 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import clamp
 from onebot_description.timing import NS_PER_S
 
-CANCELLED = 1  # the client has cancelled the goal; no code of control_msgs
+CANCELLED = 1  # the client has cancelled the goal; not a code of control_msgs
 SUCCESSFUL = 0
 INVALID_GOAL = -1
 PATH_TOLERANCE_VIOLATED = -4
 GOAL_TOLERANCE_VIOLATED = -5
-# Texts of outcomes, as joint_trajectory_controller writes them.
+# Texts of outcomes, as in joint_trajectory_controller.
 PREEMPTED = "Current goal preempted by new incoming action."
 REPLACED = "Current goal preempted by another trajectory, which is not an action goal."
 RESET = "Current goal cancelled by a reset."
@@ -64,22 +64,22 @@ ROUNDING = 1e-9  # s; maximum rounding error of a sum of periods
 
 
 class Outcome(NamedTuple):
-    """How an action goal, or a trajectory from the topic, ended."""
+    """The outcome of an action goal or of a trajectory from the topic."""
 
     goal: object | None  # the token given to ``start``; None: no action goal was active
-    code: int  # of control_msgs/FollowJointTrajectory, or CANCELLED; 0: succeeded, < 0: aborted
+    code: int  # code of control_msgs/FollowJointTrajectory or CANCELLED; 0: success, < 0: aborted
     text: str  # joint_trajectory_controller's wording
     detail: str = ""  # the joint beyond its tolerance, with its position error
 
 
 class JointFollower(ABC):
-    """Moves the joints of one controller, one control cycle at a time; each kind has a class.
+    """Moves the joints of one controller, cycle by cycle; each type of controller has a subclass.
 
     Attributes:
-        parameters: dataclass of this kind's parameters.
+        parameters: dataclass of the controller's parameters.
         joints: the joints, with their limits.
         names: the names of these joints.
-        active: the token of the action goal that is followed; None if there is none.
+        active: the token of the current action goal; None if there is none.
     """
 
     parameters: ClassVar[type[JointControllerConfig]]
@@ -88,11 +88,11 @@ class JointFollower(ABC):
     def __init__(
         self, joints: Sequence[FollowedJoint], config: Any, positions: Sequence[float]
     ) -> None:
-        """Hold the joints where they are.
+        """Hold the joints at their current positions.
 
         Args:
             joints: the joints, with their limits.
-            config: the controller's parameters, one of ``parameters``.
+            config: the controller's parameters, an instance of ``parameters``.
             positions: current positions of the joints, rad or m.
 
         Raises:
@@ -109,7 +109,7 @@ class JointFollower(ABC):
 
     @property
     def motor_limits(self) -> MotorLimits | None:
-        """Further limits of the joints' motors from the last update on; None for none."""
+        """Additional limits of the joints' motors from the last update on; None for none."""
         return None
 
     @abstractmethod
@@ -130,36 +130,36 @@ class JointFollower(ABC):
 
     @abstractmethod
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
+        """Hold ``positions``, rad or m, to which the joints were set; abort an action goal."""
 
     def _ended(self, text: str) -> Outcome | None:
-        """Forget the goal and return its outcome, aborted; None if there was none."""
+        """Abort the goal, and return its outcome; None if there was none."""
         goal, self.active = self.active, None
         return None if goal is None else Outcome(goal, INVALID_GOAL, text)
 
 
 class TrajectoryFollower(JointFollower):
-    """Follows trajectories of some joints, and holds the joints when there is none.
+    """Follows trajectories of some joints, and holds the joints without a trajectory.
 
-    It reads no clock: each cycle has a stamp, and a trajectory's time advances by the cycles'
-    periods times ``scaling``. With enforce_command_limits, positions are clamped to the joints'
-    limits where splines overshoot them between two points, and where a motion begins beyond them.
+    It does not read a clock: each cycle has a stamp, and a trajectory's time advances by the
+    cycles' periods times ``scaling``. With enforce_command_limits, positions are clamped to the
+    joints' limits where splines overshoot between two points, or where a motion starts beyond them.
 
     Attributes:
         desired: the reference at the last update; continuous joints keep the goal's whole turns.
-        measured: the motion measured at the last update.
+        measured: measured motion at the last update.
         error: position errors at the last update, desired - measured, rad or m; for continuous
             joints the shortest angle.
         time: trajectory time at the last update, s since its start; negative before the start.
-        elapsed: seconds of cycles since the start; more than ``time`` if the scaling is below 1.
-        stalled: joints of the last goal that could not get there; see ``Arrival``.
+        elapsed: seconds of cycles since the start; above ``time`` if the scaling is below 1.
+        stalled: joints that could not reach the last goal; see ``Arrival``.
     """
 
     parameters = TrajectoryConfig
     time: float
     _config: TrajectoryConfig
     _holding: bool
-    # Called in the next update, with measured motion and stamp, to begin a trajectory.
+    # Called in the next update, with measured motion and stamp, to start a trajectory.
     _next: Callable[[JointMotion, int], None] | None
     _start_stamp: int | None  # trajectory start, ns; unknown until its first update
 
@@ -169,7 +169,7 @@ class TrajectoryFollower(JointFollower):
         config: TrajectoryConfig,
         positions: Sequence[float],
     ) -> None:
-        """Hold the joints where they are; see ``JointFollower``."""
+        """Hold the joints at their current positions; see ``JointFollower``."""
         super().__init__(joints, config, positions)
         self._tolerances = self._defaults
         self.scaling = config.speed_scaling.initial_scaling_factor
@@ -179,7 +179,7 @@ class TrajectoryFollower(JointFollower):
         """Apply changed parameters; new tolerances apply from the next action goal on.
 
         Raises:
-            ConfigError: parameters of single joints are wrong; then nothing has changed.
+            ConfigError: parameters of single joints are wrong; nothing has changed.
         """
         constraints = config.joint_constraints(self.names)
         super().configure(config)
@@ -201,19 +201,18 @@ class TrajectoryFollower(JointFollower):
     @scaling.setter
     def scaling(self, value: float) -> None:
         if not 0.0 <= value <= MAX_SCALING:
-            text = f"a speed scaling of {value:g} is impossible; it is 0 to {MAX_SCALING:g}"
-            raise OneBotError(text)
+            raise OneBotError(f"a speed scaling must be 0 to {MAX_SCALING:g}, not {value:g}")
         self._scaling = value
 
     @property
     def moving(self) -> bool:
-        """Whether a joint of a goal is neither there nor known to be unable to get there."""
+        """Whether a joint of a goal is neither at its goal nor stalled."""
         return self._next is not None or self._arrival is not None
 
     # Goals ------------------------------------------------------------------------------------
 
     def problems(self, goal: TrajectoryGoal, now: int) -> list[str]:
-        """Return why ``goal`` is refused at the time ``now``, ns, a line for each reason."""
+        """Return why ``goal`` is rejected at time ``now``, ns, one line per reason."""
         return goal_problems(goal, self.joints, self._config, now)
 
     def start(
@@ -230,16 +229,16 @@ class TrajectoryFollower(JointFollower):
         Args:
             goal: the trajectory; ``problems`` must have found none.
             token: identifies an action goal in ``active`` and in its outcome; None for a trajectory
-                that is no action goal, such as a message of the topic.
-            tolerances: those of an action goal; None for the defaults.
-            from_command: joints that begin at rest at their last command; the others begin with
-                their measured motion. So a finger that presses on something keeps pressing.
-            absolute: whether continuous joints go to the goal's positions as given, by whole turns
-                if necessary; otherwise they take the shortest way to the first one, as those of
+                that is not an action goal, such as a message of the topic.
+            tolerances: tolerances of an action goal; None for the defaults.
+            from_command: joints that start at rest from their last command, so that a finger that
+                presses on something keeps pressing; the others start with their measured motion.
+            absolute: whether continuous joints move to the given positions, by whole turns if
+                necessary; otherwise they take the shortest path to the first one, as in
                 joint_trajectory_controller.
 
         Returns:
-            The outcome of the action goal that this one replaces; None if there is none.
+            The outcome of the replaced action goal; None if there is none.
         """
         self._next = partial(self._follow_goal, goal, from_command, absolute)
         preempted = self._ended(REPLACED if token is None else PREEMPTED)
@@ -251,7 +250,7 @@ class TrajectoryFollower(JointFollower):
         return preempted
 
     def cancel(self) -> None:
-        """Cancel the goal: in the next update hold the measured position, or decelerate from it."""
+        """Cancel the goal; the next update holds the measured position, or decelerates from it."""
         self.active = None
         self._next = self._stop
 
@@ -260,8 +259,8 @@ class TrajectoryFollower(JointFollower):
     ) -> Outcome | None:
         """Abort an action goal and hold the last command, as if deactivated and activated again.
 
-        If set_last_command_interface_value_as_state_on_activation is false, the position measured
-        in the next update is held instead.
+        If set_last_command_interface_value_as_state_on_activation is false, the measured position
+        of the next update is held instead.
         """
         if self._config.set_last_command_interface_value_as_state_on_activation:
             self._hold(self._command().positions)
@@ -270,7 +269,7 @@ class TrajectoryFollower(JointFollower):
         return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put; abort an action goal."""
+        """Hold ``positions``, rad or m, to which the joints were set; abort an action goal."""
         self._hold(positions)
         zeros = (0.0,) * len(self.joints)
         self.desired = self.measured = JointMotion(tuple(positions), zeros, zeros)
@@ -289,7 +288,7 @@ class TrajectoryFollower(JointFollower):
             period: seconds until the next cycle.
 
         Returns:
-            Outcomes of what ended in this cycle.
+            Outcomes of the goals that ended in this cycle.
         """
         if "acceleration" in self._config.state_interfaces and not measured.accelerations:
             changes = map(sub, measured.velocities, self.measured.velocities)
@@ -361,7 +360,7 @@ class TrajectoryFollower(JointFollower):
             for joint, (desired, measured) in zip(self.joints, positions, strict=True)
         )
 
-    # What is followed -------------------------------------------------------------------------
+    # Trajectories -----------------------------------------------------------------------------
 
     def _follow(
         self,
@@ -371,7 +370,7 @@ class TrajectoryFollower(JointFollower):
         *,
         holding: bool = True,
     ) -> None:
-        """Follow ``trajectory`` from its ``time`` on; if ``holding``, no tolerance is checked."""
+        """Follow ``trajectory`` from ``time`` on; if ``holding``, tolerances are not checked."""
         self._next = None
         self._trajectory = trajectory
         self.time = self._first_time = self.elapsed = time
@@ -424,7 +423,7 @@ class TrajectoryFollower(JointFollower):
         self._arrival = Arrival(goal.joints)
 
     def _command(self) -> JointMotion:
-        """Return the last command, which is the reference at the end of the last cycle."""
+        """Return the last command: the reference at the end of the last cycle."""
         motion = self._limited(self._trajectory.sample(self.time + self._advance))
         positions = map(add, motion.positions, self._turns)
         return motion._replace(positions=tuple(positions))
@@ -455,14 +454,14 @@ class TrajectoryFollower(JointFollower):
     def _turns_between(
         self, positions: Sequence[float], others: Sequence[float]
     ) -> tuple[float, ...]:
-        """Return the whole turns, rad, by which continuous joints at ``positions`` are off."""
+        """Return the whole turns, rad, from continuous joints at ``positions`` to ``others``."""
         return tuple(
             math.tau * round((target - position) / math.tau) if joint.continuous else 0.0
             for joint, position, target in zip(self.joints, positions, others, strict=True)
         )
 
     def _points(self, goal: TrajectoryGoal) -> Sequence[Waypoint]:
-        """Return the goal's points for all joints, in our order; missing joints are held."""
+        """Return the goal's points for all joints, in their order; missing joints are held."""
         if goal.joints == self.names:
             return goal.points
         command = dict(zip(self.names, self._command().positions, strict=True))
@@ -488,7 +487,7 @@ class TrajectoryFollower(JointFollower):
     # Arrival ----------------------------------------------------------------------------------
 
     def _judge_arrival(self, arrival: Arrival, period: float) -> None:
-        """Stop following ``arrival`` once each joint of the goal is there or cannot get there."""
+        """Stop monitoring ``arrival`` once each joint is at its goal or stalled."""
         present = zip(self.names, self.reference(0.0), self.measured.positions, strict=True)
         errors = {name: command - position for name, command, position in present}
         velocities = dict(zip(self.names, self.measured.velocities, strict=True))
@@ -500,7 +499,7 @@ class TrajectoryFollower(JointFollower):
     def _judged(self, *, first: bool) -> list[Outcome]:
         """Compare the error with the tolerances.
 
-        Those of the path apply before the last point, and always in the ``first`` cycle.
+        Tolerances of the path apply before the last point, and always in the ``first`` cycle.
         """
         late = self.time - self._trajectory.end
         moving = late < -ROUNDING

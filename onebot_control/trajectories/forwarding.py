@@ -1,4 +1,4 @@
-"""Forwards positions to joints as forward_command_controller does. No ROS here.
+"""Forwards positions to joints, like forward_command_controller. It does not use ROS.
 
 Example:
     >>> from onebot_control.trajectories.forwarding import ForwardConfig, PositionForwarder
@@ -27,13 +27,13 @@ class ForwardConfig(JointControllerConfig):
 
     joints: tuple[str, ...] = parameter(
         REQUIRED,
-        "the joints it moves, in the order of the values",
+        "joints to move, in the order of the values",
         not_empty=True,
         unique=True,
         read_only=True,
     )
     interface_name: str = parameter(
-        "position", "what is commanded; only position has an effect", read_only=True
+        "position", "commanded interface; only position has an effect", read_only=True
     )
 
     @property
@@ -46,10 +46,10 @@ class PositionForwarder(JointFollower):
     """Holds joints at the last commanded positions, within their limits."""
 
     parameters: ClassVar[type[JointControllerConfig]] = ForwardConfig
-    field = "data"  # the message's field of the positions, for error texts
+    field = "data"  # name of the message field with the positions, for errors
 
     def problems(self, positions: Sequence[float]) -> list[str]:
-        """Return why ``positions``, rad or m, are refused, a line for each reason."""
+        """Return why ``positions``, rad or m, are rejected, one line per reason."""
         limits = {joint.name: joint for joint in self.joints}
         return [*field_problems(self.field, self.names, positions, limits)]
 
@@ -62,7 +62,7 @@ class PositionForwarder(JointFollower):
         ]
 
     def stop(self) -> None:
-        """Hold the positions that are measured in the next update."""
+        """Hold the measured positions of the next update."""
         self._stopping = True
 
     def cancel(self) -> None:
@@ -76,7 +76,7 @@ class PositionForwarder(JointFollower):
         return self._ended(text)
 
     def reset(self, positions: Sequence[float]) -> Outcome | None:
-        """Hold ``positions``, rad or m, where the joints were put; abort a goal."""
+        """Hold ``positions``, rad or m, to which the joints were set; abort a goal."""
         self.command(positions)
         return self._ended(RESET)
 

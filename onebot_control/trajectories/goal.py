@@ -1,4 +1,4 @@
-"""Trajectory goals, and the checks that accept or refuse them."""
+"""Trajectory goals, and the checks that accept or reject them."""
 
 import math
 from collections import Counter
@@ -13,45 +13,45 @@ from onebot_description.errors import printable, unknown_names
 from onebot_description.parameters.values import LARGEST
 from onebot_description.timing import NS_PER_S
 
-_ROUNDING = 1e-6  # rad or m; rounding a limit to a float32 may move it this far beyond itself
+_ROUNDING = 1e-6  # rad or m, rounding error of a limit as float32
 
 
 class FollowedJoint(NamedTuple):
-    """A joint that follows trajectories, with its limits of position in rad or m."""
+    """A joint that follows trajectories, with its position limits in rad or m."""
 
     name: str
     continuous: bool = False
     lower: float = -math.inf
     upper: float = math.inf
 
-    def within(self, least: float, greatest: float) -> "FollowedJoint":
-        """Return the joint with these further limits of its position, rad or m."""
-        return self._replace(lower=max(self.lower, least), upper=min(self.upper, greatest))
+    def within(self, lower: float, upper: float) -> "FollowedJoint":
+        """Return the joint with these additional position limits, rad or m."""
+        return self._replace(lower=max(self.lower, lower), upper=min(self.upper, upper))
 
 
 class MotorLimits(NamedTuple):
-    """Limits of a joint's motor in addition to the joint's own; 0 for no further limit."""
+    """Limits of a joint's motor in addition to the joint's own; 0 for no additional limit."""
 
-    effort: float  # the maximum, Nm or N
-    velocity: float  # the maximum, rad/s or m/s
+    effort: float  # maximum effort, Nm or N
+    velocity: float  # maximum velocity, rad/s or m/s
 
 
 class TrajectoryGoal(NamedTuple):
-    """A trajectory that a client requests, as in trajectory_msgs/JointTrajectory."""
+    """A trajectory requested by a client, as in trajectory_msgs/JointTrajectory."""
 
     joints: tuple[str, ...]
     points: tuple[Waypoint, ...]  # values in the order of ``joints``
-    stamp: int = 0  # time at which time_from_start is 0, ns; 0: at once
+    stamp: int = 0  # time at which time_from_start is 0, ns; 0: now
     has_efforts: bool = False  # whether any point has efforts
 
 
 def goal_problems(
     goal: TrajectoryGoal, joints: Sequence[FollowedJoint], config: TrajectoryConfig, now: int
 ) -> list[str]:
-    """Return why a goal is refused, a line for each reason; empty if it can be followed.
+    """Return why a goal is rejected, one line per reason; empty if it can be followed.
 
-    joint_trajectory_controller's reasons are checked, and some that it does not check: a duplicate
-    joint, a value that is not finite, a position beyond the joint's limits, a negative first time.
+    The checks are those of joint_trajectory_controller and some more: a duplicate joint, a value
+    that is not finite, a position beyond the joint's limits, a negative first time.
 
     Args:
         goal: the requested goal.
@@ -82,10 +82,10 @@ def _name_problems(
         return
     counts = Counter(names)
     for name, hint in unknown_names(counts, known):
-        yield f'joint_names: "{printable(name)}" is no joint of the controller{hint}'
+        yield f'joint_names: "{printable(name)}" is not a joint of the controller{hint}'
     for name, count in counts.items():
         if count > 1:
-            yield f'joint_names: "{printable(name)}" is there twice'
+            yield f'joint_names: "{printable(name)}" occurs twice'
     for name in () if config.allow_partial_joints_goal else known:
         if name not in counts:
             yield f'joint_names: "{name}" is missing, and allow_partial_joints_goal is false'
@@ -108,16 +108,16 @@ def field_problems(
     values: Sequence[float],
     limits: Mapping[str, FollowedJoint],
 ) -> Iterator[str]:
-    """Yield why values of a message are refused: count, finiteness and limits.
+    """Yield why values of a message are rejected: count, finiteness and limits.
 
     Args:
-        field: name of the message's field, for the text.
-        names: the joints, one for each value.
+        field: name of the message field, for the text.
+        names: the joints, one per value.
         values: the values of the field.
         limits: position limits, rad or m, of joints by name; other joints have none.
     """
     if len(values) != len(names):
-        yield f"{field}: {len(values)} given, for {len(names)} joints"
+        yield f"{field}: {len(values)} values for {len(names)} joints"
         return
     for name, value in zip(names, values, strict=True):
         if fault := _fault(value, limits.get(name)):
@@ -147,7 +147,7 @@ def _end_problems(goal: TrajectoryGoal) -> Iterator[str]:
 
 def _time_problems(goal: TrajectoryGoal, now: int) -> Iterator[str]:
     times = [point.time if math.isfinite(point.time) else 0.0 for point in goal.points]
-    moments = [-1, *(round(time * NS_PER_S) for time in times)]  # the first may be 0
+    moments = [-1, *(round(time * NS_PER_S) for time in times)]  # -1, as the first time may be 0
     for index, (earlier, moment) in enumerate(pairwise(moments)):
         place = f"points[{index}].time_from_start: {goal.points[index].time:.9g} s is"
         if not math.isfinite(goal.points[index].time):

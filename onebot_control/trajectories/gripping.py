@@ -1,4 +1,4 @@
-"""Moves a gripper as parallel_gripper_action_controller does. No ROS here.
+"""Moves a gripper, like parallel_gripper_action_controller. It does not use ROS.
 
 Example:
     >>> from onebot_control.trajectories.goal import FollowedJoint
@@ -30,7 +30,7 @@ from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.parameters.reader import REQUIRED, ignored, parameter
 from onebot_description.parameters.values import LARGEST
 
-_AT_ONCE = "the motor has them without"
+_AT_ONCE = "the limits of the motor are set directly"
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,22 @@ class GripperCommandConfig(JointControllerConfig):
 
     joints_parameter = "joint"
 
-    joint: str = parameter(REQUIRED, "the joint it moves", not_empty=True, read_only=True)
+    joint: str = parameter(REQUIRED, "joint to move", not_empty=True, read_only=True)
     goal_tolerance: float = parameter(
-        0.01, "the goal is reached at a smaller position error, rad or m", at_least=0.0
+        0.01, "the goal is reached below this position error, rad or m", at_least=0.0
     )
-    allow_stalling: bool = parameter(False, "a goal succeeds, too, where the joint stalls")
+    allow_stalling: bool = parameter(False, "whether a goal also succeeds if the joint stalls")
     stall_velocity_threshold: float = parameter(
-        0.001, "up to this velocity the joint stands still, rad/s or m/s"
+        0.001, "up to this velocity, the joint stands still, rad/s or m/s"
     )
     stall_timeout: float = parameter(
-        1.0, "it stalls if it stands still for longer, s", at_least=0.0
+        1.0, "time of standing still after which the joint stalls, s", at_least=0.0
     )
     action_monitor_rate: float = parameter(
-        20.0, "feedback of the action, Hz", at_least=0.1, read_only=True
+        20.0, "rate of the action's feedback, Hz", at_least=0.1, read_only=True
     )
     max_effort: float = parameter(
-        0.0, "the maximum effort of goals without their own, N or Nm; 0: of <limit>", at_least=0.0
+        0.0, "maximum effort of goals without an effort, N or Nm; 0: from <limit>", at_least=0.0
     )
 
 
@@ -63,7 +63,7 @@ class GripperConfig(GripperCommandConfig):
     """parallel_gripper_action_controller's parameters."""
 
     max_velocity: float = parameter(
-        0.0, "the maximum velocity of such goals, m/s or rad/s; 0: of <limit>", at_least=0.0
+        0.0, "maximum velocity of goals without one, m/s or rad/s; 0: from <limit>", at_least=0.0
     )
     state_interfaces: tuple[str, ...] = ignored(
         ("position", "velocity"), "position, velocity and effort are measured"
@@ -73,21 +73,21 @@ class GripperConfig(GripperCommandConfig):
 
 
 class GripperGoal(NamedTuple):
-    """A goal of a gripper, as its client sends it."""
+    """A goal of a gripper, as sent by a client."""
 
-    positions: Sequence[float]  # one, rad or m
-    effort: float = 0.0  # the maximum, Nm or N; 0: the parameter's
-    velocity: float = 0.0  # the maximum, rad/s or m/s; 0: the parameter's
+    positions: Sequence[float]  # one position, rad or m
+    effort: float = 0.0  # maximum effort, Nm or N; 0: from the parameter
+    velocity: float = 0.0  # maximum velocity, rad/s or m/s; 0: from the parameter
 
 
 class GripperFollower(PositionForwarder):
     """Moves one joint to the position of a goal, until it is reached or the joint stalls.
 
-    Either way, the position stays commanded, so that a gripped object is held.
+    In both cases, the position remains commanded, so that a gripped object is held.
 
     Attributes:
         reached: whether the last goal was reached.
-        stalled: whether the joint stalled on the way to the last goal.
+        stalled: whether the joint stalled before the last goal.
     """
 
     parameters: ClassVar[type[JointControllerConfig]] = GripperConfig
@@ -98,14 +98,14 @@ class GripperFollower(PositionForwarder):
 
     @property
     def motor_limits(self) -> MotorLimits:
-        """The limits of the goal, or those of the parameters."""
+        """The limits of the goal, or else of the parameters."""
         return MotorLimits(
             self._goal.effort or self._config.max_effort,
             self._goal.velocity or getattr(self._config, "max_velocity", 0.0),
         )
 
     def goal_problems(self, goal: GripperGoal) -> list[str]:
-        """Return why a goal is refused, a line for each reason."""
+        """Return why a goal is rejected, one line per reason."""
         return self.problems(goal.positions) + [
             f"command.{name}: {value:g} is not a number from 0 to {LARGEST:g}"
             for name, value in (("effort", goal.effort), ("velocity", goal.velocity))
@@ -113,10 +113,10 @@ class GripperFollower(PositionForwarder):
         ]
 
     def start(self, goal: GripperGoal, token: object) -> Outcome | None:
-        """Move to a position; return the outcome of the goal that this one preempts.
+        """Move to a position; return the outcome of the preempted goal.
 
         Args:
-            goal: ``goal_problems`` must have found none.
+            goal: the goal; ``goal_problems`` must have found none.
             token: identifies the goal in ``active`` and in its outcome.
         """
         preempted = self._ended(PREEMPTED)
@@ -124,11 +124,11 @@ class GripperFollower(PositionForwarder):
         self.command(goal.positions)
         self.active = token
         self.reached = self.stalled = False
-        self._still = 0.0  # s that the joint has stood still
+        self._still = 0.0  # s for which the joint has stood still
         return preempted
 
     def abort(self, text: str) -> Outcome | None:
-        """Abort the goal, and stop; without a goal, a gripped object is held as before."""
+        """Abort the goal, and stop; without a goal, continue to hold a gripped object."""
         return None if self.active is None else super().abort(text)
 
     def update(self, measured: JointMotion, now: int, period: float) -> list[Outcome]:
@@ -150,13 +150,13 @@ class GripperFollower(PositionForwarder):
         return []
 
     def _judged(self, code: int, text: str, position: float) -> list[Outcome]:
-        """End the goal; the position stays commanded."""
+        """End the goal; the position remains commanded."""
         token, self.active = self.active, None
         detail = f"{self.names[0]}: position {position:.6g}, goal {self._commanded[0]:.6g}"
         return [Outcome(token, code, text, detail)]
 
 
 class GripperCommandFollower(GripperFollower):
-    """The same with the parameters of gripper_controllers, whose action is the older one."""
+    """The same with the parameters of gripper_controllers, which have the older action."""
 
     parameters = GripperCommandConfig

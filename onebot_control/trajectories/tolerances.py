@@ -6,8 +6,8 @@ from typing import NamedTuple
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import printable, unknown_names
 
-_OFF = -1.0  # value by which a goal switches a tolerance off
-FLOAT_EPSILON = 1.1920929e-07  # a float32's; joint_trajectory_controller compares with it
+_OFF = -1.0  # value with which a goal disables a tolerance
+FLOAT_EPSILON = 1.1920929e-07  # epsilon of float32, as in joint_trajectory_controller's comparisons
 
 
 class ToleranceGiven(NamedTuple):
@@ -32,17 +32,17 @@ class TolerancesGiven(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """The tolerances in force: allowed position errors by joint, rad or m; 0: any error."""
+    """The current tolerances: maximum position errors by joint, rad or m; 0: any error."""
 
     path: tuple[float, ...]  # before the last point
-    goal: tuple[float, ...]  # after it
-    goal_time: float  # how late the goal may be reached, s; 0: any time
+    goal: tuple[float, ...]  # after the last point
+    goal_time: float  # maximum delay of reaching the goal, s; 0: any
 
 
 def default_tolerances(
     constraints: Sequence[JointConstraint], config: TrajectoryConfig
 ) -> Tolerances:
-    """Return the tolerances that the parameters set, and ``constraints``, one of each joint."""
+    """Return the tolerances from the parameters, and from the ``constraints`` of each joint."""
     return Tolerances(
         tuple(constraint.trajectory for constraint in constraints),
         tuple(constraint.goal for constraint in constraints),
@@ -51,14 +51,14 @@ def default_tolerances(
 
 
 def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[str]:
-    """Return why ``given`` cannot be used, a line for each reason; empty if it can."""
+    """Return why ``given`` cannot be used, one line per reason; empty if it can."""
     problems = list(_value_problems("goal_time_tolerance", given.goal_time))
     for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
         for name, hint in unknown_names([tolerance.name for tolerance in tolerances], joints):
-            problems.append(f'{field}: "{printable(name)}" is no joint of the controller{hint}')
+            problems.append(f'{field}: "{printable(name)}" is not a joint of the controller{hint}')
         for tolerance in tolerances:
             problems += _tolerance_problems(field, tolerance)
-    return [f"{problem}; all tolerances are the defaults" for problem in problems]
+    return [f"{problem}; the default tolerances are used" for problem in problems]
 
 
 def _tolerance_problems(field: str, given: ToleranceGiven) -> Iterator[str]:
@@ -74,7 +74,7 @@ def _value_problems(what: str, value: float) -> Iterator[str]:
 def resolved_tolerances(
     given: TolerancesGiven, joints: Sequence[str], defaults: Tolerances
 ) -> Tolerances:
-    """Return the tolerances of a goal: its own where it gives some, otherwise ``defaults``.
+    """Return the tolerances of a goal: its own where given, otherwise ``defaults``.
 
     If there is any problem (see ``tolerance_problems``), all are ``defaults``.
     """
@@ -111,7 +111,7 @@ def exceeded(joints: Sequence[str], error: Sequence[float], tolerances: Sequence
     Args:
         joints: names of the joints.
         error: position errors, rad or m.
-        tolerances: allowed errors, rad or m; 0: any error.
+        tolerances: maximum errors, rad or m; 0: any error.
     """
     for name, value, tolerance in zip(joints, error, tolerances, strict=True):
         if 0.0 < tolerance < abs(value):

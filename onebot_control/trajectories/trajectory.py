@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-# Coefficients of a joint's polynomial in the seconds since its segment began, constant term first.
+# Coefficients of a joint's polynomial in the seconds since the segment start, constant term first.
 _Coefficients = tuple[float, float, float, float, float, float]
 
 
@@ -35,10 +35,11 @@ class JointMotion(NamedTuple):
 
 
 class Trajectory:
-    """A trajectory from a start through waypoints, interpolated as by joint_trajectory_controller.
+    """A trajectory from a start through waypoints, interpolated as in joint_trajectory_controller.
 
-    A segment is linear unless both its ends have velocities: then it is cubic, or quintic if both
-    have accelerations, too. Accelerations without velocities are ignored. The last point is held.
+    A segment is linear unless both of its ends have velocities: then it is cubic, or quintic if
+    both also have accelerations. Accelerations without velocities are ignored. The last point is
+    held.
 
     Attributes:
         end: the time of the last point, s.
@@ -50,16 +51,16 @@ class Trajectory:
         """Interpolate from ``start`` through ``points``.
 
         Args:
-            start: the motion at the beginning; its time may be negative. It is ignored if the
-                first point is not later. Derivatives that only the first point has are 0 in it.
+            start: the initial motion; its time may be negative. It is ignored if the first point
+                is not later. Derivatives that only the first point has are 0 at the start.
             points: one or more, in ascending order of time.
-            splines: False to step: the start is held until the time of the first point, and at the
-                time of each point the motion jumps to the next one.
+            splines: False for steps: the start is held until the time of the first point, and at
+                the time of each point the motion jumps to the next one.
         """
         lead_in = [_completed(start, points[0])] if start.time < points[0].time else []
         self._waypoints = [*lead_in, *points]
         self._times = [waypoint.time for waypoint in self._waypoints]
-        # Waypoints that are held instead of interpolated, by segment; the last one is held forever.
+        # Waypoints that are held, not interpolated, by segment; the last one is held forever.
         self._held = {len(self._waypoints) - 1: points[-1]}
         if not splines:
             self._held |= dict(enumerate([*lead_in, *points[1:]]))
@@ -67,7 +68,7 @@ class Trajectory:
         self.end = points[-1].time
 
     def sample(self, time: float) -> JointMotion:
-        """Return the motion at ``time``, s; before the beginning, the motion there."""
+        """Return the motion at ``time``, s; before the start, the motion at the start."""
         index = self._index(time)
         if held := self._held.get(index):
             zeros = (0.0,) * len(held.positions)
@@ -94,8 +95,8 @@ class Trajectory:
 
     def _segment(self, index: int) -> list[_Coefficients]:
         """Return the polynomials of a segment, one per joint."""
-        # They are computed when first needed: for a long trajectory, computing all at once would
-        # take longer than a control cycle.
+        # They are computed when first needed: for a long trajectory, computing all of them at once
+        # would take longer than a control cycle.
         if index not in self._segments:
             self._segments[index] = _interpolated(*self._waypoints[index : index + 2])
         return self._segments[index]
@@ -111,15 +112,14 @@ def _completed(start: Waypoint, point: Waypoint) -> Waypoint:
 
 
 def integrated(start: Waypoint, points: Sequence[Waypoint]) -> list[Waypoint]:
-    """Return ``points`` with positions, as joint_trajectory_controller deduces missing ones.
+    """Return ``points`` with positions; missing ones are derived as in joint_trajectory_controller.
 
-    Velocities and accelerations are integrated by the trapezoidal rule from point to point; those
-    that are missing at the beginning of a segment are 0.
+    Velocities and accelerations are integrated from point to point with the trapezoidal rule;
+    missing ones at the start of a segment are 0.
 
     Args:
         start: the motion before the first point.
-        points: the points, of which any may lack positions, but then has velocities or
-            accelerations.
+        points: the points; those without positions have velocities or accelerations.
     """
     earlier, completed = start, list[Waypoint]()
     for point in points:
@@ -142,13 +142,13 @@ def integrated(start: Waypoint, points: Sequence[Waypoint]) -> list[Waypoint]:
 def _sum(
     values: Sequence[float], rates: Sequence[float], end_rates: Sequence[float], duration: float
 ) -> tuple[float, ...]:
-    """Return values after ``duration`` seconds, by the trapezoidal rule."""
+    """Return values after ``duration`` seconds, with the trapezoidal rule."""
     rows = zip(values, rates, end_rates, strict=True)
     return tuple(value + 0.5 * (rate + end_rate) * duration for value, rate, end_rate in rows)
 
 
 def _interpolated(start: Waypoint, end: Waypoint) -> list[_Coefficients]:
-    """Return the polynomials from ``start`` to ``end``, by the derivatives that both have."""
+    """Return the polynomials from ``start`` to ``end``, for the derivatives of both."""
     duration = end.time - start.time
     columns = [start.positions, end.positions]
     polynomial: Callable[..., _Coefficients] = _linear
@@ -223,14 +223,14 @@ def standstill(positions: Sequence[float]) -> Trajectory:
 def braking(motion: JointMotion, decelerations: Sequence[float]) -> Trajectory:
     """Return the trajectory that stops each joint with a constant deceleration, from time 0 on.
 
-    A joint with velocity v stops after t = |v| / deceleration seconds, v t / 2 farther on.
+    A joint with velocity v stops after t = |v| / deceleration seconds, at a distance of v t / 2.
 
     Args:
         motion: the motion to stop.
         decelerations: decelerations of the joints, above 0, rad/s2 or m/s2.
     """
     durations = [abs(v) / a for v, a in zip(motion.velocities, decelerations, strict=True)]
-    # Between two moments at which a joint comes to rest, each joint's parabola is its cubic.
+    # Between two times at which a joint comes to rest, each joint's cubic is its parabola.
     points = [_slowed(motion, durations, time) for time in sorted({0.0, *durations})]
     return Trajectory(points[0], points)
 
@@ -240,7 +240,7 @@ def _slowed(motion: JointMotion, durations: Sequence[float], time: float) -> Way
     positions, velocities = [], []
     for p, v, duration in zip(motion.positions, motion.velocities, durations, strict=True):
         braked = min(time, duration)
-        left = 1.0 - braked / duration if duration else 0.0  # the share of its velocity
+        left = 1.0 - braked / duration if duration else 0.0  # remaining share of the velocity
         positions.append(p + 0.5 * v * (1.0 + left) * braked)
         velocities.append(v * left)
     return Waypoint(time, tuple(positions), tuple(velocities))

@@ -55,7 +55,7 @@ def test_positions_are_held_until_others_come() -> None:
             [2.00001, math.nan],
             ["elbow: 2.00001 is above the joint's limit 2", "wrist: nan is not f"],
         ),
-        ([0.5], ["1 given, for 2 joints"]),
+        ([0.5], ["1 values for 2 joints"]),
     ],
 )
 def test_what_is_refused(positions: list[float], problems: list[str]) -> None:

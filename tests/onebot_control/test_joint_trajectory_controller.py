@@ -187,7 +187,7 @@ def test_goals_are_refused_with_the_reason(
     past.trajectory.header.stamp = time_message(LONG_AGO)
     for text, request in (
         ("points[0].positions: base_link__link_01: 3.2 is above", goal(point(1.0, 3.2))),
-        ('joint_names: "elbow" is no joint', goal(point(1.0, 0.0), joints=["elbow"])),
+        ('joint_names: "elbow" is not a joint', goal(point(1.0, 0.0), joints=["elbow"])),
         ("effort is given, but only positions are", goal(point(1.0, 0.0, effort=[1.0]))),
         ("header.stamp: the trajectory ended ", past),
     ):
@@ -221,7 +221,7 @@ def test_tolerances_that_are_wrong_are_reported(
     wrong = [JointTolerance(name="elbow", position=0.01), JointTolerance(name=JOINT, position=-3.0)]
     assert arm.ending(arm.send(goal(point(0.2, 0.05), path_tolerance=wrong))) == SUCCESS
     log = capfd.readouterr().err
-    assert 'path_tolerance: "elbow" is no joint of the controller' in log
+    assert 'path_tolerance: "elbow" is not a joint of the controller' in log
     assert "position -3 is neither 0 (the default), nor above 0, nor -1 (none)" in log
 
 
@@ -307,7 +307,7 @@ def test_the_speed_is_scaled(watched_arm: SteppedArm, capfd: pytest.CaptureFixtu
         scaling.publish(kind(factor=factor))
     arm.simulation.run(0.1)
     log = capfd.readouterr().err
-    assert "~/speed_scaling_input is ignored: a speed scaling of -0.1 is impossible" in log
+    assert "~/speed_scaling_input is ignored: a speed scaling must be 0 to 1000, not -0.1" in log
     handle = arm.send(goal(point(1.0, 0.3)))
     arm.client.states.clear()
     assert arm.ending(handle) == SUCCESS

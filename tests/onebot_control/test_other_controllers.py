@@ -314,7 +314,7 @@ def test_commands_that_are_ignored(robot: Stepped, capfd: pytest.CaptureFixture[
     """The last one stays commanded, and the log has the reason."""
     robot.command(0.2, 0.2, seconds=0.5)
     for positions, reason in (
-        ((0.5,), "data: 1 given, for 2 joints"),
+        ((0.5,), "data: 1 values for 2 joints"),
         ((0.0, 2.5), "data: pan: 2.5 is above the joint's limit 2"),
         ((math.nan, 0.0), "data: tilt: nan is not finite"),
     ):

@@ -208,7 +208,7 @@ effort:
         "6: arm_effort: commands effort, which is not simulated yet, so it is skipped",
         "23: gains.finger.p: no such parameter",
         "7: hand_effort: is inactive: hand comes first, and moves finger",
-        "14: arm.constraints.other_controller.joint1: no joint of the controller",
+        "14: arm.constraints.other_controller.joint1: not a joint of the controller",
     ),
 )
 
@@ -258,7 +258,7 @@ arm:
     gains: {yaw: {p: 100.0, i_clamp: 1.0, angle_wraparound: true}, boom: {p: 1.0}}
 """,
     "arm",
-    ("15: arm.gains.boom: no joint of the controller (known: lift, yaw); it is ignored",),
+    ("15: arm.gains.boom: not a joint of the controller (known: lift, yaw); it is ignored",),
 )
 
 PROJECTS = {

@@ -599,7 +599,7 @@ def test_periods_whose_sum_is_rounded() -> None:
 @pytest.mark.parametrize("wrong", [-0.1, 1001.0, math.nan, math.inf])
 def test_an_impossible_speed_scaling(wrong: float) -> None:
     arm = Arm()
-    with pytest.raises(OneBotError, match=f"^a speed scaling of {wrong:g} is impossible"):
+    with pytest.raises(OneBotError, match=f"^a speed scaling must be 0 to 1000, not {wrong:g}"):
         arm.follower.scaling = wrong
     assert arm.follower.scaling == 1.0
 

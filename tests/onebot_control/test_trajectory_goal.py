@@ -58,7 +58,7 @@ def test_what_is_accepted() -> None:
             ("shoulder", "elbo"),
             True,
             [
-                'joint_names: "elbo" is no joint of the controller '
+                'joint_names: "elbo" is not a joint of the controller '
                 '(did you mean "elbow"? known: elbow, shoulder)'
             ],
         ),
@@ -80,9 +80,9 @@ def test_joint_names(joints: tuple[str, ...], partial: bool, expected: list[str]
 @pytest.mark.parametrize(
     ("point", "expected"),
     [
-        (Waypoint(2.0, ()), "positions: 0 given, for 2 joints"),
-        (Waypoint(2.0, (0.5,) * 3), "positions: 3 given, for 2 joints"),
-        (Waypoint(2.0, (0.5,) * 2, (0.0,)), "velocities: 1 given, for 2 joints"),
+        (Waypoint(2.0, ()), "positions: 0 values for 2 joints"),
+        (Waypoint(2.0, (0.5,) * 3), "positions: 3 values for 2 joints"),
+        (Waypoint(2.0, (0.5,) * 2, (0.0,)), "velocities: 1 values for 2 joints"),
         (Waypoint(2.0, (0.5, math.nan)), "positions: elbow: nan is not finite"),
         (Waypoint(2.0, (math.inf, 0.5)), "positions: shoulder: inf is not finite"),
         (Waypoint(2.0, (1e61, 0.5)), "positions: shoulder: 1e+61 is beyond 1e+60"),
@@ -109,13 +109,13 @@ def test_points_that_are_integrated() -> None:
     rates = Waypoint(0.5, (), (0.1, 0.2)), Waypoint(1.0, (), (), (0.3, 0.4))
     assert not problems(*rates, Waypoint(2.0, (), (0.0, 0.0)), **allowed)
     assert problems(*rates) == [
-        f"points[{index}].positions: 0 given, for 2 joints" for index in range(2)
+        f"points[{index}].positions: 0 values for 2 joints" for index in range(2)
     ]
     for point, expected in (
-        (Waypoint(2.0, ()), "positions: 0 given, for 2 joints"),
-        (Waypoint(2.0, (0.1,), (0.0, 0.0)), "positions: 1 given, for 2 joints"),
-        (Waypoint(2.0, (), (0.0,)), "velocities: 1 given, for 2 joints"),
-        (Waypoint(2.0, (), (), (0.0,) * 3), "accelerations: 3 given, for 2 joints"),
+        (Waypoint(2.0, ()), "positions: 0 values for 2 joints"),
+        (Waypoint(2.0, (0.1,), (0.0, 0.0)), "positions: 1 values for 2 joints"),
+        (Waypoint(2.0, (), (0.0,)), "velocities: 1 values for 2 joints"),
+        (Waypoint(2.0, (), (), (0.0,) * 3), "accelerations: 3 values for 2 joints"),
         (Waypoint(2.0, (), (), (0.0, math.nan)), "accelerations: elbow: nan is not finite"),
     ):
         assert problems(*rates, point, **allowed) == [f"points[2].{expected}"]
@@ -215,7 +215,7 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
     [
         (
             {"path": (ToleranceGiven("wrist", 0.5),)},
-            'path_tolerance: "wrist" is no joint of the controller (known: elbow, shoulder)',
+            'path_tolerance: "wrist" is not a joint of the controller (known: elbow, shoulder)',
         ),
         (
             {"path": (ToleranceGiven("elbow", -0.5),)},
@@ -240,7 +240,7 @@ def test_one_wrong_tolerance_makes_all_the_defaults(wrong: dict[str, Any], expec
     assert resolved_tolerances(right, NAMES, DEFAULTS) == ((9.0, 0.2), (9.0, 0.02), 9.0)
     given = right._replace(**wrong)
     assert resolved_tolerances(given, NAMES, DEFAULTS) == DEFAULTS
-    assert tolerance_problems(given, NAMES) == [f"{expected}; all tolerances are the defaults"]
+    assert tolerance_problems(given, NAMES) == [f"{expected}; the default tolerances are used"]
 
 
 def test_exceeded() -> None:
