@@ -140,5 +140,5 @@ def test_where_packages_come_from(genuine: Path) -> None:
     """As ``onebot doctor`` says."""
     code = "from onebot_bringup.cli.doctor import _packages; print(*_packages())"
     line = run(code, PYTHONPATH=str(genuine))
-    assert f"nav2_msgs of {genuine}" in line and line.startswith("ok ")
-    assert "control_msgs, " in line.partition(" of ")[0]
+    assert f"nav2_msgs from {genuine}" in line and line.startswith("ok ")
+    assert "control_msgs, " in line.partition(" from ")[0]

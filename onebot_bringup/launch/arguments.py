@@ -113,7 +113,7 @@ class Argument:
         return text
 
     def _not_possible(self, text: str, possible: str) -> str:
-        return f"{self.name}:={text} is not possible; {possible}"
+        return f"{self.name}:={text} is not valid; {possible}"
 
 
 def argument(

@@ -63,7 +63,7 @@ class RobotsFile:
             yield Problem("robots", "is empty; write a robot, such as scout: {x: 0.0, y: 0.0}")
         for name in self.robots:
             if not NAMESPACE.fullmatch(name):
-                text = f"is not possible as a namespace; write {NAMESPACE_WANTED}"
+                text = f"is not valid as a namespace; write {NAMESPACE_WANTED}"
                 yield Problem(f"robots.{name}", text)
 
 

@@ -495,7 +495,7 @@ def test_a_name_that_the_model_has_too_is_said(
 ) -> None:
     """Whether the command takes the value or refuses it."""
     arm.write_text(ARM.replace("height", "port"))
-    for value, text in (("x", "port:=x is not possible"), ("9000", "add steer:=true")):
+    for value, text in (("x", "port:=x is not valid"), ("9000", "add steer:=true")):
         assert text in refused(view, str(arm), f"port:={value}")
         assert (
             "port:= is an argument of view; the model's is model.port:=" in capsys.readouterr().err

@@ -75,8 +75,8 @@ def test_all_problems_are_told_at_once() -> None:
         Viewing.read({"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
     assert 'no argument "veiwer" (did you mean "viewer"?' in message
-    assert "viewer:=x11 is not possible; it can be one of: web, none" in message
-    assert "reload:=yes is not possible; it can be one of: true, 1, false, 0" in message
+    assert "viewer:=x11 is not valid; it can be one of: web, none" in message
+    assert "reload:=yes is not valid; it can be one of: true, 1, false, 0" in message
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_impossible_values_are_refused(word: str, words: str) -> None:
     """Nothing is rounded or guessed."""
     with pytest.raises(UsageError) as caught:
         Numbers.read(split([word]).given)
-    assert str(caught.value).startswith(f"{word} is not possible; ")
+    assert str(caught.value).startswith(f"{word} is not valid; ")
     assert words in str(caught.value)
 
 

@@ -146,7 +146,7 @@ def test_the_control_file_names_the_drive(peer, tmp_path):
 
         wait_for(has_moved, "a motion")
         command.linear.y = float("nan")
-        ignored = "~/cmd_vel is ignored: not finite: linear.y nan"
+        ignored = "~/cmd_vel is ignored: not finite: linear.x 0.3, linear.y nan"
         wait_for(lambda: publisher.publish(command) or ignored in node.output, "a warning")
         wait_for(lambda: peer.node.count_subscribers("/base/odom") > 1, "the recorder")
         assert "a Twist on /base/cmd_vel" in node.output

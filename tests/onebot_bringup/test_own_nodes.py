@@ -170,7 +170,7 @@ def test_what_cannot_be_added_or_removed(workspace: Path) -> None:
     write(workspace / "std_msgs", {"msg/A.msg": "int8 a\n"})
     assert "takes precedence" in onebot("interface", "add", "std_msgs").stderr
     write(workspace / "Big", {"msg/A.msg": "int8 a\n"})
-    assert '"Big" is no package name' in onebot("interface", "add", "Big").stderr
+    assert '"Big" is not a package name' in onebot("interface", "add", "Big").stderr
     assert 'no package "std_msgs" was added' in onebot("interface", "remove", "std_msgs").stderr
     packages = output_of("interface", "packages").splitlines()
     assert "std_msgs" in packages

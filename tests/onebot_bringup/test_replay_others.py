@@ -226,7 +226,7 @@ def test_nothing_is_dropped(tmp_path):
 
 def test_waits_for_the_file_to_be_written(tmp_path, monkeypatch):
     """Else all of a large recording is in memory, where it is read faster than it is written."""
-    monkeypatch.setattr(shown_bag, "_MAX_WAITING", 100_000)
+    monkeypatch.setattr(shown_bag, "_MAX_QUEUED", 100_000)
     with OtherRobot(tmp_path / "bag") as robot:
         for step in range(20):
             picture = image("rgb8", np.zeros((100, 300, 3), np.uint8))

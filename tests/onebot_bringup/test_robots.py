@@ -73,7 +73,7 @@ def test_a_file_names_places_models_and_parameters(
     [
         ("robots:\n  a: {x: 0.0}", r":2: robots.a: has no y, where it starts"),
         ("robots:\n  a: {x: 0, y: 0, yav: 1}", r':2: robots.a.yav: no such .*did you mean "yaw"'),
-        ("robots:\n  a b: {x: 0, y: 0}", r":2: robots.a b: is not possible as a namespace; write"),
+        ("robots:\n  a b: {x: 0, y: 0}", r":2: robots.a b: is not valid as a namespace; write"),
         ("robots: {}", r":1: robots: is empty; write a robot, such as scout"),
         ("", r"robots: is missing"),
         ("robots:\n  a: {x: 0, y: 0, model: none.urdf}", r":2: robots.a: .*none.urdf"),

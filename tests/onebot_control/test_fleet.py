@@ -64,7 +64,8 @@ def test_a_cycle_is_one_of_each_robot() -> None:
 def test_what_does_not_suit_a_robot_is_refused() -> None:
     wrong = config(left_wheel_names=["arm"])
     members = [Member(robot(), config(x=1.0)), Member(robot(), wrong, "/r1", PLACES)]
-    with pytest.raises(OneBotError, match='/r1: f.yaml:3: left_wheel_names: .*no joint "arm"'):
+    message = '/r1: f.yaml:3: left_wheel_names: .*no rotating joint "arm"'
+    with pytest.raises(OneBotError, match=message):
         Fleet.from_members(members)
 
 
@@ -73,7 +74,7 @@ def test_all_robots_have_the_cycles_of_one_loop() -> None:
         Member(robot(), config(update_rate=rate, x=x), name)
         for name, rate, x in (("/r1", 100, 0.0), ("/r2", 50, 2.0))
     ]
-    with pytest.raises(OneBotError, match="/r2: update_rate is 50 Hz, but 100 Hz of /r1; it is"):
+    with pytest.raises(OneBotError, match="/r2: update_rate is 50 Hz, but /r1 has 100 Hz; it must"):
         Fleet.from_members(members)
 
 

@@ -217,4 +217,4 @@ def test_a_second_publisher_of_the_description_is_warned_of(ros_domain, arm):
             for node in (one, other):
                 wait_for(lambda node=node: warning in node.output, "the warning")
                 assert "namespace:=" in node.output and "domain_id:=" in node.output
-            assert [node.output.count("is published by") for node in (one, other)] == [1, 1]
+            assert [node.output.count("has several publishers") for node in (one, other)] == [1, 1]

@@ -101,7 +101,7 @@ def test_a_topic_held_as_another_type_is_refused_until_it_is_free(peer, topic):
             topic.update(STRING, DEFAULT)
         return str(caught.value)
 
-    assert '"/topic" cannot be subscribed as std_msgs/msg/String' in peer.run(refusal)
+    assert 'cannot subscribe to topic "/topic" with type std_msgs/msg/String' in peer.run(refusal)
     assert topic.type is None
     peer.run(peer.node.destroy_subscription, holder)
     peer.run(topic.update, STRING, DEFAULT)
