@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # the first goal imports the modules that need scipy
     from onebot_control.navigation.grid import LevelScan
     from onebot_control.navigation.navigator import Navigator
 
-_MIN_RAYS = 30  # of a lidar that can build a map
+_MIN_RAYS = 30  # minimum number of rays of a lidar that can build a map
 
 
 @checked_methods(before=lambda self: self._core.require_open())

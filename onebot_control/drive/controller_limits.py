@@ -34,7 +34,7 @@ class ControllerLimits:
     linear: SpeedLimits = SpeedLimits()
     angular: SpeedLimits = SpeedLimits()
     lateral: SpeedLimits | None = None  # None: it does not drive sideways
-    minimum_radius: float = 0.0  # of curves, m; 0: it turns on the spot
+    minimum_radius: float = 0.0  # minimum turning radius, m; 0: it turns on the spot
 
     @classmethod
     def from_parameters(cls, node: str, values: Mapping[str, Any]) -> "ControllerLimits | None":

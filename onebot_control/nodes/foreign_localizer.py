@@ -36,7 +36,7 @@ class LocalizerWatch:
             robots: the publishers of ground truth.
         """
         self._nodes, self._all_robots = nodes, robots
-        self._robots: Mapping[str, Publishers] = {}  # those with ground truth on TF, by odom frame
+        self._robots: Mapping[str, Publishers] = {}  # robots with ground truth on TF, by odom frame
         self._subscriptions: list[Any] = []
 
     def poll(self) -> None:

@@ -236,7 +236,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._interface.publish(snapshots, stamp)
             if self._poll_due.due():
                 self._interface.poll()
-                self._await_latched(_PATIENCE)  # of transforms to which it has just subscribed
+                self._await_latched(_PATIENCE)  # transforms to which it has just subscribed
                 self._interface.poll()
                 self._executor.look_for_events = True
         except RCLError:

@@ -217,7 +217,7 @@ class WorldInterface:
         for interface in self.robots:
             self.controller_nodes += interface.control_joints(loop, clock)
         loop.start()
-        self.set_factor(self.factor)  # of the first robot
+        self.set_factor(self.factor)  # the first robot's factor
 
     def set_factor(self, factor: float) -> None:
         """Set the real_time_factor of all robots."""

@@ -45,7 +45,7 @@ class PaceMeter:
         wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
-    _is_slow = False  # as last logged
+    _is_slow = False  # last logged state
 
     def measured(self, pace: Pace, *, is_slow: bool) -> None:
         """Report the pace of about a second; implemented by subclasses."""

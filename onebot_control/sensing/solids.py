@@ -43,7 +43,7 @@ _SECTIONS = 2200  # facets around a cylinder of radius 1 m
 _MAX_SECTIONS = {Cylinder: 4096, Capsule: 256}
 _HIGH = 1e-4  # m between the highest and the lowest point of a sphere's facet
 _ICOSAHEDRON = 0.292  # m, this height for an icosahedron of radius 1; a subdivision quarters it
-_MAX_SUBDIVISIONS = 6  # of spheres: 82,000 facets
+_MAX_SUBDIVISIONS = 6  # maximum subdivisions of a sphere: 82,000 facets
 
 
 # Corners and triangles of a cube with edges of 1 m, as in trimesh, which is slow to import.

@@ -135,7 +135,7 @@ def test_a_push_on_an_arm_loads_its_motor():
         simulation.run(0.5)
         torque = float(np.cross(at, force) @ np.array(axis))
         assert robot.joints[JOINT].effort - before == pytest.approx(-torque, rel=0.01)
-        with pytest.raises(OneBotError, match="stands still"):
+        with pytest.raises(OneBotError, match="is fixed"):
             robot.push((1.0, 0.0, 0.0), 1.0)
 
 

@@ -68,7 +68,7 @@ class Axle(NamedTuple):
 class Wheel(NamedTuple):
     """A rolling part, in the root link's frame with all joints at 0."""
 
-    name: str  # of the joint
+    name: str  # name of the joint
     x: float  # position of its centre in the root link's frame, m
     y: float  # the same
     bottom: float  # z where it touches the ground, m
