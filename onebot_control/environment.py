@@ -137,7 +137,7 @@ class OneBotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observation(), self.reward(robot), self.is_over(robot), truncated, {}
 
     def reward(self, robot: SimulatedRobot) -> float:
-        """Return the reward of the last step: the metres driven forward in it."""
+        """Return the reward of the last step: the meters driven forward in it."""
         return self._driven
 
     def is_over(self, robot: SimulatedRobot) -> bool:

@@ -227,7 +227,7 @@ class SimulatedRobot:
             seconds: simulated duration, rounded to whole physics steps; a reset or a teleport of
                 the robot ends it.
             link: the link to push; "" for the root link.
-            point: (3,), point of application in the link's frame, m; None for the centre of mass of
+            point: (3,), point of application in the link's frame, m; None for the center of mass of
                 the link and the links fixed to it.
 
         Raises:

@@ -384,7 +384,7 @@ class Simulation(AbstractContextManager["Simulation"]):
 
         Args:
             eye: (3,), the viewpoint in the world, m.
-            target: (3,), another point, at the centre of the picture, m.
+            target: (3,), another point, at the center of the picture, m.
             width: pixels.
             height: pixels.
 

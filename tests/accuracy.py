@@ -61,7 +61,7 @@ class DrivenPath(NamedTuple):
 
 
 def straight(distance: float) -> tuple[Segment, ...]:
-    """Drive ``distance`` metres ahead, then rest."""
+    """Drive ``distance`` meters ahead, then rest."""
     return Segment(_LINEAR, 0.0, distance / _LINEAR), Segment(0.0, 0.0, _REST)
 
 

@@ -97,10 +97,10 @@ def screenshot(driver: webdriver.Chrome) -> bytes:
 
 
 def wait_for_color(driver: webdriver.Chrome, rgb: tuple[int, int, int], most: int) -> None:
-    """Wait until more than ``most`` pixels of the page have a colour."""
+    """Wait until more than ``most`` pixels of the page have a color."""
     wait_for(
         lambda: colored(pixels(screenshot(driver)), rgb).sum() > most,
-        f"the colour {rgb} in the picture",
+        f"the color {rgb} in the picture",
         timeout=DRAWING_PATIENCE,
     )
 

@@ -1,4 +1,4 @@
-"""What tests that draw pictures share: a renderer, and reading colours off a picture."""
+"""What tests that draw pictures share: a renderer, and reading colors off a picture."""
 
 import functools
 import io
@@ -38,7 +38,7 @@ def pixels(png: Path | bytes) -> NDArray[np.int64]:
 def colored(image: NDArray[np.int64], rgb: tuple[int, int, int]) -> NDArray[np.bool_]:
     """Return where ``image`` shows ``rgb``, lit or in the shade: (height, width).
 
-    Shading scales linear light, and so, about, the bytes: the direction in colour space stays.
+    Shading scales linear light, and so, about, the bytes: the direction in color space stays.
     """
     wanted = np.array(rgb) / np.linalg.norm(rgb)
     length = np.linalg.norm(image, axis=2)

@@ -176,7 +176,7 @@ def test_your_own_robot_drives(ros_domain, tmp_path):
             command.publish(twist)
             return truth and truth[-1].pose.pose.position.x > 0.5
 
-        wait_for(has_driven, "half a metre")
+        wait_for(has_driven, "half a meter")
         assert abs(truth[-1].pose.pose.position.y) < 0.01
         wait_for(lambda: odometry[-1].pose.pose.position.x > 0.5, "the odometry")
         wait_for(lambda: "[steering_page]" in running.output, "the steering page")

@@ -64,7 +64,7 @@ def run(argv: Sequence[str]) -> int:
 def run_file(file: Path, arguments: Sequence[str]) -> int:
     """Run a node from its file as ``__main__``, and its function ``main`` if it does not call that.
 
-    A file of a Python package is run as its module, so it may import its neighbours.
+    A file of a Python package is run as its module, so it may import its neighbors.
     """
     if not file.is_file():
         raise UsageError(f"there is no file {file}")

@@ -69,7 +69,7 @@ def _pixels(text: str) -> int:
 
 
 def camera(text: str) -> tuple[Triple, Triple | None]:
-    """Return eye and target, metres in the fixed frame; no target if only the eye is given.
+    """Return eye and target, meters in the fixed frame; no target if only the eye is given.
 
     Raises:
         ArgumentTypeError: the text is invalid, or eye and target are equal.
@@ -104,7 +104,7 @@ OPTIONS = (
     option(
         "--camera",
         "X,Y,Z[:X,Y,Z]",
-        "where to look from, and at, in metres in the fixed frame (default: the view's)",
+        "where to look from, and at, in meters in the fixed frame (default: the view's)",
         camera,
     ),
     flag("--dashboard", "the whole layout with its plots"),

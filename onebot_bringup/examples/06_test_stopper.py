@@ -1,4 +1,4 @@
-"""Tests a node, which has to stop half a metre before a wall, however far away it starts.
+"""Tests a node, which has to stop half a meter before a wall, however far away it starts.
 
 Run it with `pytest 06_test_stopper.py`. The fixture `ros_simulation` comes with the installation.
 """

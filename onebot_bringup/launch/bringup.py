@@ -30,7 +30,7 @@ from onebot_bringup.launch.nodes import (
     given_files,
     world_frame,
 )
-from onebot_bringup.launcher.console import wants_colour
+from onebot_bringup.launcher.console import wants_color
 from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
@@ -361,7 +361,7 @@ def environment(settings: DiscoverySettings, *, several: bool = False) -> dict[s
         # The launcher prefixes each line with the node's name, but not with the robot's.
         name = "[{name}] " if several else ""
         variables["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = f"[{{severity}}] {name}{{message}}"
-    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_colour(2):
+    if "RCUTILS_COLORIZED_OUTPUT" not in os.environ and wants_color(2):
         variables["RCUTILS_COLORIZED_OUTPUT"] = "1"  # the nodes see a pipe instead of a terminal
     return variables
 

@@ -19,7 +19,7 @@ from onebot_description.errors import printable
 _MAX_LINES = 4000
 _COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
 
-# Control sequences other than colours, which a terminal would obey; names in files may hold them.
+# Control sequences other than colors, which a terminal would obey; names in files may hold them.
 _OBEYED = re.compile(
     rb"[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f]|\x1b(?!\[[0-9;]*m)|\xc2[\x80-\x9f]"
     rb"|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]|\xd8\x9c"  # text direction, in UTF-8
@@ -34,7 +34,7 @@ class OutputStream(NamedTuple):
     """Standard output or error."""
 
     descriptor: int
-    colour: bool
+    color: bool
 
 
 class Console:
@@ -47,17 +47,17 @@ class Console:
 
         Args:
             program: the prefix of the launcher's own messages.
-            names: the names of the nodes, each of which gets a colour.
+            names: the names of the nodes, each of which gets a color.
             reader_left: called when standard output has no reader any more.
         """
         self.out, self.err = (
-            OutputStream(stream.fileno(), wants_colour(stream.fileno()))
+            OutputStream(stream.fileno(), wants_color(stream.fileno()))
             if stream is not None
             else OutputStream(-1, False)  # a shell has closed it (>&-)
             for stream in (sys.stdout, sys.stderr)
         )
         self._program = program
-        self._colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
+        self._colors = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
         self._reader_left = reader_left
         self._queue: queue.Queue[tuple[int, bytes] | None] = queue.Queue(_MAX_LINES)
         self._dropped = 0
@@ -67,8 +67,8 @@ class Console:
     def line(self, name: str, stream: OutputStream, text: bytes) -> None:
         """Write one line of the node called ``name``; ``text`` comes without its newline."""
         prefix = f"[{name}]"
-        if stream.colour:
-            prefix = f"\x1b[{self._colours.get(name, '1')}m{prefix}\x1b[0m"
+        if stream.color:
+            prefix = f"\x1b[{self._colors.get(name, '1')}m{prefix}\x1b[0m"
         self._put(stream, prefix.encode() + b" " + _escaped(text.rstrip(b"\r")) + b"\n")
 
     def print(self, text: str) -> None:
@@ -82,7 +82,7 @@ class Console:
 
     def warn(self, text: str) -> None:
         """Write one of the launcher's own messages about a problem."""
-        start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.colour else ("", "")
+        start, end = ("\x1b[1;31m", "\x1b[0m") if self.err.color else ("", "")
         line = printable(f"[{self._program}] {text}")
         self._put(self.err, f"{start}{line}{end}\n".encode())
 
@@ -124,8 +124,8 @@ def _write(descriptor: int, line: bytes) -> None:
             select.select([], [descriptor], [])
 
 
-def wants_colour(descriptor: int) -> bool:
-    """Return whether to colour output: ``descriptor`` is a terminal, and NO_COLOR is not set."""
+def wants_color(descriptor: int) -> bool:
+    """Return whether to color output: ``descriptor`` is a terminal, and NO_COLOR is not set."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False
     return os.isatty(descriptor)

@@ -123,7 +123,7 @@ def parse_displays(data: str) -> tuple[list[Row], list[Row]]:
     """Parse a viewer's ~/displays; return the parts that a page needs, empty if invalid.
 
     Returns:
-        The topics that it shows, and its legend, with colours as in CSS.
+        The topics that it shows, and its legend, with colors as in CSS.
     """
     try:
         displays = json.loads(data)

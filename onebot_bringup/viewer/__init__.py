@@ -7,5 +7,5 @@ passes messages to it is ``onebot_bringup.viewer.rerun_viewer``.
 import os
 
 # Rerun reads this when it is imported, so it is set here, before any module can import rerun. Users
-# cannot act on the coloured lines that Rerun writes to stderr; the nodes report what matters.
+# cannot act on the colored lines that Rerun writes to stderr; the nodes report what matters.
 os.environ.setdefault("RUST_LOG", "off")

@@ -41,7 +41,7 @@ _IN_A_COLUMN = 4  # maximum number of views in a column; more are laid out in tw
 class Layout:
     """Everything that a blueprint depends on; a new one is sent when this changes.
 
-    Colours and lengths are not part of it: they change without a new blueprint, which would reset
+    Colors and lengths are not part of it: they change without a new blueprint, which would reset
     the camera.
     """
 

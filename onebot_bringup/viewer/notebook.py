@@ -108,7 +108,7 @@ class NotebookRobot:
         self.recording.flush()
 
     def _place(self, parent: str, child: str, pose: Floats) -> None:
-        """Log a frame's pose in another: x y z in metres, quaternion x y z w."""
+        """Log a frame's pose in another: x y z in meters, quaternion x y z w."""
         self.recording.log(
             rr.new_entity_path(["tf", child]),
             rr.Transform3D(

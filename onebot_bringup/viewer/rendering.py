@@ -99,7 +99,7 @@ def render(
         shot = Image.open(io.BytesIO(still(client, progress, view)))
     # The title bar's height is in logical points; without a display, a point is one pixel.
     left, top = 0, _TITLE_BAR
-    if view is not None:  # the centre stays the centre
+    if view is not None:  # the center stays the center
         left, top = (shot.width - width) // 2, (shot.height - height) // 2
     data = io.BytesIO()
     shot.crop((left, top, left + width, top + height)).save(data, "PNG")

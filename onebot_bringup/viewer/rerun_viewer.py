@@ -17,7 +17,7 @@ Publishes:
         recording's server, so that another page can show the robot.
     ~/displays (std_msgs/String, latched): in JSON, the topics that could be shown, with their type
         and whether they are visible (the parameters hidden and shown change that); and a legend
-        with the kind, name and colour of each trail and covariance.
+        with the kind, name and color of each trail and covariance.
 
 Serves:
     ~/save_view (std_srvs/Trigger): writes the current settings into the view file.

@@ -14,7 +14,7 @@ from onebot_description.model.robot_model import RobotModel
 
 
 def corners(geometry: Geometry) -> Floats:
-    """Return the (8, 3) corners of the box around ``geometry``, metres, in its link's frame."""
+    """Return the (8, 3) corners of the box around ``geometry``, meters, in its link's frame."""
     import trimesh  # slow to import
 
     from onebot_bringup.viewer.core.glb import load_shape
@@ -24,7 +24,7 @@ def corners(geometry: Geometry) -> Floats:
 
 
 def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
-    """Return the (2, 3) box around all visuals, metres, in the fixed frame.
+    """Return the (2, 3) box around all visuals, meters, in the fixed frame.
 
     Args:
         description: the robot.
@@ -39,7 +39,7 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
 
 
 def link_corners(link: Link, marker: float) -> Floats | None:
-    """Return the corners (N, 3) of the boxes around the visuals, metres; None without any.
+    """Return the corners (N, 3) of the boxes around the visuals, meters; None without any.
 
     Args:
         link: the link.
@@ -60,12 +60,12 @@ def box_around(points: Floats) -> Floats:
 
 
 def diagonal(bounds: Floats) -> float:
-    """Return the diagonal of a (2, 3) box, metres."""
+    """Return the diagonal of a (2, 3) box, meters."""
     return float(np.linalg.norm(bounds[1] - bounds[0]))
 
 
 def robot_size(description: Description) -> float:
-    """Return the diagonal of the box around a robot whose joints are at 0, metres.
+    """Return the diagonal of the box around a robot whose joints are at 0, meters.
 
     It is 0 without shapes, and if the links are not one tree: then only TF knows their poses.
     """
@@ -78,7 +78,7 @@ def robot_size(description: Description) -> float:
 
 
 def posed_bounds(description: Description, model: RobotModel, positions: Floats) -> Floats | None:
-    """Return the (2, 3) box around a robot, metres, in its root link's frame; None without shapes.
+    """Return the (2, 3) box around a robot, meters, in its root link's frame; None without shapes.
 
     Args:
         description: the robot.
@@ -89,7 +89,7 @@ def posed_bounds(description: Description, model: RobotModel, positions: Floats)
 
 
 def fitting_eye(bounds: Floats, quarters: int = 0) -> tuple[Triple, Triple]:
-    """Return eye and target, metres, that show the whole (2, 3) box from the front left, above.
+    """Return eye and target, meters, that show the whole (2, 3) box from the front left, above.
 
     Args:
         bounds: the box.
@@ -115,7 +115,7 @@ _OF_LINK = 0.75  # share of a link's size that its axes have
 
 
 def fitting_length(size: float, links: int) -> float:
-    """Return a suitable length of axes for a robot of ``size`` (its diagonal), both in metres.
+    """Return a suitable length of axes for a robot of ``size`` (its diagonal), both in meters.
 
     The axes are long enough to stick out of a few big links, short enough for many small ones.
     """
@@ -123,7 +123,7 @@ def fitting_length(size: float, links: int) -> float:
 
 
 def axes_lengths(robot: Description) -> dict[str, float]:
-    """Return the longest axes, metres, that do not hide a link, by link name.
+    """Return the longest axes, meters, that do not hide a link, by link name.
 
     They are in proportion to the link's visuals; a link without any has its parent's length.
     """

@@ -1,4 +1,4 @@
-"""Reads RViz's own files (.rviz) as views: fixed frame, displays, topics, colours and camera.
+"""Reads RViz's own files (.rviz) as views: fixed frame, displays, topics, colors and camera.
 
 Most of RViz's property names are our settings' names written as titles with units: "Size (m)" is
 ``size``. ``_SPECIAL`` translates the displays whose words or values differ.
@@ -85,7 +85,7 @@ class RvizConfig:
             if name in fields and value != "":  # a transformer is empty until RViz has chosen one
                 self.values[f"{prefix}.{name}"] = _color(value) or value
         if "size" in fields and display.get("Style") == "Points":
-            self.values[f"{prefix}.size"] = 0.0  # ours is in metres; RViz's may be in pixels
+            self.values[f"{prefix}.size"] = 0.0  # ours is in meters; RViz's may be in pixels
 
     # --- the camera -----------------------------------------------------------------------------
 
@@ -97,7 +97,7 @@ class RvizConfig:
         kind = str(view.get("Class", "")).rpartition("/")[2]
         if kind == "TopDownOrtho":
             x, y = _number(view.get("X")), _number(view.get("Y"))
-            # RViz's scale is pixels per metre; assume a window of 800 pixels.
+            # RViz's scale is pixels per meter; assume a window of 800 pixels.
             height = 800.0 / max(_number(view.get("Scale"), 50.0), 1e-3)
             self.values |= {"camera.eye": [x, y - 1e-3, height], "camera.target": [x, y, 0.0]}
         elif "Distance" in view:
@@ -169,7 +169,7 @@ def _flat(properties: Properties) -> Iterator[tuple[str, Any]]:
         if isinstance(value, Mapping):
             if "Value" in value:
                 yield _snake(name), value["Value"]
-            # The colours in a covariance's group are not the display's.
+            # The colors in a covariance's group are not the display's.
             if name not in ("Covariance", "Namespaces") and not name.endswith("Topic"):
                 yield from _flat(value)
         else:

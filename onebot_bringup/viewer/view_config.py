@@ -3,12 +3,12 @@
 Example (every key may be left out; the settings of a display are below its key)::
 
     fixed_frame: base_link        # "" is the frame above all others
-    axes: {visible: true, length: 0.5, names: true, frames: []}   # metres; [] is all frames
-    grid: {visible: true, spacing: 1.0, height: 0.0}  # metres
+    axes: {visible: true, length: 0.5, names: true, frames: []}   # meters; [] is all frames
+    grid: {visible: true, spacing: 1.0, height: 0.0}  # meters
     collision: false              # show collision shapes at the start
     background: [48, 48, 48]      # sRGB bytes
     camera:
-      eye: [3.0, -3.0, 2.0]       # metres, in the fixed frame
+      eye: [3.0, -3.0, 2.0]       # meters, in the fixed frame
       target: [0.0, 0.0, 0.5]
       follow: base_link           # the link the camera moves with
     trails:                       # trails by Odometry topics, under any names
@@ -16,7 +16,7 @@ Example (every key may be left out; the settings of a display are below its key)
     automatic: true               # show topics of all types that have a display
     hidden: [/local_plan]         # topics not shown
     shown: [/camera/points]       # topics always shown
-    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; metres
+    path: {line_width: 0.02, topics: {/plan: {line_width: 0.1}}}   # nav_msgs/Path; meters
     panels: {blueprint: collapsed, selection: collapsed, time: collapsed, top: expanded}
 """
 
@@ -55,16 +55,16 @@ class GridSettings:
     """The grid on the ground."""
 
     visible: bool = setting(True, "draw it")
-    spacing: float = setting(0.0, "metres; 0: fits the robot's size")
-    height: float = setting(0.0, "metres above the fixed frame's origin", signed)
+    spacing: float = setting(0.0, "meters; 0: fits the robot's size")
+    height: float = setting(0.0, "meters above the fixed frame's origin", signed)
 
 
 @dataclass(frozen=True)
 class CameraSettings:
     """Where the camera is, and what it looks at."""
 
-    eye: Triple | None = setting(None, "metres, in the fixed frame", vector)
-    target: Triple | None = setting(None, "metres, in the fixed frame", vector)
+    eye: Triple | None = setting(None, "meters, in the fixed frame", vector)
+    target: Triple | None = setting(None, "meters, in the fixed frame", vector)
     follow: str = setting("", "the link that the camera moves with")
 
 
@@ -140,7 +140,7 @@ def view_text(view: ViewConfig) -> str:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes maps as blocks, but lists, such as vectors and colours, on one line."""
+    """Writes maps as blocks, but lists, such as vectors and colors, on one line."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: Any = None) -> Any:
         return super().represent_sequence(tag, sequence, flow_style=True)

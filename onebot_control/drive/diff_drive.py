@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class DiffDriveKinematics(Kinematics):
     """Converts between wheel and body motion of a differential drive.
 
-    The wheels of both sides are on one axle; the body's frame is at its centre, x forward, y left
+    The wheels of both sides are on one axle; the body's frame is at its center, x forward, y left
     (REP-103). See Siegwart and Nourbakhsh, "Introduction to Autonomous Mobile Robots", section 3.2.
     """
 

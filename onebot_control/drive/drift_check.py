@@ -25,7 +25,7 @@ _TURN = (
 
 
 class DriftCheck:
-    """Compares odometry with ground truth over a metre or a radian at a time.
+    """Compares odometry with ground truth over a meter or a radian at a time.
 
     Attributes:
         warning: the warning to log; "" as long as they agree.

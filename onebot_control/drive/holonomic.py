@@ -32,7 +32,7 @@ class HolonomicKinematics(Kinematics):
 
         Args:
             radius: radius of the wheels, m.
-            rows: (N, 3), the path of each wheel, m, per metre forward, per metre to the left, and
+            rows: (N, 3), the path of each wheel, m, per meter forward, per meter to the left, and
                 per rad of turning to the left.
             kind: kind of the wheels.
 
@@ -83,7 +83,7 @@ class HolonomicKinematics(Kinematics):
             radius: radius of the wheels, m.
             reach: half the distance between the axles plus half that between the sides, m.
             counts: number of wheels at each corner.
-            offset: the base's frame relative to the centre of the wheels, m and rad, as in
+            offset: the base's frame relative to the center of the wheels, m and rad, as in
                 mecanum_drive_controller's kinematics.base_frame_offset.
 
         Raises:
@@ -102,7 +102,7 @@ class HolonomicKinematics(Kinematics):
     def omni(
         cls, radius: float, robot_radius: float, count: int, wheel_offset: float = 0.0
     ) -> "HolonomicKinematics":
-        """Return the kinematics of omni wheels on a circle, whose axles point to its centre.
+        """Return the kinematics of omni wheels on a circle, whose axles point to its center.
 
         Args:
             radius: radius of the wheels, m.

@@ -19,7 +19,7 @@ class DriveCommand(NamedTuple):
 
 
 class Share(NamedTuple):
-    """The body motion per metre of one wheel's path."""
+    """The body motion per meter of one wheel's path."""
 
     forward: float  # m
     left: float  # m
@@ -27,7 +27,7 @@ class Share(NamedTuple):
 
 
 PathError = tuple[float, float, float, float]
-"""The change of x (m), y (m) and yaw (rad) per metre of a wheel's path, and its variance, m^2."""
+"""The change of x (m), y (m) and yaw (rad) per meter of a wheel's path, and its variance, m^2."""
 
 
 class Kinematics(ABC):
@@ -89,7 +89,7 @@ class Kinematics(ABC):
             motion: the motion of the body.
             cos: cosine of the heading in the middle of the motion.
             sin: sine of the same heading.
-            noise: variance of each wheel's path, m^2 per metre.
+            noise: variance of each wheel's path, m^2 per meter.
         """
         distance, aside, _ = motion
         paths, errors = self.paths(motion), []

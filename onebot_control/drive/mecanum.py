@@ -35,8 +35,8 @@ def _multiplier(length: str) -> Any:
 class BaseFrameOffset:
     """mecanum_drive_controller's parameters ``kinematics.base_frame_offset.*``."""
 
-    x: float = parameter(0.0, "position of the base's frame relative to the wheels' centre, m")
-    y: float = parameter(0.0, "position of the base's frame relative to the wheels' centre, m")
+    x: float = parameter(0.0, "position of the base's frame relative to the wheels' center, m")
+    y: float = parameter(0.0, "position of the base's frame relative to the wheels' center, m")
     theta: float = parameter(0.0, "heading of the base's frame relative to the wheels, rad")
 
 

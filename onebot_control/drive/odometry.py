@@ -85,7 +85,7 @@ class Odometry:
         heading: rad, not wrapped.
         twist: velocity in the robot's own axes: the rolling mean, or in open loop the command.
         covariance: covariance of the pose.
-        noise: variance of each wheel's distance, m^2 per metre.
+        noise: variance of each wheel's distance, m^2 per meter.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Odometry:
             kinematics: converts wheel to body motion.
             window: number of updates that the twist is averaged over
                 (velocity_rolling_window_size).
-            noise: variance of each wheel's distance, m^2 per metre; empty if wheels are exact.
+            noise: variance of each wheel's distance, m^2 per meter; empty if wheels are exact.
         """
         self.kinematics, self.noise = kinematics, noise or (0.0,) * len(kinematics.shares)
         self._wheels: Sequence[float] | None = None

@@ -95,7 +95,7 @@ class DriveParameters(ABC, Generic[G]):
 
     @abstractmethod
     def noise(self, paths: int) -> Sequence[float]:
-        """Return the variance of each of the kinematics' ``paths``, m^2 per metre."""
+        """Return the variance of each of the kinematics' ``paths``, m^2 per meter."""
 
     @abstractmethod
     def wheels(self, description: "Description") -> "Wheels":

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from onebot_description.description import Description
 
 _ACROSS = 1e-9  # cosine of the angle from which a steered wheel counts as standing across
-# A wheel this close to the centre of rotation, as a share of the radius, carries no information
+# A wheel this close to the center of rotation, as a share of the radius, carries no information
 # about the robot's speed.
 _PIVOT = 1e-3
 # Steering errors at which the wheels begin to slow down, and slow down no further, rad, as in

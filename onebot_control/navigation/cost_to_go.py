@@ -22,7 +22,7 @@ class CostToGo:
     reset where paths cross the change, and the wave continues from around that part.
 
     Attributes:
-        values: (rows, columns), price from the centre of a cell, m on free ground; infinite where
+        values: (rows, columns), price from the center of a cell, m on free ground; infinite where
             the wave has not been.
         level: the price up to which the field is known.
         aside: number of cells within which the robot escapes from an obstacle that is too near.
@@ -60,7 +60,7 @@ class CostToGo:
         return np.asarray(cells[self._order[cells] == numbers])
 
     def _from(self, cells: Cells) -> tuple[Cells, Floats]:
-        """Return the neighbours of cells, (N, 8), and the prices of the paths to them."""
+        """Return the neighbors of cells, (N, 8), and the prices of the paths to them."""
         around = cells[:, None] + self._offsets
         costs = self._half[cells][:, None] + self._half[around]
         costs *= _LENGTHS

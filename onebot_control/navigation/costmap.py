@@ -26,9 +26,9 @@ class Costmap:
     """Distances from obstacles, and the price of driving over cells, updated in parts.
 
     Attributes:
-        distances: (rows, columns), from the centre of a cell to the nearest obstacle, m; at most
+        distances: (rows, columns), from the center of a cell to the nearest obstacle, m; at most
             1 m.
-        fine: (2 rows, 2 columns), the same from the centres of the quarters of cells.
+        fine: (2 rows, 2 columns), the same from the centers of the quarters of cells.
         prices: (rows, columns), price of driving 1 m there; infinite where the robot cannot be.
         further: (rows, columns), the part of the prices that is due to visits, or off a path.
     """
@@ -94,7 +94,7 @@ class Costmap:
                 ~occupied, return_distances=False, return_indices=True
             )
             # Use the mean end point in the nearest occupied cell, which is more exact than its
-            # centre.
+            # center.
             number, x, y = self._grid.ends[outer.cells][rows, columns].transpose(2, 0, 1)
             number = np.maximum(number, 1.0) * np.float32(resolution)
             rows = rows + y / number - np.arange(occupied.shape[0], dtype=np.float32)[:, None]
@@ -149,7 +149,7 @@ class Costmap:
 
 
 def quartered(values: Singles) -> Singles:
-    """Return values interpolated at the centres of the quarters of cells, (2 rows, 2 columns)."""
+    """Return values interpolated at the centers of the quarters of cells, (2 rows, 2 columns)."""
     rows, columns = values.shape
     padded = np.pad(values, 1, "edge")
     inner = padded[1:-1] * np.float32(3.0)

@@ -116,7 +116,7 @@ def _points(header: Header, model: object, rate: float, points: NDArray[np.void]
     kinds = points.dtype.fields
     assert kinds is not None
     fields = [
-        # Colours are packed into a float, as in PCL.
+        # Colors are packed into a float, as in PCL.
         PointField(name=name, offset=kind[1], datatype=_FIELDS.get(kind[0], 7), count=1)
         for name, kind in kinds.items()
     ]

@@ -162,7 +162,7 @@ class ContactRecorder:
             (left - reach, back - reach, bottom - reach),
             (right + reach, front + reach, top + reach),
         )
-        return any(neighbour not in (body, self._ground) for neighbour, _ in near or ())
+        return any(neighbor not in (body, self._ground) for neighbor, _ in near or ())
 
     def begin(self, *, recorded: bool) -> None:
         """Start a control cycle."""

@@ -22,7 +22,7 @@ class PhysicsSettings:
     # OneBot is equally accurate with both; the odometry of tall robots with arms (Stretch) is
     # within 0.04 % of the exact value, with 400 Hz within 0.02 %.
     rate: float = 200.0
-    # The solver never stops early, so that a robot at rest drifts by nanometres, not millimetres.
+    # The solver never stops early, so that a robot at rest drifts by nanometers, not millimeters.
     iterations: int = 200
     gravity: float = 9.81
     friction: float = 1.0

@@ -123,7 +123,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
     if abs(lowest) > MILLIMETRES:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
-            "or an <origin> in millimetres? Lengths are in m"
+            "or an <origin> in millimeters? Lengths are in m"
         )
     links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
     for index, link in {-1: description.root_link, **links}.items():

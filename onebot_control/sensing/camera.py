@@ -32,7 +32,7 @@ def focal_length(camera: Camera) -> float:
 def calibration(camera: Camera) -> dict[str, str | list[float]]:
     """Return the fields of a CameraInfo message that calibrate a camera without distortion."""
     focal, x, y = focal_length(camera), camera.width / 2.0, camera.height / 2.0
-    shift = 0.0 - focal * camera.baseline  # shift of a pair's right camera, pixels times metres
+    shift = 0.0 - focal * camera.baseline  # shift of a pair's right camera, pixels times meters
     return {
         "distortion_model": "plumb_bob",
         "d": [0.0] * 5,

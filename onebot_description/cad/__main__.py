@@ -53,7 +53,7 @@ def write_robot(source: Path, folder: Path) -> None:
 
 
 def _as_mapping(body: Body) -> dict[str, object]:
-    """Return mass, centre and moments, rounded so that they are the same on every machine."""
+    """Return mass, center and moments, rounded so that they are the same on every machine."""
     moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), body.inertial.inertia, strict=True)
     return {
         "mass": round(body.mass, 8),

@@ -41,7 +41,7 @@ _INSIDE = ((0, -0.3), (0.76, -0.3), (0.76, 0.9), (0, 0.9))
 
 
 def hull(base: Section, grown: float = 0.0) -> Manifold:
-    """Return the hull's solid, its skin moved outwards by ``grown`` metres (inwards if < 0)."""
+    """Return the hull's solid, its skin moved outwards by ``grown`` meters (inwards if < 0)."""
     tail, nose = base.rear - grown, base.front - base.bumper + grown
 
     def closing(what: str) -> Floats:
@@ -113,7 +113,7 @@ def _hollow(base: Section, seen: dict[str, Manifold]) -> list[tuple[str, Manifol
 
 
 def add_ballast(dimensions: Section, body: Body) -> None:
-    """Add a block that gives a body the wanted mass and centre of mass.
+    """Add a block that gives a body the wanted mass and center of mass.
 
     Raises OneBotError if its mass would be negative.
     """
@@ -130,12 +130,12 @@ def add_ballast(dimensions: Section, body: Body) -> None:
 
 
 def _above_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
-    """Cut off everything below the plane ``shift`` metres above the seam's middle."""
+    """Cut off everything below the plane ``shift`` meters above the seam's middle."""
     return solid.trim_by_plane((-base.seam_slope, 0.0, 1.0), base.seam_height + shift)
 
 
 def _below_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
-    """Cut off everything above the plane ``shift`` metres above the seam's middle."""
+    """Cut off everything above the plane ``shift`` meters above the seam's middle."""
     return solid.trim_by_plane((base.seam_slope, 0.0, -1.0), -base.seam_height - shift)
 
 

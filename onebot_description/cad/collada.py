@@ -1,7 +1,7 @@
-"""Writes a part as Collada, with colours, for every reader used here.
+"""Writes a part as Collada, with colors, for every reader used here.
 
-The file is in metres with z up, and has triangles only, one geometry per material. The symbol of
-each material equals its id, because readers find the colour by either. Equal parts give equal
+The file is in meters with z up, and has triangles only, one geometry per material. The symbol of
+each material equals its id, because readers find the color by either. Equal parts give equal
 bytes: the date is fixed.
 """
 

@@ -1,4 +1,4 @@
-"""config/dimensions.yaml (m, kg, kg/m3; colours are sRGB, 0 to 1)."""
+"""config/dimensions.yaml (m, kg, kg/m3; colors are sRGB, 0 to 1)."""
 
 from pathlib import Path
 from typing import Any

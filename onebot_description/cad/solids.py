@@ -24,7 +24,7 @@ class Part:
 
 
 def weigh(solids: Iterable[tuple[str, Manifold]], densities: Section) -> Body:
-    """Return the total mass, centre and inertia of solids, each with its material's density."""
+    """Return the total mass, center and inertia of solids, each with its material's density."""
     body = Body("")
     for material, solid in solids:
         mesh = skin(solid)

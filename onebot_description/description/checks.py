@@ -2,7 +2,7 @@
 
 It checks names, the tree of links, mimic joints, mesh files and materials, and finds elements and
 attributes that are not part of URDF, and xacro that is not expanded. ``unit_check`` finds lengths
-in millimetres.
+in millimeters.
 """
 
 import re

@@ -1,7 +1,7 @@
 """Generates cluttered worlds for navigation, each from a seed.
 
 A grid is filled at random and smoothed by a cellular automaton: a cell is filled if most of its
-neighbours are, and cleared if hardly any is. A grid that a robot could not cross is drawn again
+neighbors are, and cleared if hardly any is. A grid that a robot could not cross is drawn again
 (Perille, Truong, Xiao and Stone, "Benchmarking Metric Ground Navigation", SSRR 2020).
 
 ``python -m onebot_description.description.clutter seed=7`` prints how difficult a world is.
@@ -31,7 +31,7 @@ _HEIGHT = 0.6  # m
 _ROOM = 2.0  # m of free space before and behind the field
 _STEP = 0.05  # m; resolution of the path search
 _SMOOTHED = 3  # times
-_FILLED, _CLEARED = 5, 1  # at least so many filled neighbours fill a cell; at most so many clear it
+_FILLED, _CLEARED = 5, 1  # at least so many filled neighbors fill a cell; at most so many clear it
 _TRIES = 30
 _WALL = 0.1  # m
 
@@ -53,7 +53,7 @@ class Clutter(NamedTuple):
     goal: tuple[float, float]  # beyond the field, m
     length: float  # length of the shortest path to the goal, m
     clearance: float  # mean distance of that path's points to the nearest obstacle, m
-    cylinders: Floats  # (N, 2), their centres, m
+    cylinders: Floats  # (N, 2), their centers, m
 
     @property
     def difficulty(self) -> str:

@@ -24,7 +24,7 @@ _REASONS = {
     "contacts are rigid here": "kp kd minDepth maxVel maxContacts",
     "links of one robot do not collide here": "selfCollide self_collide",
     "friction is the same in all directions here": "fdir1",
-    "colours are those of <visual>": "material visual",
+    "colors are those of <visual>": "material visual",
     "is not simulated": "dampingFactor velocity_decay laserRetro static kinematic enable_wind axis "
     "allow_auto_disable stopCfm stopErp fudgeFactor provideFeedback implicitSpringDamper pose "
     "light cfmDamping springReference springStiffness initial_joint_position collision physics "

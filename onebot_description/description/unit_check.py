@@ -1,4 +1,4 @@
-"""Warns about wrong units, mostly millimetres, by the sizes of a robot's shapes."""
+"""Warns about wrong units, mostly millimeters, by the sizes of a robot's shapes."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -19,7 +19,7 @@ from onebot_description.geometry.poses import ZERO, Triple
 # m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
-MILLIMETRES = 100.0  # m; larger lengths are in millimetres, smaller ones may be in centimetres
+MILLIMETRES = 100.0  # m; larger lengths are in millimeters, smaller ones may be in centimeters
 _TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
@@ -63,7 +63,7 @@ def _size(shape: Box | Capsule | Cylinder | Sphere) -> Triple:
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:
-    """Return a warning for each shape and joint origin that is probably not in metres."""
+    """Return a warning for each shape and joint origin that is probably not in meters."""
     largest = LARGEST_ROBOT if description.moving_joints else _LARGEST_WORLD
     return [*_large_shapes(description, sizes, largest), *_far_joints(description, largest)]
 
@@ -112,4 +112,4 @@ def _far_joints(description: Description, largest: float) -> Iterator[str]:
 
 def unit_of(length: float) -> str:
     """Return the probable unit of a length (m) that is too large."""
-    return "millimetres" if length >= MILLIMETRES else "centimetres or millimetres"
+    return "millimeters" if length >= MILLIMETRES else "centimeters or millimeters"

@@ -91,7 +91,7 @@ def look_warnings(scene: "trimesh.Scene") -> list[str]:
 
 
 def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
-    """Return the surfaces of a mesh file, in metres, unscaled, with z up.
+    """Return the surfaces of a mesh file, in meters, unscaled, with z up.
 
     Raises:
         OneBotError: the file cannot be read, or has no triangles.
@@ -125,14 +125,14 @@ def mesh_scene(mesh: Mesh, *, materials: bool = True) -> "trimesh.Scene":
 
 
 class ColoredTriangles(NamedTuple):
-    """Triangles of one colour."""
+    """Triangles of one color."""
 
     corners: "NDArray[np.float64]"  # (N, 3, 3), m
     color: "NDArray[np.float64]"  # (3,), sRGB, 0 to 1
 
 
 def colored_triangles(path: Path) -> list[ColoredTriangles]:
-    """Return the surfaces of a Collada file that has only coloured triangles in metres.
+    """Return the surfaces of a Collada file that has only colored triangles in meters.
 
     They equal those of ``mesh_scene``, without the imports of trimesh (0.3 s) and pycollada
     (0.02 s). For any other file, the result is empty.
@@ -261,7 +261,7 @@ def _load(path: Path, files: _Files) -> "trimesh.Scene":
 
 
 def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
-    """Return whether a mesh file has its own colours, which override the URDF's, as in RViz."""
+    """Return whether a mesh file has its own colors, which override the URDF's, as in RViz."""
     suffix = path.suffix.lower()
     if suffix == ".stl":
         return False
@@ -272,7 +272,7 @@ def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
 
 
 def _collada_scene(path: Path, files: _Files, materials: bool) -> "trimesh.Scene":
-    """Load a Collada file; without colours if a broken material would lose surfaces."""
+    """Load a Collada file; without colors if a broken material would lose surfaces."""
     scene, drawn = None, 0
     if materials:
         scene = _load(path, files)

@@ -458,7 +458,7 @@ def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
 
 
 def _visual_colors(root: Element, materials: Mapping[Element, Material]) -> dict[Element, Rgba]:
-    """Return the colour of each visual with a material, looked up by its name if it has one.
+    """Return the color of each visual with a material, looked up by its name if it has one.
 
     As in urdfdom, the first definition of a name counts everywhere; the robot's come before the
     visuals'.

@@ -30,14 +30,14 @@ MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 
 @dataclass(frozen=True)
 class Box:
-    """A box centred on its origin."""
+    """A box centered on its origin."""
 
     size: Triple  # along x, y, z, m
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder about z, centred on its origin; metres."""
+    """A cylinder about z, centered on its origin; meters."""
 
     radius: float
     length: float
@@ -45,14 +45,14 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere centred on its origin; metres."""
+    """A sphere centered on its origin; meters."""
 
     radius: float
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """A cylinder of ``length`` about z with a half sphere on either end; metres."""
+    """A cylinder of ``length`` about z with a half sphere on either end; meters."""
 
     radius: float
     length: float
@@ -73,7 +73,7 @@ Shape = Box | Cylinder | Sphere | Capsule | Mesh
 
 @dataclass(frozen=True)
 class Material:
-    """The material of visuals; without colour and texture, it refers to another by its name."""
+    """The material of visuals; without color and texture, it refers to another by its name."""
 
     name: str | None
     color: Rgba | None = None  # 0 to 1
@@ -91,7 +91,7 @@ class Geometry:
 
     shape: Shape
     origin: Origin  # frame: the link's
-    color: Rgba | None = None  # colour of the visual's material, 0 to 1; None if not given
+    color: Rgba | None = None  # color of the visual's material, 0 to 1; None if not given
     where: str = field(default="", compare=False)
 
 
@@ -99,7 +99,7 @@ class Geometry:
 class Inertial:
     """Mass and inertia of a link."""
 
-    origin: Origin  # centre of mass and axes of the inertia, in the link's frame
+    origin: Origin  # center of mass and axes of the inertia, in the link's frame
     mass: float  # kg
     inertia: Moments
 

@@ -4,7 +4,7 @@
 - ``quaternions``: batches of rotations, as arrays (..., 4).
 - ``matrices``: homogeneous transforms, as arrays (..., 4, 4).
 
-Lengths are in metres, angles in radians, frames as in REP-103 (x ahead, y left, z up). A rotation
+Lengths are in meters, angles in radians, frames as in REP-103 (x ahead, y left, z up). A rotation
 is a unit quaternion x y z w, the real part last, as in geometry_msgs. Roll, pitch and yaw turn
 about the fixed axes x, y, z of the parent, in this order, as in URDF: R = Rz(yaw) Ry(pitch)
 Rx(roll). A pose of a frame in its parent is also the transform of its points into the parent:

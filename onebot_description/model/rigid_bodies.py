@@ -36,12 +36,12 @@ class Body:
 
     link: str  # name of that link
     mass: float = 0.0  # kg
-    center: Floats = field(default_factory=lambda: np.zeros(3))  # centre of mass, m
+    center: Floats = field(default_factory=lambda: np.zeros(3))  # center of mass, m
     inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))  # about it, kg m^2
     # Each shape, with its pose (4, 4) in the body, and its link.
     collisions: list[tuple[Shape, Floats, Link]] = field(default_factory=list)
     friction: float | None = None  # lateral coefficient, the minimum of its links
-    # Mass of the links without gravity, kg, and the sum of their centres times mass, kg m.
+    # Mass of the links without gravity, kg, and the sum of their centers times mass, kg m.
     weightless: tuple[float, Floats] = field(default_factory=lambda: (0.0, np.zeros(3)))
 
     def add(self, link: Link, pose: Floats) -> None:
@@ -67,7 +67,7 @@ class Body:
 
     @property
     def inertial(self) -> Inertial:
-        """Mass, centre and inertia as an Inertial, in the axes of the body."""
+        """Mass, center and inertia as an Inertial, in the axes of the body."""
         x, y, z = self.center.tolist()
         return Inertial(
             Origin((x, y, z)), self.mass, tuple(self.inertia[np.triu_indices(3)].tolist())
@@ -85,7 +85,7 @@ class Body:
         return moments, axes
 
     def add_mass(self, mass: float, center: Floats, inertia: Floats) -> None:
-        """Add a mass (kg) with its centre (3,), m, and inertia (3, 3) about it, kg m^2.
+        """Add a mass (kg) with its center (3,), m, and inertia (3, 3) about it, kg m^2.
 
         Inertias are combined by the parallel axis theorem.
         """

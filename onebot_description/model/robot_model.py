@@ -112,10 +112,10 @@ class JointArrays:
         """Return the parent-to-child transforms of the joints.
 
         Args:
-            positions: (..., M), radians or metres.
+            positions: (..., M), radians or meters.
 
         Returns:
-            (..., M, 7): translation x y z in metres, rotation quaternion x y z w.
+            (..., M, 7): translation x y z in meters, rotation quaternion x y z w.
         """
         positions = np.ascontiguousarray(positions, float)
         poses = np.empty((*positions.shape, _POSE))
@@ -284,10 +284,10 @@ class RobotModel:
         """Return the parent-to-child transforms of all moving joints.
 
         Args:
-            positions: (..., M) in the order of ``joints``, radians or metres; or by name.
+            positions: (..., M) in the order of ``joints``, radians or meters; or by name.
 
         Returns:
-            Translations (..., M, 3) in metres and rotations (..., M, 4) as quaternions x y z w.
+            Translations (..., M, 3) in meters and rotations (..., M, 4) as quaternions x y z w.
         """
         q = self._checked(positions)
         values = self.moving.transforms(q)
@@ -300,7 +300,7 @@ class RobotModel:
             positions: (..., M) in the order of ``joints``, rad or m; or by name, as ``positions``.
 
         Returns:
-            (..., L, 7) in the order of ``links``: translation x y z in metres, rotation x y z w.
+            (..., L, 7) in the order of ``links``: translation x y z in meters, rotation x y z w.
 
         Raises:
             OneBotError: the shape is wrong, or there is no such joint.

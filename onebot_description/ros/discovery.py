@@ -1,6 +1,6 @@
 """Sets which nodes this process discovers: on this computer, on a network, or through a server.
 
-ROS and Fast DDS read this from environment variables when rclpy is initialised.
+ROS and Fast DDS read this from environment variables when rclpy is initialized.
 """
 
 import os
@@ -70,7 +70,7 @@ def question() -> str:
 
 
 def configure_discovery(*, whole_graph: bool = False) -> None:
-    """Set up Fast DDS for the range of discovery; call it before rclpy is initialised.
+    """Set up Fast DDS for the range of discovery; call it before rclpy is initialized.
 
     On one computer, nodes listen on loopback only: the range limits which nodes they look for, but
     another computer that looks for this one (ROS_STATIC_PEERS) would find them. They announce

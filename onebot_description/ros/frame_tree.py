@@ -30,7 +30,7 @@ _LATE_NS = 1_000_000_000  # a transform older than the latest by more means the 
 
 
 class Edge(NamedTuple):
-    """The pose of a frame in its parent: translation (3,) in metres, rotation (4,) x y z w."""
+    """The pose of a frame in its parent: translation (3,) in meters, rotation (4,) x y z w."""
 
     parent: str
     translation: Floats

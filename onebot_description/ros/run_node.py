@@ -59,7 +59,7 @@ def run_node(
     """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error.
 
     Args:
-        make_node: creates the node or nodes, after rclpy is initialised. This function, callbacks
+        make_node: creates the node or nodes, after rclpy is initialized. This function, callbacks
             of nodes (see ``ends_node``), and ``destroy_node`` may raise OneBotError, which ends
             the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.

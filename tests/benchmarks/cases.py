@@ -144,7 +144,7 @@ def points(places: NDArray[Any], intensities: NDArray[np.int64]) -> Arrays:
 
 
 def rainbow(value: float) -> int:
-    """RViz's colour of a value from 0 to 1, 0xRRGGBBAA."""
+    """RViz's color of a value from 0 to 1, 0xRRGGBBAA."""
     part, rest = divmod(5.0 * value + 1.0, 1.0)
     n = 1.0 - (rest if int(part) % 2 else 1.0 - rest)
     rgb = {1: (n, 0, 1), 2: (0, n, 1), 3: (0, 1, n), 4: (n, 1, 0)}.get(int(part), (1, n, 0))
@@ -153,7 +153,7 @@ def rainbow(value: float) -> int:
 
 
 def point_columns(arrays: Arrays, count: int) -> Any:
-    """Positions and colours, a row for each message."""
+    """Positions and colors, a row for each message."""
     positions, colors = arrays.values()
     lengths = [len(positions) // count] * count
     return rr.Points3D.columns(positions=positions, colors=colors).partition(lengths)
@@ -198,7 +198,7 @@ def map_columns(arrays: Arrays, _count: int) -> Any:
 
 
 def markers(number: int) -> tuple[Any, Arrays]:
-    """1000 cubes of any sizes and colours, which move and turn."""
+    """1000 cubes of any sizes and colors, which move and turn."""
     noise, look = np.random.default_rng(number), np.random.default_rng(0)
     places, turns = noise.normal(size=(1000, 3)), noise.normal(size=(1000, 4))
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
@@ -227,7 +227,7 @@ def markers(number: int) -> tuple[Any, Arrays]:
 
 
 def marker_columns(arrays: Arrays, _count: int) -> Any:
-    """Poses, sizes and colours of one row."""
+    """Poses, sizes and colors of one row."""
     translations, quaternions, scales, colors = arrays.values()
     poses = rr.InstancePoses3D.columns(
         translations=translations, quaternions=quaternions, scales=scales

@@ -41,7 +41,7 @@ class Chain:
             positions: (B, N), rad.
 
         Returns:
-            (B, N, 7): translation x y z in metres, rotation quaternion x y z w.
+            (B, N, 7): translation x y z in meters, rotation quaternion x y z w.
         """
         batch, count = positions.shape
         turns = Rotation.from_rotvec((self._axes * positions[..., None]).reshape(-1, 3))

@@ -27,7 +27,7 @@ _LOST_AFTER = 1.0  # s
 _MOST_LOST = 0.001
 _STAMP = slice(4, 12)  # of a serialized JointState
 _NO_STAMP = b"\xff" * 8  # seconds before 1970 and too many nanoseconds: none that a node sends
-_TOLERANCE = 1e-9  # of quaternions and metres; what double precision leaves is some 1e-15
+_TOLERANCE = 1e-9  # of quaternions and meters; what double precision leaves is some 1e-15
 
 
 class Window(NamedTuple):

@@ -28,7 +28,7 @@ def run(quick: bool) -> Report:
     return [
         Result("360 ranges: CPU over the bare call", ratios["scan"], 3.0),
         Result(
-            "picture of 320 x 240, colour and depth: CPU over the bare call", ratios["picture"], 1.5
+            "picture of 320 x 240, color and depth: CPU over the bare call", ratios["picture"], 1.5
         ),
     ]
 

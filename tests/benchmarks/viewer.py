@@ -224,7 +224,7 @@ def _numbers(array: Any) -> NDArray[Any]:
 
 
 def _alike(found: NDArray[Any], expected: Any) -> bool:
-    """Whether numbers are the same, and the bytes of colours within a step of rounding."""
+    """Whether numbers are the same, and the bytes of colors within a step of rounding."""
     expected = np.asarray(expected).ravel()
     if found.size != expected.size:
         return False

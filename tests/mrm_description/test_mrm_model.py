@@ -41,7 +41,7 @@ def test_shapes_are_exact(mrm):
 
 
 def test_inertias_are_those_of_the_solids(mrm):
-    """Textbook moments of a cuboid and of a cylinder, about their centres."""
+    """Textbook moments of a cuboid and of a cylinder, about their centers."""
     base, link = (link.inertial for link in mrm.links)
     side, across = base.mass / 6.0, link.mass * (3 * 0.35**2 + 0.4**2) / 12
     along = link.mass * 0.35**2 / 2

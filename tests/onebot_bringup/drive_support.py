@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 
 
 def odometry(x, y=0.0, *, frame="odom", speed=0.0, turn=0.0) -> Odometry:
-    """A robot at (x, y) metres, at a time that follows."""
+    """A robot at (x, y) meters, at a time that follows."""
     message = Odometry(child_frame_id="base")
     message.header.frame_id = frame
     message.pose.pose.position = Point(x=float(x), y=float(y))

@@ -56,7 +56,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 def test_no_line_is_lost_broken_or_without_its_prefix(start: Start) -> None:
     """Two nodes that talk at once: every line arrives whole, in order, under the right name.
 
-    Standard output and error stay apart; in files they have no colour.
+    Standard output and error stay apart; in files they have no color.
     """
     nodes = "[script('a', 'talker.py', 'ignore'), script('b', 'talker.py', 'ignore')]"
     launcher = start(nodes)
@@ -78,9 +78,9 @@ SHOWN = "\x1b[31mred\x1b[0m \\x1b[2Jcleared\\x07 a\\u202eb\\x9bc \u05d0 \u00e9\t
     ("no_color", "prefix"), [("", "\x1b[36m[a]\x1b[0m"), ("1", "[a]")], ids=["", "NO_COLOR"]
 )
 def test_a_line_on_a_terminal(monkeypatch: pytest.MonkeyPatch, no_color: str, prefix: str) -> None:
-    """Its name is coloured, but not with NO_COLOR (no-color.org).
+    """Its name is colored, but not with NO_COLOR (no-color.org).
 
-    What a terminal would obey is escaped, as names of a file may hold it; colours and letters of
+    What a terminal would obey is escaped, as names of a file may hold it; colors and letters of
     any language stay.
     """
     monkeypatch.setenv("TERM", "xterm")

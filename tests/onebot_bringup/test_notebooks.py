@@ -130,18 +130,18 @@ def test_robot_model_shows_the_robot_with_its_sliders(tmp_path):
 
 
 @pytest.mark.slow
-def test_driving_far_with_the_odometry_centimetres_off(tmp_path):
+def test_driving_far_with_the_odometry_centimeters_off(tmp_path):
     """Without rclpy; the worn wheel is a hundred times worse. A tenth of the way shows it, too."""
     results, notebook = _executed(
         "driving",
         tmp_path,
-        "{'metres': metres, 'driven': driven, 'error': error.tolist(), 'worn': error_worn.tolist(),"
+        "{'meters': meters, 'driven': driven, 'error': error.tolist(), 'worn': error_worn.tolist(),"
         " 'ros': 'rclpy' in sys.modules}",
-        ("metres = 1000.0", "metres = 100.0"),
+        ("meters = 1000.0", "meters = 100.0"),
     )
-    assert results["driven"] == pytest.approx(results["metres"], abs=0.02)
+    assert results["driven"] == pytest.approx(results["meters"], abs=0.02)
     assert len(results["error"]) > 100
-    assert 0.005 < max(results["error"]) < 0.001 * results["metres"]
+    assert 0.005 < max(results["error"]) < 0.001 * results["meters"]
     assert results["worn"][-1] > 100 * results["error"][-1]
     assert not results["ros"]
     assert _pictures(notebook) == 1

@@ -61,7 +61,7 @@ def test_joints_and_camera_stand_where_they_are_told(arm):
     front = drawn(arm, *_arm(arm, "--joints", "slide=1.0"))
     assert Image.open(arm / "a.png").format == "PNG" and front.shape == (320, 480, 3)
     assert {entry.name for entry in arm.iterdir()} == files, "nothing else is left there"
-    # The cylinder is a metre to the right of the box, which it is in at 0.
+    # The cylinder is a meter to the right of the box, which it is in at 0.
     assert center(colored(front, ORANGE))[0] > center(colored(front, BLUE))[0] + 0.2
     # From the other side, left is right; the middle of the picture is what the camera looks at.
     camera = ("--camera", "-2.6,0.5,0:0,0.5,0")

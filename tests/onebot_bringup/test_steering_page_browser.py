@@ -597,7 +597,7 @@ def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
 ROBOT = """<robot name="box"><link name="base">
   <visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>
 </link></robot>"""
-# The farthest dots to the left, right, top and bottom of the robot, m: at 80 pixels a metre; each
+# The farthest dots to the left, right, top and bottom of the robot, m: at 80 pixels a meter; each
 # press of a button is a factor of 1.5.
 WALLS = """
 const box = document.querySelector("#ground .scan").getBBox();

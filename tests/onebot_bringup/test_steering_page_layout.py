@@ -57,7 +57,7 @@ def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Steering]:
 
 
 def picture(color: tuple[int, int, int]) -> Image:
-    """A picture of one colour."""
+    """A picture of one color."""
     return Image(width=160, height=120, step=480, encoding="rgb8", data=bytes(color) * 160 * 120)
 
 
@@ -127,7 +127,7 @@ def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
 
 @pytest.mark.parametrize("page", ["bare"], indirect=True)
 def test_a_legend_names_the_lines_in_the_view(page: Page) -> None:
-    """Below it, each with its colour."""
+    """Below it, each with its color."""
     trail, sector = page.driver.execute_script(LEGEND)
     assert trail == ["truth: trail", "rgb(77, 208, 225)"]
     assert sector[0].startswith("odometry: covariance") and "sector" in sector[0]

@@ -1,4 +1,4 @@
-"""How the steering page looks in a real browser: accessibility, layouts, colours, motion."""
+"""How the steering page looks in a real browser: accessibility, layouts, colors, motion."""
 
 import re
 from collections.abc import Iterator
@@ -170,13 +170,13 @@ def style(page: Page, selector: str, name: str, pseudo: str | None = None) -> st
     )  # fmt: skip
 
 
-def channels(colour: str) -> list[float]:
+def channels(color: str) -> list[float]:
     """Red, green and blue, 0 to 255, and alpha where there is one."""
-    return [float(number) for number in re.findall(r"[\d.]+", colour)]
+    return [float(number) for number in re.findall(r"[\d.]+", color)]
 
 
-def test_forced_colours_keep_what_is_told_by_colour(page: Page) -> None:
-    """Backgrounds are gone: there are borders, and what is drawn keeps two colours."""
+def test_forced_colors_keep_what_is_told_by_color(page: Page) -> None:
+    """Backgrounds are gone: there are borders, and what is drawn keeps two colors."""
     page.emulate(1280, 657, forced_colors="active")
     page.driver.execute_script(WARN)
     page.act().key_down("w").perform()

@@ -149,7 +149,7 @@ LEGEND = {"kind": "trail", "name": "odometry", "color": [255, 176, 2]}
     "text", ["", "[]", "{}", '{"shown": [], "legend": [{"color": "red"}]}', "[" * 100_000]
 )
 def test_what_are_no_displays_shows_none(text: str) -> None:
-    """Colours are as in CSS."""
+    """Colors are as in CSS."""
     shown = [{"topic": "/a", "type": "std_msgs/msg/String", "visible": True}]
     displays = json.dumps({"shown": shown, "legend": [LEGEND]})
     assert parse_displays(displays) == (shown, [{**LEGEND, "color": "#ffb002"}])

@@ -193,7 +193,7 @@ def test_keys_in_the_view_and_a_lost_connection(ros_domain, tmp_path, tab):
 def test_only_what_ends_the_data_loads_the_view_again(ros_domain, tmp_path):
     """Rerun's, which is covered until there is a layout; and not kept over a lost tunnel.
 
-    The robot is seen in its colour, and no other host is asked.
+    The robot is seen in its color, and no other host is asked.
     """
     viewer = ros_args(grpc_port=0, web_port=0, open_browser="false")
     with (

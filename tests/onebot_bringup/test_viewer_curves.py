@@ -185,7 +185,7 @@ def test_speeds_are_two_curves_with_names(tmp_path, held):
 
 
 def test_a_steady_speed_is_flat(tmp_path):
-    """A plot zooms in on whatever there is: a micrometre a second of noise would fill it."""
+    """A plot zooms in on whatever there is: a micrometer a second of noise would fill it."""
     linear, angular = _speeds(tmp_path, [(0, 0.123401, 1e-6), (1, 0.123399, -1e-6)])
     assert (linear, angular) == ([0.1234] * 2, [0.0] * 2)
 

@@ -47,7 +47,7 @@ def test_collada_has_the_size_of_the_same_stl(tmp_path, meter, up_axis):
         np.testing.assert_allclose(_glb(asset).bounds, BOUNDS, atol=1e-6)
 
 
-def test_collada_keeps_its_colours_in_linear_light(tmp_path):
+def test_collada_keeps_its_colors_in_linear_light(tmp_path):
     """A glTF means linear light: the file's sRGB is converted, and shown as it was."""
     asset = _load(write_collada(tmp_path / "box.dae", 1.0, "Z_UP"))
     assert asset.colored
@@ -67,7 +67,7 @@ def test_no_collada_is_invisible(tmp_path):
 
 
 def test_only_what_rerun_knows_of_a_vertex_is_written(tmp_path):
-    """Collada with colours of vertices, as of KUKA's LBR iiwa, was not shown at all."""
+    """Collada with colors of vertices, as of KUKA's LBR iiwa, was not shown at all."""
     path = write_collada(tmp_path / "box.dae", 1.0, "Z_UP")
     more = "".join(f'<input semantic="{of}" source="#p" offset="0"/>' for of in ("NORMAL", "COLOR"))
     path.write_text(path.read_text().replace("<p>", f"{more}<p>"))
@@ -88,7 +88,7 @@ def test_collada_with_a_broken_material_keeps_its_surfaces(tmp_path):
     assert len(_glb(asset).geometry) == len(_glb(whole).geometry)
 
 
-def test_stl_has_no_colour_of_its_own_and_sharp_edges(tmp_path):
+def test_stl_has_no_color_of_its_own_and_sharp_edges(tmp_path):
     """A box's normals stand square on its faces, so that it looks like a box."""
     box().export(tmp_path / "box.stl")
     asset = _load(tmp_path / "box.stl")
@@ -106,8 +106,8 @@ def test_a_round_stl_is_shaded_round(tmp_path):
     np.testing.assert_allclose(part.vertex_normals[side, :2], out, atol=0.05)
 
 
-def test_obj_is_coloured_only_with_a_material(tmp_path):
-    """An OBJ without usemtl takes the URDF's colour, one with it keeps its own."""
+def test_obj_is_colored_only_with_a_material(tmp_path):
+    """An OBJ without usemtl takes the URDF's color, one with it keeps its own."""
     assert not _load(write_obj(tmp_path / "plain.obj")).colored
     asset = _load(write_obj(tmp_path / "orange.obj", "orange"))
     assert asset.colored
@@ -260,8 +260,8 @@ def test_a_mesh_that_is_not_there_is_named(tmp_path):
         (Capsule(0.2, 0.6), (0.2, 0.2, 0.5)),
     ],
 )
-def test_primitives_have_their_size_and_no_colour(shape, half):
-    """Centred on their origin; round ones to a thousandth."""
+def test_primitives_have_their_size_and_no_color(shape, half):
+    """Centered on their origin; round ones to a thousandth."""
     asset = load_shape(shape)
     assert not asset.colored
     np.testing.assert_allclose(asset.bounds, [np.negative(half), half], atol=1e-3)

@@ -49,10 +49,10 @@ def random(*shape, dtype=np.uint8):
         *[("bayer_grbg8", 1, 131, 0), ("yuv422_yuy2", 2, 27, 0)],
     ],
 )
-def test_colours_are_logged_as_they_come(encoding, channels, model, padding, tmp_path):
+def test_colors_are_logged_as_they_come(encoding, channels, model, padding, tmp_path):
     """Without what lies between rows; also where no transform leads to the frame.
 
-    Rerun makes colours of the formats of cameras, which have numbers of their own.
+    Rerun makes colors of the formats of cameras, which have numbers of their own.
     """
     pixels = random(4, 6, channels)
     file = drawn(tmp_path, "", (TOPIC, image(encoding, pixels, padding)))
@@ -79,8 +79,8 @@ def test_uyvy_is_yuy2_with_its_bytes_swapped(tmp_path):
     ("encoding", "dtype", "datatype", "meter"),
     [("16UC1", np.uint16, U16, 1000.0), ("32FC1", np.float32, F32, 1.0)],
 )
-def test_depth_is_in_metres(encoding, dtype, datatype, meter, big, padding, tmp_path):
-    """REP-118: integers are millimetres; either byte order."""
+def test_depth_is_in_meters(encoding, dtype, datatype, meter, big, padding, tmp_path):
+    """REP-118: integers are millimeters; either byte order."""
     pixels = random(3, 5, dtype=dtype) * dtype(7)
     view = "image: {normalize_range: false, min_value: 1.0, max_value: 5.0}"
     file = drawn(tmp_path, view, (TOPIC, image(encoding, pixels, padding, big=big)))

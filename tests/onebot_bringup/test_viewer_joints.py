@@ -24,7 +24,7 @@ def test_a_joint_without_a_range_has_none(lower):
     assert odd != TURNING and limited_joints(parse_description(odd)) == ()
 
 
-def test_limits_are_level_lines_under_the_joint_s_own_name_and_colour(tmp_path):
+def test_limits_are_level_lines_under_the_joint_s_own_name_and_color(tmp_path):
     """They come with every position; a joint without limits has none, nor have velocities."""
     shown = Shown(tmp_path, "joint_plot: {limits: true}")
     shown.tick()

@@ -1,4 +1,4 @@
-"""Laser scans: the points, colours, frames and times in the file."""
+"""Laser scans: the points, colors, frames and times in the file."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from tests.onebot_bringup.viewer_support import (
 NAN, INF = float("nan"), float("inf")
 ENTITY = "/laser_scan/scan"
 RED, MAGENTA = 0xFF0000FF, 0xFF00FFFF
-ORANGE = 0xFFB020FF  # the first of our colours
+ORANGE = 0xFFB020FF  # the first of our colors
 
 
 def scan(ranges=(1.0, 2.0), frame="base", at=0, **fields) -> LaserScan:
@@ -38,7 +38,7 @@ def points(file, entity=ENTITY):
 
 
 def colors(file, entity=ENTITY):
-    """The colours of each row."""
+    """The colors of each row."""
     return column(file, entity, "Points3D:colors")
 
 
@@ -151,14 +151,14 @@ def test_ranges_that_are_none_are_left_out(tmp_path):
         ("color_transformer: AxisColor, axis: Y", [RED, 0x00FF7FFF, MAGENTA]),
     ],
 )
-def test_colours_are_those_of_rviz(settings, expected, tmp_path):
+def test_colors_are_those_of_rviz(settings, expected, tmp_path):
     """The lowest value is red, the highest magenta, unless the settings name something else."""
     sent = scan((1.0, 1.0, 1.0), intensities=[0.0, 50.0, 100.0])
     file, _ = show(tmp_path, f"laser_scan: {{{settings}}}", ("/scan", sent))
     [found] = colors(file)
     channels = np.array(found, np.uint32).view(np.uint8).astype(int)
     wanted = np.array(expected, np.uint32).view(np.uint8).astype(int)
-    assert np.abs(channels - wanted).max() <= 3  # of 256 colours the nearest lower one
+    assert np.abs(channels - wanted).max() <= 3  # of 256 colors the nearest lower one
 
 
 def test_points_stay_for_the_decay_time(tmp_path):

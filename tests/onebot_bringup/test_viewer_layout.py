@@ -45,7 +45,7 @@ def _sent(live: RobotView, sent: list, view: str, start: int) -> int:
 
 
 def test_only_what_is_in_a_layout_sends_another(tmp_path, monkeypatch):
-    """Colours, lengths and topics do not: a camera turned by hand stays."""
+    """Colors, lengths and topics do not: a camera turned by hand stays."""
     view = VIEW + "speeds: {lines: {v: {topic: odom}}}\n"
     live = Shown(tmp_path, view).view
     sent: list[object] = []
@@ -102,7 +102,7 @@ def test_a_page_around_the_view_lays_it_out_anew(tmp_path, monkeypatch):
 
 
 def test_a_legend_explains_trails_and_covariances(tmp_path):
-    """As the view names and colours them; robots that are drawn alike share its entries."""
+    """As the view names and colors them; robots that are drawn alike share its entries."""
     view = VIEW + "covariance: {b: {topic: odom, color: [1, 2, 3]}, c: {topic: pose}}\n"
     robots = [RobotToShow(f"/robot{number}") for number in range(2)]
     for shown in (Shown(tmp_path, view), Shown(tmp_path, view, robot=False, robots=robots)):

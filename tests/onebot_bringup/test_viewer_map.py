@@ -1,4 +1,4 @@
-"""Occupancy grids: their cells, place and colours, updates, and what is bad."""
+"""Occupancy grids: their cells, place and colors, updates, and what is bad."""
 
 import struct
 
@@ -100,7 +100,7 @@ def test_a_map_is_where_its_origin_is(tmp_path):
         ("/costmap", "{color_scheme: map, draw_behind: true}", "RvizMap", -1),
     ],
 )
-def test_colours_are_rviz_s(tmp_path, topic, settings, colormap, layer):
+def test_colors_are_rviz_s(tmp_path, topic, settings, colormap, layer):
     """A costmap is seen above the map that it is of."""
     file, _ = show(tmp_path, f"map: {settings}", (topic, grid([[0]])))
     expected = rr.components.Colormap[colormap].value

@@ -28,7 +28,7 @@ RED, GREEN, HALF_BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1
 
 
 def marker(kind=Marker.CUBE, number=0, at=(0.0, 0.0, 0.0), frame="base", **fields) -> Marker:
-    """A marker of half a metre, red; ``points`` and ``colors`` as tuples."""
+    """A marker of half a meter, red; ``points`` and ``colors`` as tuples."""
     message = stamped(Marker(type=kind, id=number), frame=frame)
     message.pose.position.x, message.pose.position.y, message.pose.position.z = map(float, at)
     message.pose.orientation.w = 1.0
@@ -87,7 +87,7 @@ def flat(value):
 
 
 def test_cubes_of_a_namespace_are_one_row(tmp_path):
-    """Where they are, how large, and in their colours, in their frame."""
+    """Where they are, how large, and in their colors, in their frame."""
     shown = Shown(tmp_path)
     half = np.sqrt(0.5)
     first = marker(ns="a", at=(1, 2, 3), scale=(1.0, 2.0, 3.0), turn=(0.0, 0.0, half, half))
@@ -203,7 +203,7 @@ def test_cubes_of_a_namespace_are_one_row(tmp_path):
     ],
 )
 def test_each_type_is_drawn(tmp_path, kind, fields, layer, expected):
-    """At its pose, one metre ahead, with its points, colours and scale."""
+    """At its pose, one meter ahead, with its points, colors and scale."""
     shown = Shown(tmp_path)
     assert shown.send(marker(kind, at=(1, 0, 0), **fields)) == []
     file = shown.end()
@@ -216,7 +216,7 @@ def test_each_type_is_drawn(tmp_path, kind, fields, layer, expected):
 
 
 def test_lists_of_several_markers_lie_on_one_entity(tmp_path):
-    """Each with its own pose and colour, those without points too."""
+    """Each with its own pose and color, those without points too."""
     shown = Shown(tmp_path)
     strip = marker(Marker.LINE_STRIP, 1, points=SQUARE, at=(0, 0, 1))
     pairs = marker(Marker.LINE_LIST, 2, points=[*SQUARE, *SQUARE[:1]], color=GREEN)
@@ -232,8 +232,8 @@ def test_lists_of_several_markers_lie_on_one_entity(tmp_path):
     assert flat(places) == [1, 0, 0, 2, 0, 0, 3, 0, 0]
 
 
-def test_a_mesh_is_loaded_once_for_all_of_a_colour(tmp_path):
-    """In the marker's colour, or its own if the marker says so; one that is not there is said."""
+def test_a_mesh_is_loaded_once_for_all_of_a_color(tmp_path):
+    """In the marker's color, or its own if the marker says so; one that is not there is said."""
     box().export(tmp_path / "box.stl")
     uri = f"file://{tmp_path / 'box.stl'}"
     shown = Shown(tmp_path)
@@ -470,7 +470,7 @@ def test_namespaces_may_be_hidden(tmp_path):
         (Marker.CUBE, {"turn": (0.0, 0.0, 0.0, 2.0)}, 1, "is not of unit length"),
         (Marker.CUBE, {"color": (1.0, 1.0, 1.0, 0.0)}, 1, "it is transparent"),
         (Marker.CUBE, {"frame": ""}, 0, "it names no frame"),
-        (Marker.LINE_STRIP, {"points": SQUARE, "colors": [RED]}, 1, "fewer colours than points"),
+        (Marker.LINE_STRIP, {"points": SQUARE, "colors": [RED]}, 1, "fewer colors than points"),
         (99, {}, 0, "its type is unknown"),
         (Marker.POINTS, {"points": []}, 0, "fewer than 1 points: not drawn"),
         (Marker.POINTS, {"points": [(np.inf, 0.0, 0.0)]}, 0, "its points are not finite"),
@@ -495,7 +495,7 @@ def test_what_is_wrong_is_said_once(tmp_path, kind, fields, drawn, said):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_numbers_that_are_none_cost_nothing_of_other_markers(tmp_path):
-    """A neighbour's quaternion is checked as ever; a colour that is none is the marker's own."""
+    """A neighbor's quaternion is checked as ever; a color that is none is the marker's own."""
     shown = Shown(tmp_path)
     bad = marker(number=1, at=(np.nan, 0, 0), turn=(np.nan, 0.0, 0.0, 1.0))
     colors = [(np.nan,) * 4, GREEN, GREEN]

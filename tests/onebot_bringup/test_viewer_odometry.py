@@ -41,7 +41,7 @@ def _shown(folder, settings, *messages):
     return [[x for x, _, _ in row] for row in rows], warnings
 
 
-def test_an_arrow_each_eighth_of_a_metre(tmp_path):
+def test_an_arrow_each_eighth_of_a_meter(tmp_path):
     """The last ones, each with those before it."""
     drive = [driven(x / 16, number=x) for x in range(9)]
     rows, warnings = _shown(tmp_path, "{keep: 3, position_tolerance: 0.125}", *drive)
@@ -116,7 +116,7 @@ def _flushed(tmp_path, samples, settings="color: [255, 0, 0]"):
 
 
 def test_a_piece_begins_where_the_last_one_ended_at_its_own_time(tmp_path):
-    """One call carries all pieces, in the message's frame, in the trail's colour and width."""
+    """One call carries all pieces, in the message's frame, in the trail's color and width."""
     samples = [(START_NS + i, odometry(0.1 * i, 0.2 * i)) for i in range(5)]
     pieces = _flushed(tmp_path, samples, "color: [255, 0, 0], height: -0.5, width: 0.02")
     ends = [[0.1 * i, 0.2 * i, -0.5] for i in range(5)]
@@ -137,7 +137,7 @@ def test_the_trail_grows_by_the_way_not_by_the_messages(tmp_path):
     still = [(START_NS + i, odometry(*rng.uniform(-0.4, 0.4, 2) * SPACING)) for i in range(500)]
     assert _flushed(tmp_path, still) == []
     slow = [(START_NS + i, odometry(0.0005 * i)) for i in range(2001)]
-    assert 90 <= len(_flushed(tmp_path, slow)) <= 100, "a metre, a piece a centimetre"
+    assert 90 <= len(_flushed(tmp_path, slow)) <= 100, "a meter, a piece a centimeter"
 
 
 @pytest.mark.parametrize(

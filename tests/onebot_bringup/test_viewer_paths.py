@@ -74,8 +74,8 @@ def test_a_path_is_drawn_while_simulated_time_stands_still(tmp_path):
     assert len(_lines(end())) == 1
 
 
-def test_a_new_topic_does_not_recolour_the_others(tmp_path):
-    """Each keeps its colour, whatever the names."""
+def test_a_new_topic_does_not_recolor_the_others(tmp_path):
+    """Each keeps its color, whatever the names."""
     live, end = _begun(tmp_path, "")
     for offered in ({"/plan": PATH}, {**OFFERED, "/a": PATH}):
         live.offer(offered)
@@ -131,7 +131,7 @@ def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
 
 
 def test_settings_take_effect_at_once(tmp_path):
-    """The last path is drawn in another colour, also one that waits for its frame."""
+    """The last path is drawn in another color, also one that waits for its frame."""
     live, end = _begun(tmp_path)
     take(live, "/plan", path(LINE))
     take(live, "/other/plan", path(LINE[1:], "map"))

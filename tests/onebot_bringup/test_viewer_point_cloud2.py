@@ -1,4 +1,4 @@
-"""Point clouds: the points and colours in the file, whatever the layout of their bytes."""
+"""Point clouds: the points and colors in the file, whatever the layout of their bytes."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def xyz(values=XYZ):
 
 
 def shown(tmp_path, view, *messages):
-    """Show clouds; return points and colours of each, and the warnings."""
+    """Show clouds; return points and colors of each, and the warnings."""
     file, said = show(tmp_path, view, *(("/cloud", message) for message in messages))
     return points(file, ENTITY), colors(file, ENTITY), said
 
@@ -74,7 +74,7 @@ def test_points_of_any_layout(kind, gap, height, padding, tmp_path):
 
 
 def test_points_that_are_not_finite_are_left_out(tmp_path):
-    """With their colours."""
+    """With their colors."""
     values = np.vstack([XYZ, (np.nan, 0, 0), (0, np.inf, 0), (0, 0, -3.2e38), (7, 8, 9)])
     kind = packed("x", "y", "z", "intensity")
     message = cloud(kind, **xyz(values), intensity=[0, 1, 1, 1, 99, 99, 99, 2])
@@ -94,8 +94,8 @@ RGB = [0xFF112233, 0x00000000, 0x80FFFFFF, 0x01ABCDEF]
         ("rgba", [0x112233FF, 0x00000000, 0xFFFFFF80, 0xABCDEF01]),
     ],
 )
-def test_colours_of_the_points_own(order, field, expected, kind, tmp_path):
-    """A float32 holds the bytes of the colour."""
+def test_colors_of_the_points_own(order, field, expected, kind, tmp_path):
+    """A float32 holds the bytes of the color."""
     names = ("x", "y", "z", field, "intensity")
     formats = [order + "f4"] * 3 + [order + kind, order + "f4"]
     values = np.array(RGB, order + "u4").view(order + kind)
@@ -110,7 +110,7 @@ def test_colours_of_the_points_own(order, field, expected, kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["<u1", "<i1", "<u2", ">u2", "<i4", "<u4", "<f4", ">f8"])
-def test_any_field_as_colour(kind, tmp_path):
+def test_any_field_as_color(kind, tmp_path):
     """Of the type that it has; the lowest is red, the highest magenta."""
     fields = {"names": ("x", "y", "z", "ring"), "formats": ["<f4"] * 3 + [kind]}
     message = cloud(np.dtype(fields), **xyz(), ring=[3, 7, 3, 5])
@@ -123,7 +123,7 @@ def test_any_field_as_colour(kind, tmp_path):
     assert found[3] not in (RED, MAGENTA)
 
 
-def test_a_cloud_without_colours_is_coloured_by_height(tmp_path):
+def test_a_cloud_without_colors_is_colored_by_height(tmp_path):
     """Of the fixed frame; also one whose intensities are all the same."""
     bare = cloud(packed("x", "y", "z"), **xyz())
     same = cloud(packed("x", "y", "z", "intensity"), **xyz(), intensity=[4.0] * 4)
@@ -136,7 +136,7 @@ def test_a_cloud_without_colours_is_coloured_by_height(tmp_path):
     assert found[:3] == [MAGENTA, MAGENTA, RED] and found[3] not in (RED, MAGENTA)
 
 
-def test_values_that_are_not_finite_have_a_colour(tmp_path):
+def test_values_that_are_not_finite_have_a_color(tmp_path):
     """And do not spoil those of the others."""
     kind = packed("x", "y", "z", "intensity")
     message = cloud(kind, **xyz(), intensity=[0.0, np.nan, np.inf, 1.0])

@@ -1,4 +1,4 @@
-"""Poses, points and polygons: shapes, places and colours, and what is bad."""
+"""Poses, points and polygons: shapes, places and colors, and what is bad."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""RViz's own files as views: displays, topics, QoS, colours and camera."""
+"""RViz's own files as views: displays, topics, QoS, colors and camera."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def test_what_rviz_shows_is_shown(tmp_path):
 
 
 def test_groups_of_properties(tmp_path):
-    """Those of a shape are the display's; a covariance has colours of its own."""
+    """Those of a shape are the display's; a covariance has colors of its own."""
     view, notices = _loaded(tmp_path)
     pose, odometry = view.pose_with_covariance.topics["/amcl_pose"], view.odometry.topics["/odom"]
     assert (pose.shape, pose.color, pose.covariance) == ("Axes", (1, 2, 3), False)
@@ -77,7 +77,7 @@ def test_an_orbit_looks_from_where_rviz_does(tmp_path):
 
 
 def test_a_view_from_above(tmp_path):
-    """As high as fits RViz's pixels per metre."""
+    """As high as fits RViz's pixels per meter."""
     camera = "{Class: rviz_default_plugins/TopDownOrtho, Scale: 80, X: 3, Y: 4}"
     start = FILE.index("    Current:")
     view, _ = _loaded(tmp_path, f"{FILE[:start]}    Current: {camera}\n")

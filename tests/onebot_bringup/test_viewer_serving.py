@@ -119,7 +119,7 @@ recording.close()
 def test_a_browser_that_does_not_read_costs_little_memory():
     """It keeps neither the recording nor other viewers waiting, and then gets the newest of each.
 
-    Rerun logs by itself, in colours, that it waits, or has too little memory: not in our log.
+    Rerun logs by itself, in colors, that it waits, or has too little memory: not in our log.
     """
     ended = subprocess.run(
         [sys.executable, "-c", STALLED],

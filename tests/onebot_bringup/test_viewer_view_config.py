@@ -34,7 +34,7 @@ def test_the_views_of_our_robots_are_valid():
     ("text", "said"),
     [
         ("fixed_fram: odom", ':1: fixed_fram: no such parameter (did you mean "fixed_frame"?'),
-        ("camera: {eye: [1, 2]}", "eye: 2 numbers; write three metres, such as [3.0, -3.0, 2.0]"),
+        ("camera: {eye: [1, 2]}", "eye: 2 numbers; write three meters, such as [3.0, -3.0, 2.0]"),
         ("axes: 3", "axes: 3 is a number; write a map with visible, length, names, names_up_to,"),
         ("trails: [odom]", "is a list; write a map"),
         ("trails: {a: {topic: a b}}", '"a b" is not valid; write a topic, such as'),

@@ -21,7 +21,7 @@ ORANGE = (255, 107, 10)
 BLUE = (26, 76, 230)
 START_NS = 1_700_000_000_000_000_000
 
-# A blue box, and an orange cylinder one metre beside it; each with a larger collision shape.
+# A blue box, and an orange cylinder one meter beside it; each with a larger collision shape.
 ARM = Path(__file__).with_name("arm.urdf").read_text().strip()
 
 # Looking along -x: +y is to the right in the picture.
@@ -109,7 +109,7 @@ def drawn(folder: Path, view: str, *messages) -> Path:
 
 
 def transforms(parent, child, y, stamp_ns=START_NS):
-    """One transform: ``child`` stands ``y`` metres along y of ``parent``."""
+    """One transform: ``child`` stands ``y`` meters along y of ``parent``."""
     return TfArrays(
         (parent,),
         (child,),

@@ -25,12 +25,12 @@ Values = Mapping[str, float]  # by joint
 
 
 def link(
-    name: str, mass: float = 0.0, centre: str = "0 0 0", moment: float = 1e-3, shape: str = ""
+    name: str, mass: float = 0.0, center: str = "0 0 0", moment: float = 1e-3, shape: str = ""
 ) -> str:
     """A link, with the same moment of inertia about all axes; without <inertial> if mass is 0."""
     values = " ".join(f'{axis}="{moment}"' for axis in ("ixx", "iyy", "izz"))
     inertial = (
-        f'<inertial><origin xyz="{centre}"/><mass value="{mass}"/>'
+        f'<inertial><origin xyz="{center}"/><mass value="{mass}"/>'
         f'<inertia {values} ixy="0" ixz="0" iyz="0"/></inertial>'
     )
     return f'<link name="{name}">{inertial if mass else ""}{shape}</link>'
@@ -92,8 +92,8 @@ class Rod(NamedTuple):
     """What ``rod`` is made of."""
 
     mass: float  # kg
-    length: float  # m, from the joint to the centre of mass
-    moment: float  # kg m^2, about the centre of mass
+    length: float  # m, from the joint to the center of mass
+    moment: float  # kg m^2, about the center of mass
 
     @property
     def load(self) -> float:

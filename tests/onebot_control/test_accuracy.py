@@ -38,17 +38,17 @@ def test_goals_are_met() -> None:
     _check_commands(*results)
 
 
-def _check_commands(two_metres: Result, full_turn: Result, square: Result, figure: Result) -> None:
+def _check_commands(two_meters: Result, full_turn: Result, square: Result, figure: Result) -> None:
     """By the integral of the limited command: 2 m, 360 degrees, a closed square, two circles."""
-    assert two_metres.length == pytest.approx(2.0)
-    assert two_metres.commanded == pytest.approx((2.0, 0.0, 0.0))
+    assert two_meters.length == pytest.approx(2.0)
+    assert two_meters.commanded == pytest.approx((2.0, 0.0, 0.0))
     assert full_turn.turned == pytest.approx(2.0 * math.pi)
     assert full_turn.commanded == pytest.approx((0.0, 0.0, 2.0 * math.pi))
     assert square.length == pytest.approx(4.0)
     assert square.commanded == pytest.approx((0.0, 0.0, 2.0 * math.pi), abs=1e-9)
     assert figure.turned == pytest.approx(4.0 * math.pi)
     assert figure.commanded.yaw == pytest.approx(0.0, abs=1e-9)
-    lines = table([two_metres], 1e-9).splitlines()
+    lines = table([two_meters], 1e-9).splitlines()
     assert lines[2].startswith("| 2 m straight at 0.2 m/s | 0.0000%, at most 0.000 mm |")
     assert lines[-1] == "At rest the robot moves 0.000001 mm in 60 s."
 

@@ -359,7 +359,7 @@ def test_fingers_of_1_g_hold_a_box_of_50_g() -> None:
     ("mass", "beside", "holds"),
     [(1.1, 0.01, True), (0.9, 0.02, False)],
 )
-def test_a_box_gripped_beside_its_centre_turns_where_soft_fingers_would_let_it(
+def test_a_box_gripped_beside_its_center_turns_where_soft_fingers_would_let_it(
     mass: float, beside: float, holds: bool
 ) -> None:
     """Where m g sqrt(1 + (d / r)^2) = 2 mu F, with F = 10 N and r = 8 mm: 1.27 kg, 0.76 kg."""

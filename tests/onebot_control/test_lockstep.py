@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("ros_domain")
 
 
 class Stopper(Node):
-    """Drives ahead, and stops half a metre before what it sees."""
+    """Drives ahead, and stops half a meter before what it sees."""
 
     def __init__(self, command: type = Twist) -> None:
         super().__init__("stopper")

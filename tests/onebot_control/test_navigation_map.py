@@ -62,7 +62,7 @@ def test_what_is_gone_is_cleared_within_three_scans():
 
 
 def test_a_thin_thing_between_two_rays_is_not_cleared():
-    """A ray clears a cell only if its neighbour goes as far."""
+    """A ray clears a cell only if its neighbor goes as far."""
     grid = GridMap()
     ranges = np.full(RAYS, 4.0, np.float32)
     ranges[RAYS // 2] = 2.0  # straight ahead

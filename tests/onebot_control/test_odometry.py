@@ -124,7 +124,7 @@ def test_forgotten_wheels_leave_the_pose() -> None:
 
 # Covariance ---------------------------------------------------------------------------------
 
-NOISE = (0.02**2, 0.03**2)  # of the left and the right wheels, m^2 a metre
+NOISE = (0.02**2, 0.03**2)  # of the left and the right wheels, m^2 a meter
 steps = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), max_size=20)
 
 

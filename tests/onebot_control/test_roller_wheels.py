@@ -310,7 +310,7 @@ def test_it_stands_still(model: Rolling) -> None:
 
 
 def test_the_mass_of_a_wheel_stays_where_it_is() -> None:
-    """What is simulated has the mass of the robot, and its centre."""
+    """What is simulated has the mass of the robot, and its center."""
 
     def whole(description: Description) -> Body:
         body, places = Body("base"), RobotModel.from_description(description).link_matrices({})
@@ -327,7 +327,7 @@ def test_the_mass_of_a_wheel_stays_where_it_is() -> None:
 
 
 def test_a_robot_beside_it_drives_as_alone() -> None:
-    """Plain wheels do what they do alone, to a micrometre, also where they slip."""
+    """Plain wheels do what they do alone, to a micrometer, also where they slip."""
 
     def last(*spawns: RobotSpawn) -> Triple:
         with World(spawns) as world:

@@ -220,7 +220,7 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
     assert (np.abs(distances() - exact) < 0.02).mean() > 0.98
 
 
-def test_a_picture_shows_a_box_where_it_is_with_its_colour_and_depth():
+def test_a_picture_shows_a_box_where_it_is_with_its_color_and_depth():
     """Its corners are within a pixel, its depth within 2 mm, and the cloud is the depth."""
     scene = VisibleSurfaces(
         world(link("box", shape('<box size="1 1 1"/>', "3 0 1.5", color="0 0 1 1"))), []

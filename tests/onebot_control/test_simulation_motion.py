@@ -33,7 +33,7 @@ def test_twist_is_the_derivative_of_the_pose(simulation):
     c, s = math.cos(after[2]), math.sin(after[2])
     dx, dy, turn = ((b - a) / step for a, b in zip(before, after, strict=True))
     assert twist.angular[2] == pytest.approx(turn, rel=1e-6)
-    # The velocity is constant in a step, but that of the centre of mass, about which it turns.
+    # The velocity is constant in a step, but that of the center of mass, about which it turns.
     assert twist.linear[:2] == pytest.approx([c * dx + s * dy, c * dy - s * dx], abs=2e-4)
 
 

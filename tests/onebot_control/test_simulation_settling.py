@@ -75,7 +75,7 @@ def test_a_base_that_stands_still_stands_on_the_ground(z, depth, caplog):
         ("0 0 2000", "0.4 0.3 0.1", "the robot would start at z = -2000 m; is a <collision> or"),
     ],
 )
-def test_a_robot_in_millimetres_is_refused(xyz, size, reason):
+def test_a_robot_in_millimeters_is_refused(xyz, size, reason):
     """Whether it would start high in the air, deep in the ground, or be as large as a hall."""
     description = _block(xyz)
     [collision] = description.links[0].collisions

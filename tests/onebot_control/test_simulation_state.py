@@ -72,7 +72,7 @@ def test_teleport_is_exact_and_hides_from_the_wheels():
 
 
 def test_drives_the_same_wherever_it_stands():
-    """A kilometre away, and turned, it drives as at the origin to half a millimetre.
+    """A kilometer away, and turned, it drives as at the origin to half a millimeter.
 
     What remains is that friction is a little weaker along some directions of the ground.
     """

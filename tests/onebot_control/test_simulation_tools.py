@@ -80,8 +80,8 @@ def test_a_log_is_arrays_of_poses_and_joints():
         assert "a.joints.left_wheel_joint" in simulation.log
 
 
-def _centre(simulation: Simulation) -> np.ndarray:
-    """The centre of mass of a robot in its root link's frame, which is level."""
+def _center(simulation: Simulation) -> np.ndarray:
+    """The center of mass of a robot in its root link's frame, which is level."""
     description = simulation.robot.description
     poses = RobotModel.from_description(description).link_matrices({})
     parts = [(poses[link.name], link.inertial) for link in description.links if link.inertial]
@@ -95,7 +95,7 @@ def test_a_push_accelerates_by_its_force():
     with Simulation(DIFF_DRIVE) as simulation:
         robot = simulation.robot
         start = robot.pose.z
-        robot.push((0.0, 0.0, 2.0 * MASS * GRAVITY), 0.2, point=_centre(simulation))
+        robot.push((0.0, 0.0, 2.0 * MASS * GRAVITY), 0.2, point=_center(simulation))
         simulation.run(0.2)
         assert not robot.contacts
         assert robot.pose.z - start == pytest.approx(GRAVITY * 0.2**2 / 2.0, rel=0.03)

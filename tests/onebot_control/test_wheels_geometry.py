@@ -38,7 +38,7 @@ def turned(part: str, origin: str, axis: str = "0 1 0") -> str:
 @pytest.mark.parametrize(
     ("origins", "axis", "separation"),
     [
-        # Wheels further ahead or lower are no further apart, nor are those of a base off centre.
+        # Wheels further ahead or lower are no further apart, nor are those of a base off center.
         (('xyz="0.5 0.4 -0.7"', 'xyz="-0.5 0.1 0.9"'), "0 1 0", 0.3),
         # As diffbot.xacro of ros_controllers has them, one ahead of the other.
         (('xyz="0.3 0.1 0"', 'xyz="-0.2 0.1 0"'), "0 1 0", 0.5),
@@ -133,7 +133,7 @@ def test_no_round_shape(collisions: tuple[str, ...], visuals: tuple[str, ...]) -
 
 
 @pytest.mark.parametrize(("other", "same"), [("0.0600009", True), ("0.0600011", False)])
-def test_radii_are_the_same_to_a_micrometre(other: str, same: bool) -> None:
+def test_radii_are_the_same_to_a_micrometer(other: str, same: bool) -> None:
     big = wheel("right", -0.2, f'<sphere radius="{other}"/>')
     description = robot(wheel("left", 0.2), big)
     if same:

@@ -386,7 +386,7 @@ RED = _color("1 0 0 1")
         ("0 0 255 1", False),
     ],
 )
-def test_colours_go_from_0_to_1(rgba, good):
+def test_colors_go_from_0_to_1(rgba, good):
     use = '<material name="m"/>'
     text = link(_visual(use) + _visual(use), f'<material name="m">{_color(rgba)}</material>')
     start = f'1: material "m" <color>: rgba="{rgba}" is beyond 0 to 1; divide'
@@ -422,7 +422,7 @@ def test_materials_used_by_two_visuals(shared, first, second, starts):
     assert_begin(warnings(link("\n".join(uses), shared)), starts)
 
 
-def test_the_first_material_of_a_name_colours_all_visuals_of_that_name():
+def test_the_first_material_of_a_name_colors_all_visuals_of_that_name():
     """As in urdfdom: the robot's before the visuals'; without a name each has its own."""
     materials = (("", "m"), (RED, "m"), (GREEN, "m"), (GREEN, ""), (GREEN, "n"), (RED, "n"))
     uses = "".join(_visual(_material(*material)) for material in materials)

@@ -1,4 +1,4 @@
-"""The sizes of shapes, and warnings of what is in another unit than metres."""
+"""The sizes of shapes, and warnings of what is in another unit than meters."""
 
 import struct
 from pathlib import Path
@@ -42,14 +42,14 @@ def test_good_robots_and_worlds_have_no_size_warnings(file: Path) -> None:
 @pytest.mark.parametrize(
     ("urdf", "text"),
     [
-        (robot('<box size="400 300 100"/>', ""), "400 x 300 x 100 m large; is it in millimetres?"),
+        (robot('<box size="400 300 100"/>', ""), "400 x 300 x 100 m large; is it in millimeters?"),
         (robot('<box size="40 30 10"/>'), 'link "base": its box is 40 x 30 x 10 m large; is it in'),
         (robot('<box size="15 1 1"/>'), "15 x 1 x 1 m large, over 100 times the other shapes; is"),
         (robot('<box size="1 1 1"/>', WHEELS.replace("<child", '<origin xyz="0 90 -150"/><child')),
-         'joint "j5": its <origin> is 174.9 m away; is it in millimetres? lengths are in m'),
+         'joint "j5": its <origin> is 174.9 m away; is it in millimeters? lengths are in m'),
     ],
 )  # fmt: skip
-def test_what_is_not_in_metres(urdf: str, text: str) -> None:
+def test_what_is_not_in_meters(urdf: str, text: str) -> None:
     assert text in warned(urdf)[0]
     assert warned(urdf)[0].startswith("r:")
 
@@ -59,7 +59,7 @@ def test_a_large_world_and_a_small_part_are_no_mistakes() -> None:
     assert warned(robot('<box size="0.0001 0.0001 0.0001"/>')) == []
 
 
-def test_a_mesh_in_millimetres(tmp_path: Path) -> None:
+def test_a_mesh_in_millimeters(tmp_path: Path) -> None:
     corners = (0, 0, 0, 400, 0, 0, 0, 300, 100)
     (tmp_path / "base.stl").write_bytes(bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, *corners, 0))
     shape = f'<mesh filename="file://{tmp_path}/base.stl"/>'

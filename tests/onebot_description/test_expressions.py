@@ -16,7 +16,7 @@ from onebot_description.description.expansion import explain
 from onebot_description.description.expressions import evaluate, global_symbols
 
 YAML = xacro.YamlDictWrapper(
-    limits={"shoulder": {"lower": -1.5, "values": [1, 2]}}, colours=[{"red": 1}], items=3
+    limits={"shoulder": {"lower": -1.5, "values": [1, 2]}}, colors=[{"red": 1}], items=3
 )
 
 
@@ -41,7 +41,7 @@ def value_of(expression: str) -> Any:
         ("sin(radians(90)) + math.atan2(1, 1)", 1 + math.pi / 4),
         ("config.limits.shoulder.lower", -1.5),
         ("config.limits.shoulder['values'][-1]", 2),
-        ("config.colours[0].red", 1),
+        ("config.colors[0].red", 1),
         ("[name for name in config.limits]", ["shoulder"]),
         ("config.get('none', 5) + config['items']", 8),
         ("dict(a=1).pop('a')", 1),

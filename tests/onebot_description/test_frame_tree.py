@@ -111,7 +111,7 @@ def test_history() -> None:
 
 
 def joined(parents: Sequence[str], children: Sequence[str], x: float = 1.0) -> TfArrays:
-    """A message in which each child is ``x`` metres along x of its parent."""
+    """A message in which each child is ``x`` meters along x of its parent."""
     count = len(parents)
     places, turns = np.tile([x, 0.0, 0.0], (count, 1)), np.tile(NO_TURN, (count, 1))
     return TfArrays(tuple(parents), tuple(children), np.zeros(count, np.int64), places, turns)

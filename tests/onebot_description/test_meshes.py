@@ -93,7 +93,7 @@ ONEBOT_MESHES = sorted((package_share("onebot_description") / "meshes").glob("*.
 
 @pytest.mark.parametrize("file", ONEBOT_MESHES, ids=lambda file: file.stem)
 def test_plain_triangles_are_those_of_the_scene(file: Path) -> None:
-    """Bit for bit, and so are their colours."""
+    """Bit for bit, and so are their colors."""
     parts = surfaces(mesh_scene(Mesh(str(file), (1.0, 1.0, 1.0), file)))
     plain = colored_triangles(file)
     assert len(plain) == len(parts) > 0

@@ -69,7 +69,7 @@ def test_yourdfpy_reads_the_robot(combination):
 
 @READ
 def test_rerun_shows_the_robot_without_complaint(combination):
-    """The viewer finds nothing that it cannot draw, and every mesh in colours of its own."""
+    """The viewer finds nothing that it cannot draw, and every mesh in colors of its own."""
     robot = parse_description(_load(*combination).urdf, "robot_description")
     assert robot.notices == ()
     assert RobotShapes(rr.RecordingStream("onebot_test")).set_robot(robot) == []

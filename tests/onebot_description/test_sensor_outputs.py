@@ -189,18 +189,18 @@ def test_two_outputs_of_a_sensor_on_one_topic_are_a_fault(written):
 
 
 def test_cameras_of_different_types_without_topics_are_named_by_themselves():
-    """Those whose outputs differ share a name: a colour camera and a depth camera."""
-    kinds = {"colour": "camera", "all": "rgbd_camera", "depth": "depth_camera"}
+    """Those whose outputs differ share a name: a color camera and a depth camera."""
+    kinds = {"color": "camera", "all": "rgbd_camera", "depth": "depth_camera"}
 
     def images(*names):
         found = read(*(camera(name=name, kind=kinds[name]) for name in names))
         assert found.problems == ()
         return [next(iter(sensor.topics.values())) for sensor in found.sensors]
 
-    assert images("colour", "depth") == ["camera/image_raw", "camera/depth/image_raw"]
-    assert images("colour", "all") == ["colour/image_raw", "all/image_raw"]
+    assert images("color", "depth") == ["camera/image_raw", "camera/depth/image_raw"]
+    assert images("color", "all") == ["color/image_raw", "all/image_raw"]
     assert images("all", "depth") == ["all/image_raw", "depth/depth/image_raw"]
-    assert images(*kinds) == ["colour/image_raw", "all/image_raw", "depth/depth/image_raw"]
+    assert images(*kinds) == ["color/image_raw", "all/image_raw", "depth/depth/image_raw"]
 
 
 def test_lidars_of_one_ray_leave_the_scan_to_the_one_that_scans():

@@ -17,7 +17,7 @@ MAIN = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
 </robot>"""
 PART = """<robot xmlns:xacro="http://wiki.ros.org/xacro">
   <xacro:include filename="main.xacro"/>
-  <xacro:arg name="colour" default="red"/><xacro:arg name="length" default="9"/>
+  <xacro:arg name="color" default="red"/><xacro:arg name="length" default="9"/>
 </robot>"""
 
 
@@ -30,7 +30,7 @@ def test_arguments_of_a_file_and_its_includes(tmp_path: Path) -> None:
     assert {name: argument.default for name, argument in found.items()} == {
         "length": "1.5",
         "needed": "",
-        "colour": "red",
+        "color": "red",
     }
     assert "required" in found["needed"].description
     files = (tmp_path / "main.xacro", tmp_path / "part.xacro")
@@ -68,12 +68,12 @@ def robot(inside: str) -> str:
 def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: bool) -> None:
     main = tmp_path / "main.xacro"
     main.write_text(robot(f'<xacro:include filename="{included}"/>'))
-    (tmp_path / "part.xacro").write_text(robot('<xacro:arg name="colour" default="red"/>'))
+    (tmp_path / "part.xacro").write_text(robot('<xacro:arg name="color" default="red"/>'))
     found = xacro_arguments(str(main))
     assert found.complete is complete
     assert len(included_files(str(main))) > 1 if complete else included_files(str(main)) == (main,)
     if included == "part.xacro":
-        assert [argument.name for argument in found.arguments] == ["colour"]
+        assert [argument.name for argument in found.arguments] == ["color"]
 
 
 def test_arguments_that_are_used_without_being_declared(tmp_path: Path) -> None:

@@ -21,15 +21,15 @@ export class Gamepads {
     this.hands = [new Hand()];
     this.driving = null; // index of the pad that drives
     this.values = ""; // its last values
-    this.centred = new Set(); // indices of pads whose sticks were at rest since they last drove
+    this.centered = new Set(); // indices of pads whose sticks were at rest since they last drove
     window.addEventListener("gamepadconnected", (event) => this.plug(event.gamepad));
     window.addEventListener("gamepaddisconnected", (event) => this.unplug(event.gamepad));
     if (pads().length > 0) this.watch();
   }
 
-  /** Let go; the stick has to return to its centre before it drives again. */
+  /** Let go; the stick has to return to its center before it drives again. */
   cancel() {
-    this.centred.clear();
+    this.centered.clear();
     this.driving = null;
     this.sender.release(this);
   }
@@ -39,12 +39,12 @@ export class Gamepads {
   }
 
   plug(pad) {
-    this.centred.delete(pad.index); // maybe of another pad; this one has to be seen at rest first
+    this.centered.delete(pad.index); // maybe of another pad; this one has to be seen at rest first
     this.watch();
   }
 
   unplug(pad) {
-    this.centred.delete(pad.index);
+    this.centered.delete(pad.index);
     this.stop.release(presser(pad));
     this.poll();
   }
@@ -65,9 +65,9 @@ export class Gamepads {
     else this.stop.release(presser(pad));
     const shares = sticks(pad, this.sender.strafes);
     if (Object.values(shares).every((share) => share === 0)) {
-      this.centred.add(pad.index);
+      this.centered.add(pad.index);
       if (this.driving === pad.index) this.rest();
-    } else if (this.centred.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
+    } else if (this.centered.has(pad.index) && (this.driving ?? pad.index) === pad.index) {
       // A live pad has noise; a disconnected one may report the same values forever.
       const values = JSON.stringify([pad.axes, pad.buttons.map(({ value }) => value)]);
       if (this.driving === null || values !== this.values) this.hands[0].seen();

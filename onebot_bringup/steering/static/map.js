@@ -10,7 +10,7 @@ import { write } from "./elements.js";
 
 const PERIOD_MS = 200;
 const ZOOM = 1.5; // factor of a button's press
-const SCALES = [2, 2000]; // pixels per metre
+const SCALES = [2, 2000]; // pixels per meter
 const LINES = 40; // minimum distance of two lines of the grid, pixels
 const TURNED = 8; // pixels; a shorter drag has no heading
 
@@ -109,7 +109,7 @@ export class GroundMap {
     this.show(this.ground);
   }
 
-  // --- pixels and metres -----------------------------------------------------------------------
+  // --- pixels and meters -----------------------------------------------------------------------
 
   get middle() {
     const { width, height } = this.drawing.getBoundingClientRect();
@@ -258,7 +258,7 @@ export class GroundMap {
     return pixels.map(({ x, y }, n) => `${n ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   }
 
-  /** The lines of the grid, at round numbers of metres. */
+  /** The lines of the grid, at round numbers of meters. */
   grid() {
     const step = 10 ** Math.ceil(Math.log10(LINES / this.scale));
     const { x: right, y: bottom } = { x: 2 * this.middle.x, y: 2 * this.middle.y };

@@ -21,7 +21,7 @@ from onebot_bringup.viewer.core.stage import Stage
 
 S = TypeVar("S")  # a dataclass of settings
 
-# Default colours, easily distinguished on a dark background.
+# Default colors, easily distinguished on a dark background.
 COLORS: tuple[Color, ...] = (
     (255, 176, 32),
     (77, 208, 225),

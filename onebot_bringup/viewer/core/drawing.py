@@ -4,7 +4,7 @@ Each message type is drawn by one class, in a file of the folder ``displays``::
 
     @dataclass(frozen=True)
     class PathSettings(TopicSettings):
-        line_width: float = setting(0.02, "width, metres")
+        line_width: float = setting(0.02, "width, meters")
 
     class PathDrawing(Drawing[PathSettings]):
         key = "path"
@@ -84,7 +84,7 @@ class Drawing(Generic[S]):
             name: the topic's full name, or the name of the view's entry.
             entity: the entity to log to.
             settings: how to draw.
-            color: used if the settings have no colour.
+            color: used if the settings have no color.
         """
         self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
         self.default_color = color
@@ -279,7 +279,7 @@ class DrawingsDisplay(Display[S]):
         colors = {name: old.default_color for name, old in old_items.items() if name in new_items}
         self.items = {}
         for name, (_, item) in new_items.items():
-            if name not in colors:  # drawings keep their colours when more topics are published
+            if name not in colors:  # drawings keep their colors when more topics are published
                 colors[name] = min(COLORS, key=[*colors.values()].count)
             old = old_items.pop(name, None)
             if old is not None and old.settings == item:

@@ -5,7 +5,7 @@ yourdfpy leaves out:
 
 - spheres, cylinders and capsules that look round at any size on the screen
 - round faces and sharp edges where a file has no normals
-- whether a file has its own colours, converted to glTF's linear light
+- whether a file has its own colors, converted to glTF's linear light
 
 trimesh takes a second to import, so modules import this one only to draw a shape.
 """
@@ -50,7 +50,7 @@ class ShapeAsset(NamedTuple):
 
     glb: bytes  # binary glTF
     bounds: NDArray[np.float64]  # (2, 3), minimum and maximum corner, m
-    colored: bool  # has its own colours, which override the URDF's, as in RViz
+    colored: bool  # has its own colors, which override the URDF's, as in RViz
     warnings: tuple[str, ...] = ()  # a sentence for each missing file that affects its look
 
 
@@ -129,17 +129,17 @@ def _turned(glb: bytes) -> bytes:
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
     for part in scene.geometry.values():
         if isinstance(part, trimesh.Trimesh):
-            # Vertex colours, such as Blender writes into Collada, would become an attribute
+            # Vertex colors, such as Blender writes into Collada, would become an attribute
             # "_color", and Rerun shows nothing of a glTF with unknown attributes.
             part.vertex_attributes.clear()
-    # glTF's colours are in linear light, the other formats' in sRGB.
+    # glTF's colors are in linear light, the other formats' in sRGB.
     adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
     return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
 
 
 def _mesh(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Trimesh:
-    """Return the mesh of a shape, centred as in URDF."""
+    """Return the mesh of a shape, centered as in URDF."""
     if isinstance(shape, Box):
         return trimesh.creation.box(shape.size)
     if isinstance(shape, Sphere):
@@ -190,7 +190,7 @@ def _flat(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _adjust_colors(tree: dict[str, Any]) -> None:
-    """Convert the sRGB colours of ``tree`` (glTF) to linear light (IEC 61966-2-1).
+    """Convert the sRGB colors of ``tree`` (glTF) to linear light (IEC 61966-2-1).
 
     Invisible materials become opaque: exporters do not agree on which end of Collada's
     transparency is the clear one.

@@ -24,10 +24,10 @@ Rgba32 = tuple[int, int, int, int]  # sRGB and alpha
 VISUAL_ENTITY = "robot/visual"
 COLLISION_ENTITY = "robot/collision"
 
-# As in RViz ("RVIZ/ShadedRed"), shapes without a colour are red, so that they are noticed.
+# As in RViz ("RVIZ/ShadedRed"), shapes without a color are red, so that they are noticed.
 DEFAULT_COLOR: Rgba32 = (255, 0, 0, 255)
 COLLISION_COLOR: Rgba32 = (255, 170, 0, 110)
-# Colour of the box that replaces a shape that cannot be drawn; few robots have this colour.
+# Color of the box that replaces a shape that cannot be drawn; few robots have this color.
 MISSING_COLOR: Rgba32 = (255, 0, 255, 255)
 _MISSING = "missing"
 _MAX_REASONS = 10  # reasons named for missing shapes
@@ -84,7 +84,7 @@ class RobotShapes:
     def _draw(
         self, path: str, link: str, geometry: Geometry, color: Rgba32 | None
     ) -> Sequence[str]:
-        """Draw ``geometry`` in its file's own colours, or else in ``color``; return warnings."""
+        """Draw ``geometry`` in its file's own colors, or else in ``color``; return warnings."""
         from onebot_bringup.viewer.core.glb import file_state, load_shape  # imports trimesh
 
         what = (link, geometry, file_state(geometry.shape))
@@ -160,7 +160,7 @@ def _quaternion(geometry: Geometry) -> rr.Quaternion:
 
 
 def _bytes(color: Rgba | None) -> Rgba32:
-    """Return a URDF colour as bytes; they reach the screen unchanged, as in RViz."""
+    """Return a URDF color as bytes; they reach the screen unchanged, as in RViz."""
     if color is None:
         return DEFAULT_COLOR
     red, green, blue, alpha = (round(255 * min(max(value, 0.0), 1.0)) for value in color)

@@ -17,7 +17,7 @@ Rules = Mapping[str, Any]  # keyword arguments of ``parameter``
 length: Rules = {"at_least": 0.0}
 fraction: Rules = {"at_least": 0.0, "at_most": 1.0}
 signed: Rules = {}  # any number, also a negative one
-vector: Rules = {"write": "three metres, such as [3.0, -3.0, 2.0]"}
+vector: Rules = {"write": "three meters, such as [3.0, -3.0, 2.0]"}
 color: Rules = {"at_least": 0, "at_most": 255, "write": "three bytes, such as [48, 48, 48]"}
 name_list: Rules = {"write": "a list of names, such as [odom, base_link]"}
 # A relative name, so that a namespace applies, or an absolute one.

@@ -72,7 +72,7 @@ class ShownRobot:
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
         self.fitting_length = 0.0  # length of axes that suits the robot, m; 0: unknown
-        self.axes_lengths: Mapping[str, float] = {}  # metres, keyed by frames of links
+        self.axes_lengths: Mapping[str, float] = {}  # meters, keyed by frames of links
         self.joint_positions: dict[str, float] = {}  # rad or m, for displays that ask for them
 
     def frame_of(self, link: str) -> str:

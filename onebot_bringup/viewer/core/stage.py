@@ -61,7 +61,7 @@ class Stage:
         self.world = make_robot(RobotToShow(description=WORLD_DESCRIPTION), "world")
         self.now_ns = 0
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
-        self.robot_size = 0.0  # the diagonal of the smallest robot, metres; 0: not known yet
+        self.robot_size = 0.0  # the diagonal of the smallest robot, meters; 0: not known yet
 
     def message_type(self, name: str, **properties: bool) -> MessageType[Any]:
         """Return a message type whose messages are decoded by its definition.

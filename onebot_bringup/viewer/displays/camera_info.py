@@ -29,7 +29,7 @@ _NAMES = ("image", "image_raw", "image_color", "image_mono", "image_rect", "imag
 class CameraInfoSettings(TopicSettings):
     """Frustums of cameras."""
 
-    far_clip: float = setting(0.5, "distance of the picture, metres")
+    far_clip: float = setting(0.5, "distance of the picture, meters")
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 

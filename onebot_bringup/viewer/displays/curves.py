@@ -87,7 +87,7 @@ class CurveDrawing(Drawing[S]):
         """
 
     def legend(self) -> rr.SeriesLines:
-        """Return the names, colours and style of the curves."""
+        """Return the names, colors and style of the curves."""
         return rr.SeriesLines(names=[self.name], colors=[self.color], widths=[2.0])
 
     def add(self, stamp_ns: int, message: Any) -> None:

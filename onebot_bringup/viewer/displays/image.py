@@ -41,7 +41,7 @@ class _Encoding(NamedTuple):
     channels: int
     kind: type[rr.Image | rr.DepthImage]
     format: Mapping[str, Any]  # Rerun's format
-    meter: float = 0.0  # the value of a metre, for depth images
+    meter: float = 0.0  # the value of a meter, for depth images
 
 
 def _color(model: str, channels: int) -> _Encoding:
@@ -66,7 +66,7 @@ _ENCODINGS: Mapping[str, _Encoding] = {
     **dict.fromkeys(("bgra8", "8UC4"), _color("BGRA", 4)),
     **dict.fromkeys(("mono8", "8UC1"), _GREY),
     "mono16": _GREY._replace(dtype="u2"),
-    "16UC1": _depth("u2", "U16", 1000.0),  # REP-118: depth in millimetres
+    "16UC1": _depth("u2", "U16", 1000.0),  # REP-118: depth in millimeters
     "32FC1": _depth("f4", "F32", 1.0),
     **{
         f"bayer_{order}8": _packed(f"Bayer{order.upper()}8", 1)

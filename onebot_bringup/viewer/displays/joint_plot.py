@@ -149,11 +149,11 @@ def limited_joints(description: Description) -> tuple[Joint, ...]:
 
 
 def joint_colors(names: Sequence[str], offset: int = 0) -> dict[str, Color]:
-    """Return a colour for each joint, easily distinguished on a dark ground (golden-angle hues).
+    """Return a color for each joint, easily distinguished on a dark ground (golden-angle hues).
 
     Args:
         names: the joints.
-        offset: differs between sets of joints, so that each set has its own colours.
+        offset: differs between sets of joints, so that each set has its own colors.
     """
     colors = {}
     for index, name in enumerate(names):

@@ -35,7 +35,7 @@ class JointTrajectorySettings(TopicSettings):
 
     link: str = setting("", "the link whose path it is; empty: the last one that the joints move")
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    line_width: float = setting(0.0, "metres; 0: a few pixels")
+    line_width: float = setting(0.0, "meters; 0: a few pixels")
 
 
 class JointTrajectoryDrawing(Drawing[JointTrajectorySettings]):

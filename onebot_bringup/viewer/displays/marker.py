@@ -82,8 +82,8 @@ class Incoming(NamedTuple):
     lifetimes: Integers  # nanoseconds
     stamps_ns: Callable[[], Integers]  # returns the headers' stamps, which are seldom needed
     points: Integers  # number of points
-    poses: Floats  # (N, 7) metres and x y z w; may be written to
-    scales: Floats  # (N, 3) metres
+    poses: Floats  # (N, 7) meters and x y z w; may be written to
+    scales: Floats  # (N, 3) meters
     colors: Floats  # (N, 4), 0 to 1
     messages: Sequence[Any]
 
@@ -426,7 +426,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         kinds: Integers,
         moved: Mapping[str, list[int]],
     ) -> Batch:
-        """Return the markers with poses and colours as drawn."""
+        """Return the markers with poses and colors as drawn."""
         poses = incoming.poses
         if not (incoming.actions == ADD).all():
             poses[incoming.actions != ADD] = _IDENTITY
@@ -459,14 +459,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         return Batch(poses, incoming.scales, incoming.colors, ends, parts)
 
     def _part(self, incoming: Incoming, row: int, kind: int) -> MarkerContent:
-        """Return the points, colours and text of a marker."""
+        """Return the points, colors and text of a marker."""
         message = incoming.messages[row]
         points = message.points.array().astype(np.float64).reshape(-1, 3)
         colors = message.colors.array().astype(np.float64).reshape(-1, 4)
         if kind == TRIANGLE_LIST and 3 * len(colors) == len(points):
             colors = colors.repeat(3, axis=0)
         if len(colors) not in (0, len(points)):
-            text = "it has more or fewer colours than points: the marker's colour is used"
+            text = "it has more or fewer colors than points: the marker's color is used"
             incoming.report(self.problems, row, text)
             colors = colors[:0]
         if not is_drawable(points):

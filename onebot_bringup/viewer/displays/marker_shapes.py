@@ -27,10 +27,10 @@ POINTS, TEXT, MESH, TRIANGLE_LIST, ARROW_STRIP = range(8, 13)
 
 
 class MarkerContent(NamedTuple):
-    """The content of a marker besides pose, scale and colour."""
+    """The content of a marker besides pose, scale and color."""
 
-    points: Floats  # (N, 3) metres, in the marker's own frame
-    colors: Floats  # (N, 4), or (0, 4) if all points have the marker's colour
+    points: Floats  # (N, 3) meters, in the marker's own frame
+    colors: Floats  # (N, 4), or (0, 4) if all points have the marker's color
     pairs: bool  # each two points are the ends of a separate line
     text: str
 
@@ -41,7 +41,7 @@ Rows = NDArray[np.intp] | slice
 class Batch(NamedTuple):
     """Markers of one type, one per row; or the shapes that they are drawn as."""
 
-    poses: Floats  # (N, 7) metres and x y z w
+    poses: Floats  # (N, 7) meters and x y z w
     scales: Floats  # (N, 3)
     colors: Floats  # (N, 4), 0 to 1
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
@@ -88,7 +88,7 @@ Draw = Callable[[Batch], Sequence[Piece]]
 
 
 def rgba(colors: Floats) -> NDArray[np.uint32]:
-    """Convert (N, 4) numbers from 0 to 1 to Rerun's colours, whose bytes the screen shows as is."""
+    """Convert (N, 4) numbers from 0 to 1 to Rerun's colors, whose bytes the screen shows as is."""
     channels = np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
     return channels.view(">u4").astype(np.uint32).ravel()
 
@@ -112,7 +112,7 @@ def _poses(shapes: Batch) -> Sequence[Piece]:
 
 
 def _solid(archetype: Any, **sizes: Any) -> Draw:
-    """Return a function that draws scaled instances of a shape with a size of one metre."""
+    """Return a function that draws scaled instances of a shape with a size of one meter."""
     unit = one_row(archetype.from_fields(fill_mode=rr.components.FillMode.Solid, **sizes))
     color = _in_color(archetype)
     return lambda shapes: [*unit, *_poses(shapes), (color, shapes.colors)]
@@ -166,7 +166,7 @@ _LINE_COLORS = _in_color(rr.LineStrips3D)
 
 
 def _lines(batch: Batch) -> Sequence[Piece]:
-    """Draw lines; a strip whose points have colours is split, since Rerun's have one colour."""
+    """Draw lines; a strip whose points have colors is split, since Rerun's have one color."""
     corners = batch.vertices()
     points: list[NDArray[np.intp]] = []  # indexes of points, an array for each line
     lengths: list[NDArray[np.intp]] = []
@@ -249,7 +249,7 @@ class MeshVariant(NamedTuple):
     """The properties that all meshes of one entity have in common."""
 
     uri: str
-    color: int | None  # Rerun's number; None for the file's own colours
+    color: int | None  # Rerun's number; None for the file's own colors
 
     def pieces(self) -> Sequence[Piece]:
         """Return the columns of the mesh itself."""

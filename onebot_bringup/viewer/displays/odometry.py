@@ -44,7 +44,7 @@ class OdometrySettings(PoseSettings):
     """Poses of odometry, as arrows along x or as axes."""
 
     keep: int = setting(100, "poses shown; 0: as many as possible, 1000")
-    position_tolerance: float = setting(0.1, "metres from one pose to the next")
+    position_tolerance: float = setting(0.1, "meters from one pose to the next")
     angle_tolerance: float = setting(0.1, "radians from one pose to the next")
 
 
@@ -105,15 +105,15 @@ class OdometryDisplay(NamedDisplay[M]):
 
 
 def _place(message: Any, height: float) -> Floats | None:
-    """Return the place (3,) at ``height`` above the pose, metres; None if it is not finite."""
+    """Return the place (3,) at ``height`` above the pose, meters; None if it is not finite."""
     place: Floats = message.pose.pose.position.array() + (0.0, 0.0, height)
     return place if is_drawable(place) else None
 
 
 # --- trails ---------------------------------------------------------------------------------------
 
-SPACING = 0.01  # metres driven per piece of the line: finer would not be visible
-# A piece that would be longer (metres) is a teleport or a reset, which interrupts the line.
+SPACING = 0.01  # meters driven per piece of the line: finer would not be visible
+# A piece that would be longer (meters) is a teleport or a reset, which interrupts the line.
 JUMP = 0.5
 
 
@@ -123,8 +123,8 @@ class TrailSettings:
 
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    width: float = setting(0.01, "width of the line, metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
+    width: float = setting(0.01, "width of the line, meters")
+    height: float = setting(0.0, "meters above the poses; negative to lay it on the ground", signed)
     length: float = setting(60.0, "seconds shown; 0: all")
 
 
@@ -165,7 +165,7 @@ class TrailDrawing(Drawing[TrailSettings]):
         return LayoutPart(windows=((self.entity, self.settings.length),))
 
     def erase(self) -> None:
-        """Leave the pieces: the layout hides them, or a drawing of another colour continues."""
+        """Leave the pieces: the layout hides them, or a drawing of another color continues."""
 
     def replace(self, before: Drawing[TrailSettings]) -> None:
         self._pending.extend(before._pending)
@@ -189,10 +189,10 @@ class CovarianceSettings:
 
     topic: str = setting(REQUIRED, "an Odometry topic", topic)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    width: float = setting(0.006, "width of the lines, metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
+    width: float = setting(0.006, "width of the lines, meters")
+    height: float = setting(0.0, "meters above the poses; negative to lay it on the ground", signed)
     sigma: float = setting(3.0, "size in standard deviations")
-    heading: float = setting(0.5, "radius of the sector, which shows the yaw, metres; 0: none")
+    heading: float = setting(0.5, "radius of the sector, which shows the yaw, meters; 0: none")
 
 
 class CovarianceDrawing(Drawing[CovarianceSettings]):

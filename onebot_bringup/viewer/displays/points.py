@@ -1,4 +1,4 @@
-"""Draws scans (LaserScan) and clouds (PointCloud2) as points, coloured as in RViz."""
+"""Draws scans (LaserScan) and clouds (PointCloud2) as points, colored as in RViz."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -34,9 +34,9 @@ _ON_SCREEN = 3.0  # default size of a point, pixels
 
 @dataclass(frozen=True)
 class PointsSettings(TopicSettings):
-    """Coloured points."""
+    """Colored points."""
 
-    size: float = setting(0.0, "metres; 0: a few pixels")
+    size: float = setting(0.0, "meters; 0: a few pixels")
     color_transformer: str = setting(
         AUTO, "auto: the first that has data", one_of(AUTO, INTENSITY, AXIS, FLAT)
     )
@@ -50,8 +50,8 @@ class PointsSettings(TopicSettings):
     max_intensity: float = setting(4096.0, "if not computed", signed)
     axis: str = setting("Z", "axis of the fixed frame, for AxisColor", one_of(*_AXES))
     autocompute_value_bounds: bool = setting(True, "compute them for each message")
-    min_value: float = setting(-10.0, "metres, if not computed", signed)
-    max_value: float = setting(10.0, "metres, if not computed", signed)
+    min_value: float = setting(-10.0, "meters, if not computed", signed)
+    max_value: float = setting(10.0, "meters, if not computed", signed)
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
     decay_time: float = setting(0.0, "seconds that points stay; 0: until the next message")
 
@@ -65,7 +65,7 @@ class Points(NamedTuple):
     positions: Floats32  # (N, 3), in the message's frame
     # Returns the values (N,) of a channel; None if there is no such channel.
     channel: Callable[[str], NDArray[Any] | None]
-    colors: Colors | None = None  # (N,), the points' own colours
+    colors: Colors | None = None  # (N,), the points' own colors
 
 
 _POSITIONS = ColumnMaker(rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)]))
@@ -99,7 +99,7 @@ class PointsDrawing(Drawing[P]):
         return self.stage.fixed_frame
 
     def draw(self, message: Any) -> Sequence[ReadyColumn]:
-        """Return the finite points with their colours."""
+        """Return the finite points with their colors."""
         positions, channel, rgb_colors = self.points(message)
         usable = _usable(positions)
         if usable is not None:
@@ -123,7 +123,7 @@ class PointsDrawing(Drawing[P]):
         channel: Callable[[str], NDArray[Any] | None],
         usable: NDArray[np.bool_] | None,
     ) -> Colors | None:
-        """Return the colours (N,), or (1,) for all points; None if there is no data for them."""
+        """Return the colors (N,), or (1,) for all points; None if there is no data for them."""
         look = self.settings
         if transformer == AXIS:
             bounds = None if look.autocompute_value_bounds else (look.min_value, look.max_value)
@@ -215,7 +215,7 @@ class LaserScanDrawing(PointsDrawing[PointsSettings]):
 # NumPy types by PointField.datatype.
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _POSITION = ("x", "y", "z")
-_PACKED = ("rgb", "rgba")  # fields of colours with a byte per channel, blue in the lowest one
+_PACKED = ("rgb", "rgba")  # fields of colors with a byte per channel, blue in the lowest one
 
 
 @dataclass(frozen=True)
@@ -300,23 +300,23 @@ def _positions(values: NDArray[Any]) -> Floats32:
 
 
 def _packed_colors(values: NDArray[Any], name: str) -> Colors:
-    """Return the colours in a field."""
+    """Return the colors in a field."""
     packed = values.view(values.dtype.str.replace("f", "u").replace("i", "u")).astype(np.uint32)
     alpha = packed >> 24 if name == "rgba" else np.uint32(0xFF)
     colors: Colors = packed << 8 | alpha
     return colors
 
 
-# --- colours ------------------------------------------------------------------------------------
+# --- colors ------------------------------------------------------------------------------------
 
 
 def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Colors) -> Colors:
-    """Return the colours (N,) of values.
+    """Return the colors (N,) of values.
 
     Args:
         values: (N,) numbers.
-        bounds: values of the first and the last colour; None for the minimum and maximum value.
-        table: (256,) colours.
+        bounds: values of the first and the last color; None for the minimum and maximum value.
+        table: (256,) colors.
     """
     if not len(values):
         return np.empty(0, np.uint32)
@@ -326,7 +326,7 @@ def colored(values: NDArray[Any], bounds: tuple[float, float] | None, table: Col
     with np.errstate(over="ignore", invalid="ignore"):
         scaled -= scaled.dtype.type(low)
         scaled *= scaled.dtype.type(255.0 / (high - low) if high > low else 0.0)
-        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # NaN may become any colour
+        rows = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)  # NaN may become any color
     colors: Colors = empty(rows.shape, np.uint32)
     # All indexes are valid, so use "wrap", the fastest mode.
     return table.take(rows, out=colors, mode="wrap")
@@ -344,7 +344,7 @@ def _bounds(values: NDArray[Any]) -> tuple[float, float]:
 def _table(
     rainbow: bool, inverted: bool, lowest: Color = (0, 0, 0), highest: Color = (255, 255, 255)
 ) -> Colors:
-    """Return (256,) colours, from the lowest value's to the highest value's."""
+    """Return (256,) colors, from the lowest value's to the highest value's."""
     at = np.linspace(0.0, 1.0, 256)
     if rainbow:
         rgb = _rainbow(at if inverted else 1.0 - at)

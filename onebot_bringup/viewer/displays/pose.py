@@ -36,11 +36,11 @@ class PoseSettings(TopicSettings):
 
     shape: str = setting(ARROW, "how a pose is drawn", one_of(ARROW, AXES))
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    shaft_length: float = setting(0.0, f"metres; {_FITTING}")
-    shaft_radius: float = setting(0.0, f"metres; {_FITTING}")
-    head_length: float = setting(0.0, f"metres; {_FITTING}")
-    axes_length: float = setting(0.0, f"metres; {_FITTING}")
-    axes_radius: float = setting(0.0, f"metres; {_FITTING}")
+    shaft_length: float = setting(0.0, f"meters; {_FITTING}")
+    shaft_radius: float = setting(0.0, f"meters; {_FITTING}")
+    head_length: float = setting(0.0, f"meters; {_FITTING}")
+    axes_length: float = setting(0.0, f"meters; {_FITTING}")
+    axes_radius: float = setting(0.0, f"meters; {_FITTING}")
 
 
 L = TypeVar("L", bound=PoseSettings)
@@ -50,7 +50,7 @@ class PosesDrawing(Drawing[L]):
     """Base class of drawings of poses."""
 
     def shapes(self, poses: Floats) -> list[rr.AsComponents]:
-        """Return the shapes of poses (N, 7): x y z in metres, and a quaternion of any length."""
+        """Return the shapes of poses (N, 7): x y z in meters, and a quaternion of any length."""
         look, places, turns = self.settings, poses[:, :3], to_matrix(poses[:, 3:])
         unit = self.stage.robot_size / 2 or 1.0  # m; RViz's defaults suit a robot of 2 m
         if look.shape == AXES:
@@ -90,12 +90,12 @@ class PoseArraySettings(PoseSettings):
     """Many poses, as flat arrows along x, as arrows, or as axes."""
 
     shape: str = setting(FLAT, "how a pose is drawn", one_of(FLAT, SOLID, AXES))
-    arrow_length: float = setting(0.3, "metres")
-    shaft_length: float = setting(0.23, "metres")
-    shaft_radius: float = setting(0.01, "metres")
-    head_length: float = setting(0.07, "metres")
-    axes_length: float = setting(0.3, "metres")
-    axes_radius: float = setting(0.01, "metres")
+    arrow_length: float = setting(0.3, "meters")
+    shaft_length: float = setting(0.23, "meters")
+    shaft_radius: float = setting(0.01, "meters")
+    head_length: float = setting(0.07, "meters")
+    axes_length: float = setting(0.3, "meters")
+    axes_radius: float = setting(0.01, "meters")
 
 
 class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
@@ -119,12 +119,12 @@ class PoseArrayDrawing(PosesDrawing[PoseArraySettings]):
 
 # Corners of an outline, which has one more point, since it repeats the first one.
 CORNERS = 48
-_LARGEST_AXIS = 100.0  # a longer half axis (metres) means "unknown", such as 1e6 in a covariance
+_LARGEST_AXIS = 100.0  # a longer half axis (meters) means "unknown", such as 1e6 in a covariance
 _FILL_ALPHA = 45
 
 
 def ellipse_outline(covariance: Floats, sigma: float) -> Floats | None:
-    """Return (49, 3) points around the position on the ground, closed, metres from the position.
+    """Return (49, 3) points around the position on the ground, closed, meters from the position.
 
     Args:
         covariance: (36,) of a pose, row by row: x, y, z in m and the angles about x, y, z in rad.
@@ -148,13 +148,13 @@ def ellipse_outline(covariance: Floats, sigma: float) -> Floats | None:
 
 
 def sector_outline(variance: float, yaw: float, sigma: float, radius: float) -> Floats | None:
-    """Return (49, 3) points around a sector to either side of a heading, closed, metres.
+    """Return (49, 3) points around a sector to either side of a heading, closed, meters.
 
     Args:
         variance: variance of the heading, rad2.
         yaw: the heading, rad.
         sigma: half of the sector's angle in standard deviations.
-        radius: radius of the sector, metres; 0 for none.
+        radius: radius of the sector, meters; 0 for none.
 
     Returns:
         None if the heading is unknown: its variance is zero, negative or not finite.
@@ -172,13 +172,13 @@ def outlines(pose: Floats, covariance: Floats, sigma: float, radius: float) -> l
     """Return the outlines that show the covariance of a pose.
 
     Args:
-        pose: (7,) metres and a quaternion x y z w, of which only the yaw counts.
+        pose: (7,) meters and a quaternion x y z w, of which only the yaw counts.
         covariance: (36,) as in ``ellipse_outline``.
         sigma: size of the shapes in standard deviations.
-        radius: radius of the sector, metres; 0 for none.
+        radius: radius of the sector, meters; 0 for none.
 
     Returns:
-        The outlines (49, 3) of the ellipse and the sector, metres, as far as they are known.
+        The outlines (49, 3) of the ellipse and the sector, meters, as far as they are known.
     """
     yaw = 2 * math.atan2(pose[5], pose[6])
     ellipse = ellipse_outline(covariance, sigma)
@@ -206,7 +206,7 @@ class PoseWithCovarianceSettings(PoseSettings):
 
     covariance: bool = setting(True, "draw it")
     sigma: float = setting(3.0, "size in standard deviations")
-    heading: float = setting(0.5, "radius of the sector, metres; 0: none")
+    heading: float = setting(0.5, "radius of the sector, meters; 0: none")
 
 
 class PoseWithCovarianceDrawing(PosesDrawing[PoseWithCovarianceSettings]):

@@ -30,8 +30,8 @@ class PathSettings(TopicSettings):
     """Lines along planned paths."""
 
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    line_width: float = setting(0.02, "metres")
-    height: float = setting(0.0, "metres above the poses; negative to lay it on the ground", signed)
+    line_width: float = setting(0.02, "meters")
+    height: float = setting(0.0, "meters above the poses; negative to lay it on the ground", signed)
 
 
 class PathDrawing(Drawing[PathSettings]):
@@ -60,7 +60,7 @@ class PolygonSettings(TopicSettings):
     """Polygons as closed lines."""
 
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    width: float = setting(0.0, "metres; 0: a few pixels")
+    width: float = setting(0.0, "meters; 0: a few pixels")
 
 
 class PolygonDrawing(Drawing[PolygonSettings]):
@@ -87,7 +87,7 @@ class PointStampedSettings(TopicSettings):
     """Points as spheres."""
 
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
-    radius: float = setting(0.2, "metres")
+    radius: float = setting(0.2, "meters")
     history_length: int = parameter(1, "points shown", at_least=1, at_most=10_000)
 
 
@@ -143,7 +143,7 @@ class RangeDrawing(Drawing[RangeSettings]):
     message_types = ("sensor_msgs/msg/Range",)
 
     def style(self) -> list[rr.AsComponents]:
-        """Return the colour and the triangles of the cone's side and base."""
+        """Return the color and the triangles of the cone's side and base."""
         this = np.arange(_CORNERS) + 1
         following = np.roll(this, -1)
         side = np.column_stack([np.zeros_like(this), following, this])
@@ -171,7 +171,7 @@ class RangeDrawing(Drawing[RangeSettings]):
 
 
 def displayed_range(message: Any) -> float:
-    """Return the length of the cone of a Range message, metres; 0 for none.
+    """Return the length of the cone of a Range message, meters; 0 for none.
 
     A detector of one fixed distance (``min_range`` equals ``max_range``) reports -inf for an object
     in its range, and +inf for none.
@@ -195,9 +195,9 @@ class ImuSettings(TopicSettings):
     """Inertial sensors."""
 
     axes: bool = setting(True, "draw it")
-    axes_scale: float = setting(0.3, "metres")
+    axes_scale: float = setting(0.3, "meters")
     acceleration: bool = setting(True, "draw it")
-    acceleration_scale: float = setting(0.05, "metres per m/s2")
+    acceleration_scale: float = setting(0.05, "meters per m/s2")
     color: Color | None = setting(None, "sRGB bytes; empty: automatic", color)
 
 

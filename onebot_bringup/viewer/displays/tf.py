@@ -13,7 +13,7 @@ from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
 from onebot_bringup.viewer.core.transform_stream import TF, TF_STATIC
 from onebot_description.ros.wire.message_arrays import TfArrays
 
-_DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, metres
+_DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, meters
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class AxesSettings:
     """The frames' axes."""
 
     visible: bool = setting(True, "draw it")
-    length: float = setting(0.0, "metres; 0: fits the robot's size")
+    length: float = setting(0.0, "meters; 0: fits the robot's size")
     names: bool = setting(True, "draw it")
     names_up_to: int = setting(16, "draw no names if there are more frames")
     frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)

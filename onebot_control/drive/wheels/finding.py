@@ -60,7 +60,7 @@ class Axle(NamedTuple):
         return 1.0 if self.axis[1] > 0.0 else -1.0
 
     def middle(self, tyre: Tyre | None) -> Floats:
-        """Return the centre of the wheel, (3,), m; without a tyre, the joint's origin."""
+        """Return the center of the wheel, (3,), m; without a tyre, the joint's origin."""
         position: Floats = self.pose[:3, 3]
         return position if tyre is None else position + tyre.offset * self.axis
 
@@ -69,7 +69,7 @@ class Wheel(NamedTuple):
     """A rolling part, in the root link's frame with all joints at 0."""
 
     name: str  # name of the joint
-    x: float  # position of its centre in the root link's frame, m
+    x: float  # position of its center in the root link's frame, m
     y: float  # the same
     bottom: float  # z where it touches the ground, m
     radius: float  # m

@@ -67,7 +67,7 @@ class Wheels:
         self.axles, self.tyres, self.rigid = self.gear.axles, self.gear.tyres, self.gear.rigid
 
     def middle(self, name: str) -> Floats:
-        """Return the centre of the wheel on a joint, (3,), m, in the root link's frame."""
+        """Return the center of the wheel on a joint, (3,), m, in the root link's frame."""
         return self.axles[name].middle(self.tyres.tyre(name))
 
     @property
@@ -246,7 +246,7 @@ def skid_separation(across: float, along: Floats, center: float) -> float:
     Args:
         across: distance between the two sides, m.
         along: (N,) positions of all wheels along the robot, m.
-        center: position of the centre of mass along the robot, m.
+        center: position of the center of mass along the robot, m.
     """
     along, center = along - along.mean(), center - float(along.mean())
     spread = float(np.mean(along**2))

@@ -23,7 +23,7 @@ def _row(middle: Floats, forward: float, roller: float) -> Triple:
     velocity of the wheel's rim.
 
     Args:
-        middle: centre of the wheel, (3,), m.
+        middle: center of the wheel, (3,), m.
         forward: the wheel's direction of travel, rad to the left of the robot's.
         roller: direction of the roller's axle, rad to the left of the wheel's direction.
     """
@@ -150,7 +150,7 @@ class OmniWheels(Wheels):
         return outward
 
     def _direction(self, name: str) -> float:
-        """Return the direction of a wheel from the centre, 0 (forward) to 2 pi, anticlockwise."""
+        """Return the direction of a wheel from the center, 0 (forward) to 2 pi, anticlockwise."""
         x, y, _ = self._outward(name)
         return round(math.atan2(y, x), 6) % math.tau
 

@@ -23,7 +23,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 
 _SAME = 1e-6  # m; maximum difference of radii of shapes that both touch the ground
-# A cylinder, capsule or sphere is round about the axle if its centre is off by at most this,
+# A cylinder, capsule or sphere is round about the axle if its center is off by at most this,
 # relative to its radius; a mesh, if its extents in four directions differ by at most this.
 _ROUND = 0.05
 
@@ -32,7 +32,7 @@ class Tyre(NamedTuple):
     """The round shape that a wheel rolls on."""
 
     radius: float  # m
-    offset: float  # distance of its centre from the joint, along the joint's axis, m
+    offset: float  # distance of its center from the joint, along the joint's axis, m
 
 
 class Tyres:

@@ -1,4 +1,4 @@
-"""Colour cameras, depth cameras, and RGB-D cameras."""
+"""Color cameras, depth cameras, and RGB-D cameras."""
 
 import math
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ class Camera(SensorModel):
     far: float
     depth_near: float  # near clip of depths, m along the axis
     depth_far: float  # far clip of depths
-    noise: Noise = Noise()  # noise of colours (0 to 1), or of depths (m)
+    noise: Noise = Noise()  # noise of colors (0 to 1), or of depths (m)
     baseline: float = 0.0  # distance from the left camera of a pair to this one, m
     blank: float = math.inf  # x, y and z of a point without a depth, as in gz sim
 
@@ -59,7 +59,7 @@ _LOWS, _HIGHS = "min_depth pointCloudCutoff", "max_depth pointCloudCutoffMax"
 
 
 class ColorCamera(Kind[Camera]):
-    """How a colour camera is described.
+    """How a color camera is described.
 
     Attributes:
         by_sensor: outputs of the <sensor>.
@@ -148,7 +148,7 @@ class ColorCamera(Kind[Camera]):
 
 
 class DepthCamera(ColorCamera):
-    """How a depth camera is described; its plugin also publishes colours."""
+    """How a depth camera is described; its plugin also publishes colors."""
 
     types = ("depth", "depth_camera")
     substitutes = ()

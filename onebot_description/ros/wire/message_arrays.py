@@ -27,7 +27,7 @@ class TfArrays(NamedTuple):
     parents: tuple[str, ...]  # header.frame_id of each transform, N of them
     children: tuple[str, ...]  # child_frame_id of each
     stamps_ns: NDArray[np.int64]  # (N,) nanoseconds
-    translations: Floats  # (N, 3) metres
+    translations: Floats  # (N, 3) meters
     rotations: Floats  # (N, 4) quaternions x y z w
 
 
@@ -37,9 +37,9 @@ class JointStateArrays(NamedTuple):
     stamp_ns: int
     frame_id: str
     names: tuple[str, ...]
-    positions: Floats  # radians or metres
-    velocities: Floats  # radians or metres a second
-    efforts: Floats  # newton metres or newtons
+    positions: Floats  # radians or meters
+    velocities: Floats  # radians or meters a second
+    efforts: Floats  # newton meters or newtons
 
 
 class OdometrySample(NamedTuple):
@@ -48,9 +48,9 @@ class OdometrySample(NamedTuple):
     stamp_ns: int
     frame_id: str  # the pose's frame
     child_frame_id: str  # the moving frame, in which the velocities are given
-    translation: Floats  # (3,) metres
+    translation: Floats  # (3,) meters
     rotation: Floats  # (4,) quaternion x y z w
-    linear: Floats  # (3,) metres a second
+    linear: Floats  # (3,) meters a second
     angular: Floats  # (3,) radians a second
     # (36,) of the pose, row by row: x, y, z in m, the angles about x, y, z in rad
     covariance: Floats = _UNKNOWN

@@ -32,7 +32,7 @@ def time_message(stamp_ns: int) -> Time:
 def transforms_message(
     stamp: Time, parents: Sequence[str], children: Sequence[str], values: Floats
 ) -> TFMessage:
-    """Return transforms (N, 7) as a TFMessage: x y z in metres, then a quaternion x y z w.
+    """Return transforms (N, 7) as a TFMessage: x y z in meters, then a quaternion x y z w.
 
     ``parents`` and ``children`` are the frames of each.
     """

@@ -104,7 +104,7 @@ class JointStatePlan:
         rows: (K,) the moved joints, as indices in the model.
         joints: their arrays.
         columns: (K,) index of the message's position that each joint follows.
-        multiplier, offset: (K,) of that position; radians or metres.
+        multiplier, offset: (K,) of that position; radians or meters.
         parents, children: frames of the K transforms.
     """
 
