@@ -24,7 +24,9 @@ def test_quick_run(capfd):
     printed = capfd.readouterr().out
     assert "cores" in printed and "MISSED" not in printed
     assert all(f"{name}: all answers were right" in printed for name in names)
-    assert set(psutil.Process().children(recursive=True)) <= before
+    after = psutil.Process().children(recursive=True)
+    # Another test's browser may have started a process meanwhile.
+    assert all(each in before or before.intersection(each.parents()) for each in after)
 
 
 def test_display_with_wrong_answers_is_refused():

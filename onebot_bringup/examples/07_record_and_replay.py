@@ -1,7 +1,7 @@
 """Records a drive of OneBot into a new folder, a rosbag2, and converts it to a file for Rerun.
 
-Run it with `python 07_record_and_replay.py`, then `onebot replay FOLDER` to see it. To drive it
-yourself, `onebot_bringup steer:=true record:=FOLDER`; Ctrl-C ends the drive.
+Run it with `python 07_record_and_replay.py`. Then `onebot replay FOLDER` shows it. To drive
+yourself, run `onebot_bringup steer:=true record:=FOLDER`; Ctrl-C ends the drive.
 """
 
 import signal

@@ -148,7 +148,9 @@ class Client:
 
     @property
     def place(self) -> tuple[float, float]:
-        """Where the robot is."""
+        """Where the robot is, once the messages in the queue of 10 have passed."""
+        heard = len(self.truth)
+        wait_for(lambda: len(self.truth) > heard + 10, "where the robot is")
         position = self.truth[-1].pose.pose.position
         return position.x, position.y
 
