@@ -31,7 +31,7 @@ if sys.argv[:1] == ["-m"]:  # python -m looks for one of our modules; first, as 
 import onebot_description.ros.packages  # noqa: F401  (installs the finder of packages)
 
 TYPE_CHECKING = not __name__  # false; jedi skips blocks under a literal False; typing is slow
-__version__: str  # of the installed distribution, which contains all packages
+__version__: str  # the distribution's version
 
 __docformat__ = "google"
 

@@ -60,7 +60,7 @@ def short_motion(
         age: time since then, s.
     """
     lower, upper = min(joint.lower, position), max(joint.upper, position)
-    stop = position + velocity * (age + STEP / 2.0)  # where it rests if ``wanted`` is 0
+    stop = position + velocity * (age + STEP / 2.0)  # it rests there if ``wanted`` is 0
     time = 2.0 * STEP  # the distance that another velocity adds to that, per unit/s
     slowest, fastest = min(0.0, (lower - stop) / time), max(0.0, (upper - stop) / time)
     new = clamp(clamp(wanted, -joint.max_speed, joint.max_speed), slowest, fastest)

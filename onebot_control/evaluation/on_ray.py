@@ -21,7 +21,7 @@ from onebot_description.errors import OneBotError
 
 _PATIENCE = 5.0  # s, timeout of a connection to the cluster's address
 _LAST = "ray/ray_current_cluster"
-_ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # in fact Ray's number of attempts to connect
+_ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # Ray's number of attempts to connect
 _PROCESSOR = "processor"
 
 

@@ -107,7 +107,7 @@ class ControllerNode(Generic[F]):
         self._values, self._own = dict(declared), own
         self.error = Throttled(lambda text: self.node.get_logger().error(text), _IGNORED_EVERY)
         with named(place.controller.name):
-            self.controller = self._configured()  # with parameters of the command line
+            self.controller = self._configured()  # has the command line's parameters
         place.slot.robot.configure_controller(self.controller)
         refuse_undeclared(self.node, kind)
         follow_changes(self.node, self._configured, self._apply)

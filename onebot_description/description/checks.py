@@ -15,7 +15,7 @@ from onebot_description.elements.urdf import MOVING_KINDS, Joint, Material
 from onebot_description.elements.xml import XACRO_NAMESPACES
 from onebot_description.errors import listing
 
-_VERSIONS = ("1.0", "1.1", "1.2")  # of URDF; the first is the default
+_VERSIONS = ("1.0", "1.1", "1.2")  # URDF's; the first is the default
 
 
 def check_root(findings: Findings) -> None:

@@ -33,7 +33,7 @@ _NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # the name in a packa
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ROS_PATH = "ROS_PACKAGE_PATH"
 _AMENT_PATH = "AMENT_PREFIX_PATH"
-_LEVELS = 4  # of folders below a searched one, which may be a whole home folder
+_LEVELS = 4  # folders below a searched one, which may be a whole home folder
 _INDEX = "share/ament_index/resource_index/packages"  # below a prefix
 _NO_SOURCES = ("build", "node_modules", "__pycache__")
 

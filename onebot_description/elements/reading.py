@@ -51,7 +51,7 @@ _AXIS_ROUNDING = 1e-3
 _INERTIA_ROUNDING = 1e-15  # kg or kg m^2; CAD programs write less than this for 0
 _MAX_HINTS = 100
 _TURN = 2 * math.pi + 0.01  # rad, as 6.29 is a turn rounded up
-_MAX_DEGREES = 720  # of a joint's limit; larger values mean no limit
+_MAX_DEGREES = 720  # larger limits of a joint mean no limit
 _QUATERNION = "quat_xyzw"
 
 Severity = Literal["error", "problem", "warning"]

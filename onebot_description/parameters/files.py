@@ -265,7 +265,7 @@ def read_map(text: str, name: str) -> Parameters:
     for entry, place, node in file.entries(file.root) if file.root is not None else ():
         try:
             content.values[entry] = loader.construct_object(node, deep=True)
-        except Exception as error:  # of any type, if a value does not match its tag
+        except Exception as error:  # any type, if a value does not match its tag
             file.fail(node, f"invalid YAML: {' '.join(str(error).split())}")
         content.places[entry] = place
     return content

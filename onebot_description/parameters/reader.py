@@ -183,7 +183,7 @@ def _shape(hint: Any, rule: Rule) -> _Shape:
 class Leaf(NamedTuple):
     """A parameter, or all parameters whose names differ only in words that the user chooses."""
 
-    name: str  # with <joint>, for example, for a name that the user chooses
+    name: str  # <joint>, for example, marks a name that the user chooses
     type: ValueType
     default: Any
 

@@ -184,7 +184,7 @@ def _join(separator: str, *words: str) -> str:
 
 def plain(value: Any) -> Any:
     """Return a value as plain Python: arrays and tuples as lists, numpy scalars as numbers."""
-    if hasattr(value, "tolist"):  # as in array.array and numpy, which is slow to import
+    if hasattr(value, "tolist"):  # array.array and numpy have it; numpy is slow to import
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
 

@@ -15,7 +15,7 @@ from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
 
-_MAX_BYTES = 64_000_000  # in a queue whose messages build on each other
+_MAX_BYTES = 64_000_000  # a queue's, if its messages build on each other
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"

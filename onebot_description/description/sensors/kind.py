@@ -141,7 +141,7 @@ class Kind(ABC, Generic[M]):
             if self._expanded(old).strip("/") in full:
                 self.idle.remove(rule)
                 return self._expanded(new)
-            if old in names and base != self._node:  # as in the camera plugin's documentation
+            if old in names and base != self._node:  # the camera plugin documents this
                 self.idle.remove(rule)
                 return joined(base, new)
         return default

@@ -42,7 +42,7 @@ class Field(NamedTuple):
 
     name: str
     type: str  # one of NUMBERS or STRINGS, or package/Name
-    size: int | None  # of an array; 0: a sequence; None: a single value
+    size: int | None  # an array's; 0: a sequence; None: a single value
     where: str  # type, line and text, for a message
 
 

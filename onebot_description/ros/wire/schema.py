@@ -53,7 +53,7 @@ _PHASES = 8  # the largest alignment: a layout depends on its start modulo this
 # ---- Readers of fields ----
 
 _COPIED, _SEQUENCE, _STRUCTS = range(3)  # kinds of operations
-_SLOT = struct.Struct("<II")  # in a row: position of a sequence in the message, and its length
+_SLOT = struct.Struct("<II")  # position of a sequence in the message, and its length
 
 
 class _Rows(NamedTuple):
@@ -406,7 +406,7 @@ class _Attribute:
         if view is None:
             return self
         value = view._get(self._leaf, self._offset)
-        setattr(view, self._name, value)  # from now on, Python finds this first
+        setattr(view, self._name, value)  # Python finds this first from now on
         return value
 
 
