@@ -262,7 +262,7 @@ def renderer_problem() -> str:
         recording.stream.log("text", rr.TextDocument("nothing"), static=True)
         recording.close()
         try:
-            with headless_viewer(str(path), 320, 240):
+            with headless_viewer(str(path), 320, 240, progress=lambda _: None):
                 return ""
         except OneBotError as error:
             return str(error)

@@ -9,6 +9,8 @@ import rerun.chunk as rc
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Odometry
 
+from tests.support import wait_for
+
 
 def odometry(x, y=0.0, *, frame="odom", speed=0.0, turn=0.0) -> Odometry:
     """A robot at (x, y) meters, at a time that follows."""
@@ -33,6 +35,7 @@ def entities(path: Path) -> set[str]:
 def _stream(path: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a recording without a footer is our choice
+        wait_for(lambda: rc.RrdReader(str(path)).recordings(), "the first message in the file")
         return rc.RrdReader(str(path)).stream()
 
 

@@ -20,6 +20,7 @@ from onebot_control import RobotSetup
 from onebot_control.nodes import commands
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import Transform, compose
+from onebot_description.ros.topic_qos import make_qos
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.arm_models import rod
 from tests.onebot_control.control_support import RADIUS, robot
@@ -257,12 +258,15 @@ def test_a_robot_in_a_world(
     described = stepped.hear(String, "/world_description", LATCHED)
     tf, truth = stepped.hear(TFMessage, "/tf"), stepped.hear(Odometry, TRUTH)
     stepped.simulation.run(0.04)
-    static = stepped.hear(TFMessage, "/tf_static", LATCHED)
+    # By the world and by robot_state_publisher: a queue of one keeps only one of them.
+    qos = make_qos(100, reliable=True, latched=True)
+    static = stepped.hear(TFMessage, "/tf_static", qos)
     assert described[0].data == around.urdf
     still = by_child(static)
     assert {name: each.header.frame_id for name, each in still.items()} == {
         "floor": "world",
         "wall": "floor",
+        "caster": "base_link",
     }
     assert transform_of(still["wall"].transform)[0] == (1.5, 0.0, 0.2)
     assert truth[-1].header.frame_id == by_child(tf)["box"].header.frame_id == "world"

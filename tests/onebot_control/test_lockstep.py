@@ -172,5 +172,7 @@ def test_what_cannot_be_connected_is_named() -> None:
         node.create_subscription(JointState, "joint_states", print, LATCHED)
         with pytest.raises(OneBotError, match="not connected with the robot: /joint_states.*QoS"):
             ros.add(node)
-        with pytest.raises(OneBotError, match='"listener" has /scan as .*/Image, but .*/LaserScan'):
+        with pytest.raises(
+            OneBotError, match='"listener" uses /scan as .*/Image, but .*/LaserScan'
+        ):
             node.create_subscription(Image, "scan", print, 10)
