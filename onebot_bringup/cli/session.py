@@ -27,8 +27,8 @@ from onebot_description.ros.names import absolute, node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete
-_MIN = 0.5  # minimum duration of discovery, s
-_MAX = 2.0  # maximum duration of discovery, s
+_MIN_DISCOVERY = 0.5  # s
+_MAX_DISCOVERY = 2.0  # s
 _LOOKUP = 3.5  # s to discover a name, since participants announce themselves every 3 s
 PATIENCE = 1.0  # s after which a waiting command prints what it waits for
 _POLL = 0.02  # s
@@ -125,7 +125,8 @@ class Session:
             now, graph_now = time.monotonic(), self._graph()
             if graph_now != graph:
                 graph, changed = graph_now, now
-            if now - self._began > _MIN and now - changed > _QUIET or now - started > _MAX:
+            is_quiet = now - self._began > _MIN_DISCOVERY and now - changed > _QUIET
+            if is_quiet or now - started > _MAX_DISCOVERY:
                 return
 
     def _sees_other_nodes(self) -> bool:

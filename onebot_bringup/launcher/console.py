@@ -17,7 +17,7 @@ from typing import NamedTuple
 from onebot_description.errors import printable
 
 _MAX_LINES = 4000
-_COLOURS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
+_COLORS = ("36", "32", "33", "35", "34", "96", "92", "93", "95", "94")  # ANSI foregrounds
 
 # Control sequences other than colors, which a terminal would obey; names in files may hold them.
 _OBEYED = re.compile(
@@ -57,7 +57,7 @@ class Console:
             for stream in (sys.stdout, sys.stderr)
         )
         self._program = program
-        self._colors = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
+        self._colors = {name: _COLORS[i % len(_COLORS)] for i, name in enumerate(names)}
         self._reader_left = reader_left
         self._queue: queue.Queue[tuple[int, bytes] | None] = queue.Queue(_MAX_LINES)
         self._dropped = 0

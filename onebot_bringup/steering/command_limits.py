@@ -36,20 +36,20 @@ class CommandRange(NamedTuple):
 
     forward: Velocity  # speeds forward and to the left
     reverse: Velocity  # speeds backward and to the right; positive
-    min_radius: float = 0.0  # turning radius, m
+    minimum_radius: float = 0.0  # turning radius, m
 
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the commands in both ranges."""
         return CommandRange(
             self.forward.at_most(other.forward),
             self.reverse.at_most(other.reverse),
-            max(self.min_radius, other.min_radius),
+            max(self.minimum_radius, other.minimum_radius),
         )
 
     def clamp(self, command: Velocity) -> Velocity:
         """Return the fastest command in the range along the same arc, or the tightest possible."""
-        if self.min_radius:
-            turn = abs(command.linear) / self.min_radius
+        if self.minimum_radius:
+            turn = abs(command.linear) / self.minimum_radius
             command = command._replace(angular=clamp(command.angular, -turn, turn))
         return command.clamped(Velocity(*(-speed for speed in self.reverse)), self.forward)
 
@@ -61,7 +61,7 @@ class Limits:
     linear: Bound
     angular: Bound
     lateral: Bound = Bound(0.0, 0.0, 0.0)
-    min_radius: float = 0.0  # turning radius, m; 0: the robot turns on the spot
+    minimum_radius: float = 0.0  # turning radius, m; 0: the robot turns on the spot
     chosen: SetLimits = SetLimits()  # an operator's choice
 
     @property
@@ -79,7 +79,7 @@ class Limits:
     def range(self) -> CommandRange:
         """The commands within the limits."""
         forward, reverse = self.in_force, Velocity(*(b.reverse for b in self.bounds.values()))
-        return CommandRange(forward, forward.at_most(reverse), self.min_radius)
+        return CommandRange(forward, forward.at_most(reverse), self.minimum_radius)
 
 
 def _in_force(bound: Bound, chosen: float | None) -> float:

@@ -157,7 +157,7 @@ class SteeringServer:
             "chosen": asdict(limits.chosen),
             "ceiling": {axis: bound.forward for axis, bound in limits.bounds.items()},
             "ceiling_from": {axis: bound.source for axis, bound in limits.bounds.items()},
-            "min_radius": limits.min_radius,  # m; 0: the robot turns on the spot
+            "minimum_radius": limits.minimum_radius,  # m; 0: the robot turns on the spot
             "command": {**arbiter.command.velocity._asdict(), "joints": arbiter.command.joints},
             "view": view.addresses(page.host) if view is not None else None,
         }

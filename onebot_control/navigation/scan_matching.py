@@ -15,7 +15,7 @@ from onebot_control.navigation.grid import placed
 from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import PlanarPose
 
-_NEIGHBOURS = 6  # neighbors of a point that determine the direction of a wall
+_NEIGHBORS = 6  # neighbors of a point that determine the direction of a wall
 _NEAR = 0.11  # m, maximum distance of the neighbors
 _STRAIGHT = 0.1  # ratio of the variances across and along a wall above which it is not straight
 _FREE = 1.0  # m, standard deviation of a pair along a straight wall
@@ -46,7 +46,7 @@ class Walls:
     def _information(self) -> Floats:
         """Return the inverse covariance of each point, (N, 3): xx, xy, yy, 1/m^2."""
         assert self._tree is not None
-        count = min(_NEIGHBOURS, len(self.points))
+        count = min(_NEIGHBORS, len(self.points))
         distances, indices = self._tree.query(
             self.points, k=[*range(1, count + 1)], distance_upper_bound=_NEAR
         )

@@ -16,7 +16,7 @@ from onebot_control.physics.spawning import (
     make_world,
 )
 from onebot_description.description import Description
-from onebot_description.description.unit_check import LARGEST_ROBOT, MILLIMETRES, unit_of
+from onebot_description.description.unit_check import LARGEST_ROBOT, MILLIMETERS, unit_of
 from onebot_description.errors import OneBotError, listing
 from onebot_description.geometry.poses import (
     PlanarPose,
@@ -120,7 +120,7 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
 
 def _check_size(robot: LoadedBody, description: Description, lowest: float) -> None:
     """Reject a robot that is not in meters; ``lowest`` is the height of its lowest point, m."""
-    if abs(lowest) > MILLIMETRES:
+    if abs(lowest) > MILLIMETERS:
         raise OneBotError(
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
             "or an <origin> in millimeters? Lengths are in m"
@@ -134,7 +134,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
                 f'{description.source}: the <collision> of link "{link}" is {length:.4g} m large, '
                 f"including links fixed to it; is it in {unit_of(length)}? Lengths are in m"
             )
-            if length > MILLIMETRES:
+            if length > MILLIMETERS:
                 raise OneBotError(text)
             logger.warning("%s", text)  # a rail, for example
 

@@ -68,12 +68,15 @@ def _start(
         if interface is not state and _number(interface, "initial_value", 0.0, findings.problem):
             text = "initial_value has no effect; only a position's state_interface has one"
             findings.warning(interface, text)
-    none = math.nan
-    start = none if state is None else _number(state, "initial_value", none, findings.problem)
-    fault = not math.isnan(start) and joint.start_fault(start, minimum, maximum)
-    if fault:
+    if state is None:
+        return None
+    start = _number(state, "initial_value", math.nan, findings.problem)
+    if math.isnan(start):
+        return None
+    if fault := joint.start_fault(start, minimum, maximum):
         findings.problem(element, f"initial_value {fault}")
-    return None if fault or math.isnan(start) else start
+        return None
+    return start
 
 
 def _number(

@@ -19,7 +19,7 @@ from onebot_description.geometry.poses import ZERO, Triple
 # m; no larger robot is known. A description without moving joints may be a world.
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
-MILLIMETRES = 100.0  # m; larger lengths are in millimeters, smaller ones may be in centimeters
+MILLIMETERS = 100.0  # m; larger lengths are in millimeters, smaller ones may be in centimeters
 _TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
@@ -82,7 +82,7 @@ def _large_shapes(
             reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
             excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
-            factor = "0.001" if length >= MILLIMETRES else "0.01"
+            factor = "0.001" if length >= MILLIMETERS else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
@@ -112,4 +112,4 @@ def _far_joints(description: Description, largest: float) -> Iterator[str]:
 
 def unit_of(length: float) -> str:
     """Return the probable unit of a length (m) that is too large."""
-    return "millimeters" if length >= MILLIMETRES else "centimeters or millimeters"
+    return "millimeters" if length >= MILLIMETERS else "centimeters or millimeters"

@@ -160,8 +160,8 @@ def test_no_curve_is_tighter_than_the_minimum_radius(linear, angular, radius):
     assert abs(clamped.angular) * radius <= abs(clamped.linear) * (1.0 + 1e-12)
     assert clamped.angular * angular >= 0.0 and clamped.linear * linear >= 0.0
     if abs(angular) * radius <= abs(linear):
-        assert clamped == allowed._replace(min_radius=0.0).clamp(Velocity(linear, angular))
-    assert allowed.within(allowed._replace(min_radius=11.0)).min_radius == 11.0
+        assert clamped == allowed._replace(minimum_radius=0.0).clamp(Velocity(linear, angular))
+    assert allowed.within(allowed._replace(minimum_radius=11.0)).minimum_radius == 11.0
 
 
 @pytest.mark.parametrize(

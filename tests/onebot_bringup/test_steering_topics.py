@@ -166,7 +166,7 @@ def test_the_limits_are_the_controllers(shared):
 def test_the_drive_is_known_by_the_controllers_parameters(shared):
     """One that goes sideways is driven so within its limits; a car has a least radius."""
     with _afresh(shared) as (peer, page):
-        assert page.state["limits"] == _axes(1.0, 2.0) and page.state["min_radius"] == 0.0
+        assert page.state["limits"] == _axes(1.0, 2.0) and page.state["minimum_radius"] == 0.0
         _declare(peer, 0.5, math.nan, **{"linear.y.max_velocity": 0.25})
         robot = Commands(peer, page)
         _waited(page, "limits", _axes(0.5, 2.0, 0.25))
@@ -184,9 +184,9 @@ def test_the_drive_is_known_by_the_controllers_parameters(shared):
         peer.node.undeclare_parameter("wheel_names")
         peer.node.declare_parameter("wheelbase", 0.5)
         peer.node.declare_parameter("steering_joints_names", ["right", "left"])
-        _waited(page, "min_radius", 0.5 / math.tan(0.5))
+        _waited(page, "minimum_radius", 0.5 / math.tan(0.5))
         peer.node.declare_parameter("minimum_turning_radius", 2.0)
-        _waited(page, "min_radius", 2.0)
+        _waited(page, "minimum_radius", 2.0)
         assert page.state["limits"] == _axes(0.5, 2.0)
         page.hold(0.4, 2.0)
         robot.reach(0.4)

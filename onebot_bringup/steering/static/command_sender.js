@@ -89,7 +89,7 @@ export class CommandSender {
   /** Apply the server's state; cancel the active input if another page took control. */
   update(state) {
     this.limits = state.limits;
-    this.radius = state.min_radius;
+    this.radius = state.minimum_radius;
     const lower = ([axis, max]) => [axis, Math.min(this.granted[axis], max)];
     this.granted = Object.fromEntries(Object.entries(this.limits).map(lower));
     // A state sent before our first command arrived, or if it arrived late, does not name us yet.

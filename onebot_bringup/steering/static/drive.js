@@ -26,7 +26,7 @@ export class Drive {
   }
 
   /** Show a state of the server. */
-  show({ limits, min_radius: radius }) {
+  show({ limits, minimum_radius: radius }) {
     write(this.axis.querySelector("small"), `minimum radius ${radius.toFixed(2)}\u00a0m`);
     const kind = limits.lateral > 0 ? "strafes" : radius > 0 ? "steers" : "turns";
     if (kind === this.kind) return;
@@ -48,7 +48,7 @@ export class Drive {
   }
 
   /** The share of a command along the horizontal axis. */
-  across({ command, limits, min_radius: radius }) {
+  across({ command, limits, minimum_radius: radius }) {
     if (this.sender.sideways) return share(command.lateral, limits.lateral);
     if (!radius) return share(command.angular, limits.angular);
     // A standing robot can steer, too: only the held control shows it, not the command.

@@ -61,7 +61,7 @@ class Lidar(SensorModel):
 _MAX_RAYS = 300_000
 _TURN = 2 * math.pi + 1e-3  # full turns are written with few digits
 _ANGLE = Rule(at_least=-_TURN, at_most=_TURN)
-_MIN, _MAX = ("min", 0.0, NOT_NEGATIVE), ("max", None, POSITIVE)
+_RANGE_MIN, _RANGE_MAX = ("min", 0.0, NOT_NEGATIVE), ("max", None, POSITIVE)
 _MESSAGES = {
     "scan": "sensor_msgs/msg/LaserScan",
     "points": "sensor_msgs/msg/PointCloud2",
@@ -125,7 +125,7 @@ class LidarKind(Kind[Lidar]):
     def read(block: Block) -> Lidar:
         ray = block.child("ray", "lidar")
         across, up = (_read_fan(block, ray, f"scan/{axis}") for axis in ("horizontal", "vertical"))
-        range_min, range_max = block.limits(ray, "range", _MIN, _MAX)
+        range_min, range_max = block.limits(ray, "range", _RANGE_MIN, _RANGE_MAX)
         if across.samples * up.samples > _MAX_RAYS and not block.wrong:
             rays = f"{across.samples} x {up.samples} rays are more than {_MAX_RAYS}"
             block.problem(f"{rays}; lower <samples>")
