@@ -1,5 +1,6 @@
 """Receives the velocity commands of a robot on ~/cmd_vel, and passes them to the control loop."""
 
+import math
 import time
 from collections.abc import Callable
 from functools import cached_property, partial
@@ -236,6 +237,9 @@ class CommandGate:
         speed, angle = message.drive.speed, message.drive.steering_angle
         drive = self._slot.robot.drive
         assert drive is not None
+        if not abs(angle) < math.pi / 2.0:  # NaN, or degrees
+            self._on_ignored(f"steering_angle {angle:g} rad is not within a quarter turn")
+            return
         turn = drive.geometry.turning(speed, angle)
         self._command((speed, 0.0, turn), Age(0.0, 0.0), None)
 

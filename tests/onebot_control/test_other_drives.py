@@ -319,7 +319,9 @@ def test_a_twist_drives_sideways(ros_simulation: RosSimulation) -> None:
     )
 
 
-def test_ackermann_commands_drive_a_car(ros_simulation: RosSimulation) -> None:
+def test_ackermann_commands_drive_a_car(
+    ros_simulation: RosSimulation, capfd: pytest.CaptureFixture[str]
+) -> None:
     """As in F1TENTH's bags, on the topic drive; they are as good as a Twist."""
     stepped = Stepped(ros_simulation(car()))
     message = load_interface("ackermann_msgs/msg/AckermannDriveStamped")()
@@ -329,9 +331,12 @@ def test_ackermann_commands_drive_a_car(ros_simulation: RosSimulation) -> None:
     command = stepped.simulation.robot.command
     assert command.linear == pytest.approx(0.5)
     assert command.angular == pytest.approx(0.5 * math.tan(0.2) / BASE, rel=1e-6)
-    message.drive.speed = math.nan
-    stepped.publish("/drive", *[message] * 5, apart=0.02)
+    for speed, angle in ((0.5, 45.0), (0.5, math.nan), (math.nan, 0.2)):
+        message.drive.speed, message.drive.steering_angle = speed, angle
+        stepped.publish("/drive", *[message] * 5, apart=0.02)
+        assert stepped.simulation.robot.command == pytest.approx(command, rel=1e-6)
     assert math.isfinite(stepped.simulation.robot.pose.x)
+    assert "ignored: steering_angle 45 rad is not within a quarter turn" in capfd.readouterr().err
 
 
 CONTROL = """\

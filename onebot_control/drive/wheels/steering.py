@@ -10,7 +10,6 @@ from onebot_control.drive.wheels.geometry import Wheels
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import Description, DrivePlugin
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import clamp
 
 STEERING_SPEED = 3.0
 """The maximum speed of a steering joint, rad/s, typical of model cars. Without a limit, or with
@@ -49,7 +48,7 @@ class SteeredGeometry(NamedTuple):
         The angle, rad to the left, is that of a virtual wheel in the middle of the front axle, at
         most a quarter turn.
         """
-        return speed * math.tan(clamp(angle, -_QUARTER, _QUARTER)) / self.wheelbase
+        return speed * math.tan(angle) / self.wheelbase
 
     def __str__(self) -> str:
         text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
