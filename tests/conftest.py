@@ -46,7 +46,7 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     cores = len(os.sched_getaffinity(0))
     if config.option.file_or_dir:  # a process would take longer to start than it saves
         return cores
-    return min(cores + 1 if config.option.markexpr == "slow" else 3 * cores, _MOST_WORKERS)
+    return min(cores + 2 if config.option.markexpr == "slow" else 3 * cores, _MOST_WORKERS)
 
 
 def pytest_collection() -> None:

@@ -67,9 +67,10 @@ def test_commands_that_need_no_ros(environment: dict[str, str], tmp_path: Path) 
 
 @pytest.mark.slow
 def test_nothing_else_is_missing_elsewhere(tmp_path: Path) -> None:
-    """Mypy knows what each system's standard library has."""
+    """Mypy knows what each system's standard library has; other packages do not matter for that."""
     mypy = [sys.executable, "-m", "mypy", "--platform", "win32", "--cache-dir", str(tmp_path)]
-    done = subprocess.run(mypy, cwd=CHECKOUT, capture_output=True, text=True)
-    errors = [line for line in done.stdout.splitlines() if ": error: " in line]
-    assert [line for line in errors if not line.startswith(NEEDS_ROS)] == []
-    assert done.returncode in (0, 1) and done.stdout.splitlines()[-1].startswith(("Found", "Succ"))
+    options = ["--no-site-packages", "--ignore-missing-imports"]
+    done = subprocess.run([*mypy, *options], cwd=CHECKOUT, capture_output=True, text=True)
+    missing = [line for line in done.stdout.splitlines() if "Module has no attribute" in line]
+    assert [line for line in missing if not line.startswith(NEEDS_ROS)] == []
+    assert missing, done.stdout + done.stderr
