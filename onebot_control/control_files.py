@@ -125,7 +125,7 @@ def unknown_by_node(
             node = f"{namespace.rstrip('/')}/{controller}"
             drives[node] = partial(_unknown_of_drive, files, namespace, controller, description)
     return {
-        **{name: kind.parameters.unknown for name, kind in kinds.items()},
+        **{name: partial(unknown_parameters, kind.parameters) for name, kind in kinds.items()},
         **drives,
         MANAGER: _unknown_of_manager,
         BROADCASTER: partial(unknown_parameters, BroadcasterConfig),
@@ -235,7 +235,7 @@ class ControlFiles:
         enforced = self._manager.values.get(_ENFORCED)
         controllers, places, warnings = [], dict[str, str](), self._skipped()
         for name, kind in self.kinds.items():
-            section = self._section(name, kind.parameters.unknown)
+            section = self._section(name, partial(unknown_parameters, kind.parameters))
             warnings += section.warnings
             places |= {f"{name}.{key}": place for key, place in section.places.items()}
             if name in self.types:

@@ -9,7 +9,7 @@ from onebot_control.conventions import DEFAULT_JOINT_CONTROLLER
 from onebot_control.trajectories.following import JointFollower, TrajectoryFollower
 from onebot_control.trajectories.forwarding import PositionForwarder
 from onebot_control.trajectories.gripping import GripperCommandFollower, GripperFollower
-from onebot_description.parameters.reader import ConfigError, Problem
+from onebot_description.parameters.reader import ConfigError, Problem, read
 
 F = TypeVar("F", bound=JointFollower)
 
@@ -33,7 +33,7 @@ class JointController(Generic[F]):
             ConfigError: values are wrong; it names each of them.
         """
         self.kind, self.name, self.values = kind, name, values
-        self.config: Any = kind.parameters.from_parameters(values)
+        self.config: Any = read(kind.parameters, values)
 
 
 JOINT_CONTROLLERS: Mapping[str, type[JointFollower]] = {

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 from onebot_control.drive.wheels.geometry import Wheels
 from onebot_control.joint_controllers import DEFAULT_CONTROLLER, JointController
 from onebot_control.physics.simulated_model import (
-    check_interfaces,
     commandable,
     simulated_model,
     without_limits,
@@ -80,7 +79,8 @@ class PreparedRobot:
         self.controllers = {item.name: item for item in candidates if item.name not in names}
         self.controlled = {name: joints[name] for name in self.controllers}
         commanded = tuple([joint for joints in self.controlled.values() for joint in joints])
-        check_interfaces(description, commanded, stands=wheels is None)
+        if fault := description.interface_fault(commanded, stands=wheels is None):
+            raise OneBotError(fault)
         unlimited = [
             joint
             for name, controller in self.controllers.items()

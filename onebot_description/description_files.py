@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_description.description import Description, load_description
-from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Reloader
 
 
@@ -46,8 +45,6 @@ class DescriptionFiles(Reloader[Description]):
     """Loads a description in the background whenever one of its files was edited."""
 
     def __init__(self, source: Source) -> None:
-        self.model = source.model
-
         def load() -> Description:
             return load_description(source.model, source.arguments)
 
@@ -59,14 +56,7 @@ class DescriptionFiles(Reloader[Description]):
         Raises:
             OneBotError: the files in their current state cannot be used.
         """
-        try:
-            description = super().poll()
-        except OneBotError:
-            from onebot_description.description.xacro import included_files
-
-            # The mistake may be in a file that this very edit includes.
-            self.watched.watch((*self.watched.files, *included_files(self.model)))
-            raise
+        description = super().poll()
         if description is not None:
             self.watched.watch(description.files)
         return description

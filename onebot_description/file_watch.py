@@ -107,22 +107,13 @@ class Reloader(Generic[T]):
         self.watched = FileWatch(files, since_ns=since_ns)
         self._read = read
         self._edited: list[Path] = []
-        self._is_due = False
+        self._is_due = False  # whether to read once the current reading has ended
         self._reading: Future[T] | None = None
 
     @property
     def edited(self) -> str:
         """The files that were edited since the last applied result, joined by commas."""
         return ", ".join(map(str, dict.fromkeys(self._edited)))
-
-    @property
-    def is_reading(self) -> bool:
-        """Whether files are being read, or will be at the next poll."""
-        return self._is_due or self._reading is not None
-
-    def read_soon(self) -> None:
-        """Read the files at the next poll, edited or not."""
-        self._is_due = True
 
     def applied(self) -> None:
         """Clear the list of edited files, because the last result is in use."""

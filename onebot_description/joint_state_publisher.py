@@ -38,15 +38,14 @@ from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
-from onebot_description.description import Description, parse_description
-from onebot_description.description_files import DescriptionFiles, load_followed
+from onebot_description.description import Description, load_description, parse_description
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.plan import Plan
 from onebot_description.joints.source import JointStateSource
-from onebot_description.parameters.files import LiveParameters, Parameters, read_files
-from onebot_description.parameters.reader import ConfigError, Problem, defaults
+from onebot_description.parameters.files import LiveParameters, read_files
+from onebot_description.parameters.reader import ConfigError, Problem, defaults, read
 from onebot_description.parameters.values import plain
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
@@ -105,7 +104,7 @@ class JointStateParameters:
 
     def _checked(self, values: Mapping[str, Any]) -> JointsConfig:
         """Check values, including names of topics, which JointsConfig cannot check."""
-        config = JointsConfig.from_parameters(values)
+        config = read(JointsConfig, values)
         own_topic = self._node.resolve_topic_name("joint_states")
         for topic in config.source_list:
             try:
@@ -159,53 +158,26 @@ _POLL_EVERY = 0.05  # seconds
 
 
 class JointFiles:
-    """Watches parameter files and the description's files, and applies edits of them."""
+    """Watches parameter files, and applies edits of them."""
 
     def __init__(self, node: "JointStatePublisher", live: LiveParameters) -> None:
         """Watch the parameter files as they are now."""
         self._node, self._log, self._live = node, node.get_logger(), live
         self.parameters = Reloader(live.read, live.files)
-        self.description: DescriptionFiles | None = None
         steady_timer(node, _POLL_EVERY, self._poll)
 
-    def reread_refused(self) -> None:
-        """Read the parameter files again if their last edit was rejected."""
-        if self.parameters.edited:
-            self.parameters.read_soon()
-
     def _poll(self) -> None:
+        """Set every parameter to its value in the files, or to its default, after an edit."""
+        live, last = self._live, self._live.file
         try:
-            if (parameters := self.parameters.poll()) is not None:
-                self._apply_parameters(parameters)
-        except ConfigError as error:
-            self._refuse(error)
-        if not self.parameters.is_reading:
-            self._poll_description()  # only after the parameters
-
-    def _poll_description(self) -> None:
-        if self.description is None:
-            return
-        try:
-            if (description := self.description.poll()) is not None:
-                self._node.replace(description)
-                self.description.applied()
-        except OneBotError as error:
-            self._log.error(f"{self.description.edited} not applied, {GOES_ON}:\n{error}")
-
-    def _refuse(self, error: OneBotError) -> None:
-        self._log.error(f"{self.parameters.edited} not applied, {GOES_ON}:\n{error}")
-
-    def _apply_parameters(self, file: Parameters) -> None:
-        """Set every parameter to its value in the files, or to its default."""
-        live = self._live
-        last = live.file
-        try:
+            if (file := self.parameters.poll()) is None:
+                return
             changes = live.changes(file, self._node.state.values)
             live.file = file
             self._node.set_all(changes, file.places)
         except OneBotError as error:
             live.file = last
-            self._refuse(error)
+            self._log.error(f"{self.parameters.edited} not applied, {GOES_ON}:\n{error}")
             return
         changed = f"changed: {listing(changes)}" if changes else "nothing changed"
         self._log.info(f"{self.parameters.edited}: applied, {changed}")
@@ -299,9 +271,7 @@ class JointStatePublisher(Node):
         """Apply the description that is already at hand, or wait for one on the topic."""
         text = self.state.values["robot_description"]
         if description_file:
-            description, source = load_followed(description_file)
-            self._use(description)
-            self._files.description = DescriptionFiles(source)
+            self._use(load_description(description_file))
         elif text:
             self._use(parse_description(text, "robot_description"))
         else:
@@ -360,9 +330,7 @@ class JointStatePublisher(Node):
 
         Parameters of joints that it lacks are reported and ignored.
         """
-        self._change(self.state.describing(description, tolerant=True))
-        self._files.reread_refused()  # they may match this robot
-        self._report()
+        self._apply(self.state.describing(description, tolerant=True))
 
     def _apply(self, state: JointsState) -> None:
         self._change(state)

@@ -41,6 +41,7 @@ def run(argv: Sequence[str]) -> int:
     file = files[0]
 
     # This is slower to import.
+    from onebot_control.drive.wheels.finding import RunningGear
     from onebot_description.description import describe, load_description
     from onebot_description.description.unit_check import shape_sizes, size_warnings
     from onebot_description.model.rigid_bodies import inertia_warnings
@@ -49,11 +50,14 @@ def run(argv: Sequence[str]) -> int:
     sizes, faults, lacking = shape_sizes(description)
     replace(description, problems=(*description.problems, *faults)).raise_problems()
     print(describe(description, sizes))
-    for warning in (
+    stands = bool(description.interfaces) and not RunningGear.of(description).drives
+    warnings = [
         *description.warnings,
         *lacking,
         *inertia_warnings(description),
         *size_warnings(description, sizes),
-    ):
+        description.interface_fault(stands=stands),
+    ]
+    for warning in filter(None, warnings):
         warn(warning)
     return 0

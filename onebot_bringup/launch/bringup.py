@@ -276,27 +276,20 @@ def _check_sections(
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.parameters.files import check_sections, undeclared_warnings
+    from onebot_description.parameters.files import undeclared_warnings
     from onebot_description.parameters.reader import unknown_parameters
 
     space = absolute(settings.namespace)
     described = {f"{space}/{robot.name}": robot.description for robot in robots}
     described = described or {space: description}
-    spaces = [*described]
-    # Each file, and the namespaces of the nodes that get it.
-    files: list[tuple[Path, list[str]]] = []
-    if settings.params_file and "params_file" in settings.given:
-        files.append((settings.params_file, spaces))
-    for robot, name in zip(robots, spaces, strict=False):
-        if robot.params_file:
-            files.append((robot.params_file, [name]))
-    nodes = unknown_by_node(settings.controller, [file for file, _ in files], described)
+    given = [settings.params_file] if "params_file" in settings.given else []
+    files = [file for file in (*given, *(robot.params_file for robot in robots)) if file]
+    nodes = unknown_by_node(settings.controller, files, described)
     if settings.joints and "joints" in settings.given:  # then it is not simulated
-        files = [(Path(settings.joints), [space])]
+        files = [Path(settings.joints)]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
-        check_sections(files[0][0], [f"{space}/{node}" for node in nodes])
     warnings: dict[str, None] = {}  # each once, since robots may share a file
-    for file, _ in files:
+    for file in files:
         warnings |= dict.fromkeys(undeclared_warnings(file, nodes.values()))
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -291,6 +291,15 @@ class SteeringControllerParameters(SteeredParameters, ReferenceParameters["Steer
         return SteeredKinematics(geometry, waits=self.reduce_wheel_speed_until_steering_reached)
 
 
+def _unused(reason: str) -> Any:
+    return ignored(math.nan, reason, nan="not given")
+
+
+_NO_MINIMUM = "a minimum would keep the wheel from standing still"
+_NO_JERK = "the jerk of the wheel is not limited"
+_NO_ACCELERATION = "the steering has no limit of acceleration"
+
+
 @dataclass(frozen=True)
 class SteeringLimits:
     """tricycle_controller's parameters ``steering.*``."""
@@ -302,6 +311,9 @@ class SteeringLimits:
         0.0, "limit to the left, rad; 0: the joint's limit", at_least=0.0
     )
     max_velocity: float = parameter(0.0, "maximum speed, rad/s; 0: the joint's limit", at_least=0.0)
+    min_velocity: float = _unused(_NO_MINIMUM)
+    max_acceleration: float = _unused(_NO_ACCELERATION)
+    min_acceleration: float = _unused(_NO_ACCELERATION)
 
 
 def _maximum(what: str) -> Any:
@@ -316,6 +328,11 @@ class TractionLimits:
     max_velocity: float = _maximum("speed, rad/s,")
     max_acceleration: float = _maximum("acceleration, rad/s2,")
     max_deceleration: float = _maximum("deceleration, rad/s2,")
+    min_velocity: float = _unused(_NO_MINIMUM)
+    min_acceleration: float = _unused(_NO_MINIMUM)
+    min_deceleration: float = _unused(_NO_MINIMUM)
+    max_jerk: float = _unused(_NO_JERK)
+    min_jerk: float = _unused(_NO_JERK)
 
     @property
     def speed_limits(self) -> SpeedLimits:

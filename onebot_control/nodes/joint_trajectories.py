@@ -13,20 +13,10 @@ from onebot_control.nodes.controller_node import (
     GoalAction,
     GoalFunctions,
 )
-from onebot_control.trajectories.config import (
-    JointConstraint,
-    JointGains,
-    JointParameters,
-    TrajectoryConfig,
-    is_joint_parameter,
-)
+from onebot_control.trajectories.config import JointConstraint, JointGains, TrajectoryConfig
 from onebot_control.trajectories.following import CANCELLED, Outcome, TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
-from onebot_control.trajectories.tolerances import (
-    ToleranceGiven,
-    TolerancesGiven,
-    tolerance_problems,
-)
+from onebot_control.trajectories.tolerances import TolerancesGiven, tolerance_problems
 from onebot_control.trajectories.trajectory import Waypoint
 from onebot_description.errors import OneBotError, first_of
 from onebot_description.parameters.reader import defaults
@@ -57,8 +47,13 @@ class JointTrajectories:
         """Offer topics, action, service and parameters."""
         node = place.node
         names = place.slot.robot.followers[place.controller.name].names
+        single = _single(names)
+        known = {*defaults(TrajectoryConfig), *single}
+        given = {name: v for name, v in place.controller.values.items() if name in known}
+        values = {**single, **given}
+        declared = declare(node, TrajectoryConfig, values, fixed={"joints": list(names)})
         self._host = host = ControllerNode[TrajectoryFollower](
-            place, _declared(place, names), partial(_own_values, place)
+            place, declared, partial(_own_values, place, single)
         )
         functions = GoalFunctions(
             goal=_action_goal,
@@ -164,33 +159,22 @@ class JointTrajectories:
         return answer
 
 
-def _declared(place: ControllerPlace, joints: Sequence[str]) -> dict[str, Any]:
-    """Declare the parameters, including those of single joints; return the current values."""
-    values = place.controller.values
-    common = {n: v for n, v in values.items() if not is_joint_parameter(n)}
-    single = {
+def _single(joints: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters of single joints, with their defaults."""
+    return {
         f"{group}.{joint}.{name}": value
         for group, kind in (("constraints", JointConstraint), ("gains", JointGains))
         for joint in joints
         for name, value in defaults(kind).items()
     }
-    single_values = {n: v for n, v in values.items() if n in single}
-    return {
-        **declare(place.node, TrajectoryConfig, common, fixed={"joints": list(joints)}),
-        **declare(place.node, JointParameters, single, single_values),
-    }
 
 
-def _own_values(place: ControllerPlace, declared: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert values of the declared parameters to those of the controller.
-
-    Raises:
-        ConfigError: parameters of single joints are wrong.
-    """
+def _own_values(
+    place: ControllerPlace, single: Mapping[str, Any], declared: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Convert values of the declared parameters to those of the controller."""
     # Leave out defaults of single joints: another description may have other joints.
-    values = {n: v for n, v in declared.items() if v or not is_joint_parameter(n)}
-    of_joints = {name: value for name, value in values.items() if is_joint_parameter(name)}
-    TrajectoryConfig(of_joints=of_joints).joint_constraints(())
+    values = {name: value for name, value in declared.items() if single.get(name) != value}
     return {**values, "joints": place.controller.config.joint_names}
 
 
@@ -222,11 +206,11 @@ def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:
 
 
 def _tolerances(request: Any) -> TolerancesGiven:
-    path, goal = (
-        tuple([ToleranceGiven(t.name, t.position, t.velocity, t.acceleration) for t in tolerances])
-        for tolerances in (request.path_tolerance, request.goal_tolerance)
+    return TolerancesGiven(
+        {tolerance.name: tolerance.position for tolerance in request.path_tolerance},
+        {tolerance.name: tolerance.position for tolerance in request.goal_tolerance},
+        nanoseconds(request.goal_time_tolerance) / NS_PER_S,
     )
-    return TolerancesGiven(path, goal, nanoseconds(request.goal_time_tolerance) / NS_PER_S)
 
 
 def _fill(

@@ -136,27 +136,6 @@ def without_limits(description: Description, joints: Collection[str]) -> Descrip
     return replace(description, interfaces={**listed, **free}) if limited else description
 
 
-def check_interfaces(description: Description, commanded: Collection[str], *, stands: bool) -> None:
-    """Check that positions are among the command interfaces of the ``commanded`` joints.
-
-    Raises:
-        OneBotError: a joint only has other interfaces, or the base is fixed and all joints do.
-    """
-    other_commands = {
-        name: listed.commands
-        for name, listed in description.interfaces.items()
-        if listed.commands and "position" not in listed.commands
-    }
-    none = stands and not _positioned_names(description)
-    joints = [name for name in other_commands if name in commanded or none]
-    if joints:
-        kinds = listing(kind for name in joints for kind in other_commands[name])
-        raise OneBotError(
-            f"{description.source}: joint {listing(joints)}: <ros2_control> has only the command "
-            f"interface {kinds}, which cannot be simulated yet; add position"
-        )
-
-
 def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     """Return the joints that a controller commands if its parameters do not name any.
 
@@ -165,19 +144,10 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     carry them. Mimic joints are always excluded.
     """
     joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
-    positioned = _positioned_names(description) - {*(wheels.joints if wheels else ())}
+    positioned = description.positioned - {*(wheels.joints if wheels else ())}
     named = [joint for joint in joints if joint in positioned]
     excluded_names = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
     return named or [joint for joint in joints if joint not in excluded_names]
-
-
-def _positioned_names(description: Description) -> set[str]:
-    """Return the joints with a position command interface in ``<ros2_control>``."""
-    return {
-        name
-        for name, interfaces in description.interfaces.items()
-        if "position" in interfaces.commands
-    }
 
 
 def _rolling(wheels: Wheels) -> set[str]:
@@ -447,7 +417,7 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
     They are continuous, as are all joints between them and the base. Driven, mimic and
     ``commanded`` joints and joints with a position command interface are excluded.
     """
-    chains, bound = _chains(wheels), {*commanded, *_positioned_names(wheels.description)}
+    chains, bound = _chains(wheels), {*commanded, *wheels.description.positioned}
     for chain in chains:
         if any(joint.kind != "continuous" or joint.mimic is not None for joint in chain):
             bound.update(joint.name for joint in chain)

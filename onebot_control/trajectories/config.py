@@ -1,33 +1,24 @@
-"""Reads and checks joint_trajectory_controller's parameters.
+"""The parameters of joint controllers, and those of joint_trajectory_controller."""
 
-``TrajectoryConfig.joint_constraints`` reads the parameters of single joints, such as
-``constraints.elbow.goal``.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from onebot_control.conventions import IN_EACH_CYCLE
 from onebot_description.errors import listing, unknown_names
 from onebot_description.parameters.reader import (
-    NO_PARAMETER,
+    OTHERS,
     REQUIRED,
     Problem,
     group,
     ignored,
     leaves,
     parameter,
-    read,
-    unknown_parameters,
 )
-
-C = TypeVar("C", bound="JointControllerConfig")
 
 _INTERFACES = ("position", "velocity", "acceleration", "effort")
 _NO_FEEDBACK = "position interfaces have no feedback"
 MAX_SCALING = 1000.0  # above it, times would soon exceed the range of ROS stamps
-_CONSTRAINTS, _GAINS = "constraints.", "gains."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,23 +34,6 @@ class JointControllerConfig:
     enforce_command_limits = True
     update_rate: float = ignored(0.0, IN_EACH_CYCLE)
     is_async: bool = ignored(False, IN_EACH_CYCLE)
-
-    @classmethod
-    def from_parameters(cls: type[C], values: Mapping[str, Any]) -> C:
-        """Check parameters, and convert them to a config.
-
-        Args:
-            values: values by their dotted ROS names.
-
-        Raises:
-            ConfigError: values are wrong; it names each of them, and valid values.
-        """
-        return read(cls, values)
-
-    @classmethod
-    def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each of ``names`` that is not a parameter of this type."""
-        return unknown_parameters(cls, names)
 
     @classmethod
     def lacks(cls, values: Mapping[str, Any]) -> str:
@@ -108,21 +82,6 @@ class PositionsUpsampling:
 
 
 @dataclass(frozen=True)
-class Constraints:
-    """The parameters ``constraints.*`` shared by all joints."""
-
-    stopped_velocity_tolerance: float = ignored(
-        0.01, "velocities of position interfaces are not compared", at_least=0.0
-    )
-    goal_time: float = parameter(
-        0.0, "maximum delay of reaching the goal, s; 0: waits forever", at_least=0.0
-    )
-    decelerate_on_cancel: bool = parameter(
-        False, "brake with max_deceleration_on_cancel, not abruptly", read_only=True
-    )
-
-
-@dataclass(frozen=True)
 class JointConstraint:
     """The parameters ``constraints.<joint>.*``: tolerances of one joint, in rad or m."""
 
@@ -135,6 +94,26 @@ class JointConstraint:
     max_deceleration_on_cancel: float = parameter(
         0.0, "deceleration with decelerate_on_cancel, rad/s2 or m/s2", at_least=0.0, read_only=True
     )
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """The parameters ``constraints.*``: those of all joints, and of single ones."""
+
+    stopped_velocity_tolerance: float = ignored(
+        0.01, "velocities of position interfaces are not compared", at_least=0.0
+    )
+    goal_time: float = parameter(
+        0.0, "maximum delay of reaching the goal, s; 0: waits forever", at_least=0.0
+    )
+    decelerate_on_cancel: bool = parameter(
+        False, "brake with max_deceleration_on_cancel, not abruptly", read_only=True
+    )
+    joints: Mapping[str, JointConstraint] = parameter({}, "", name=OTHERS, keys=("joint",))
+
+
+def _list(default: tuple[str, ...], description: str, **rules: Any) -> Any:
+    return parameter(default, description, unique=True, read_only=True, **rules)
 
 
 def _gain() -> Any:
@@ -162,43 +141,23 @@ class JointGains:
 
 
 @dataclass(frozen=True)
-class JointParameters:
-    """The parameters of single joints, by joint."""
-
-    constraints: Mapping[str, JointConstraint] = parameter({}, "", keys=("joint",))
-    gains: Mapping[str, JointGains] = parameter({}, "", keys=("joint",))
-
-
-@dataclass(frozen=True)
 class TrajectoryConfig(JointControllerConfig):
     """joint_trajectory_controller's parameters.
 
     The table in docs/arms.md explains them. Only positions are commanded.
-
-    Attributes:
-        of_joints: parameters of single joints, dotted name to value; see ``joint_constraints``.
     """
 
-    joints: tuple[str, ...] = parameter(
-        (),
-        "joints to move, in this order; empty: all joints of the robot",
-        unique=True,
-        read_only=True,
+    joints: tuple[str, ...] = _list(
+        (), "joints to move, in this order; empty: all joints of the robot"
     )
     command_joints: tuple[str, ...] = ignored((), "it commands its joints", read_only=True)
-    command_interfaces: tuple[str, ...] = parameter(
-        ("position",),
-        "commanded interfaces; only position has an effect",
-        choices=_INTERFACES,
-        unique=True,
-        read_only=True,
+    command_interfaces: tuple[str, ...] = _list(
+        ("position",), "commanded interfaces; only position has an effect", choices=_INTERFACES
     )
-    state_interfaces: tuple[str, ...] = parameter(
+    state_interfaces: tuple[str, ...] = _list(
         ("position", "velocity"),
         "the part of the measured motion from which a trajectory starts",
         choices=_INTERFACES,
-        unique=True,
-        read_only=True,
     )
     allow_partial_joints_goal: bool = parameter(False, "hold joints that are missing in a goal")
     open_loop_control: bool = parameter(
@@ -241,28 +200,7 @@ class TrajectoryConfig(JointControllerConfig):
     speed_scaling: SpeedScaling = group(SpeedScaling)
     positions_upsampling: PositionsUpsampling = group(PositionsUpsampling)
     constraints: Constraints = group(Constraints)
-    of_joints: Mapping[str, Any] = field(default_factory=dict, metadata=NO_PARAMETER)
-
-    @classmethod
-    def from_parameters(cls, values: Mapping[str, Any]) -> "TrajectoryConfig":
-        """Check parameters, and convert them to a config; those of single joints are kept as given.
-
-        Raises:
-            ConfigError: values are wrong; it names each of them, and valid values.
-        """
-        of_joints = {name: value for name, value in values.items() if is_joint_parameter(name)}
-        common = {name: value for name, value in values.items() if name not in of_joints}
-        return replace(read(cls, common), of_joints=of_joints)
-
-    @classmethod
-    def unknown(cls, names: Iterable[str]) -> list[Problem]:
-        """Return a problem for each unknown name, regardless of the joints in names."""
-        parameters = list(names)
-        common = (name for name in parameters if not is_joint_parameter(name))
-        return [
-            *unknown_parameters(cls, common),
-            *unknown_parameters(JointParameters, filter(is_joint_parameter, parameters)),
-        ]
+    gains: Mapping[str, JointGains] = parameter({}, "", keys=("joint",))
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -271,23 +209,16 @@ class TrajectoryConfig(JointControllerConfig):
 
     def ignored(self, joints: Sequence[str]) -> list[Problem]:
         """Return a problem for each joint with parameters that is not among ``joints``."""
-        owners = dict.fromkeys(name.rpartition(".")[0] for name in self.of_joints)
-        named = {owner.partition(".")[2]: owner for owner in owners}
+        named = {name: f"constraints.{name}" for name in self.constraints.joints}
+        named |= {name: f"gains.{name}" for name in self.gains}
         return [
             Problem(named[name], f"not a joint of the controller{hint}; it is ignored")
             for name, hint in unknown_names(named, joints)
         ]
 
     def joint_constraints(self, joints: Sequence[str]) -> list[JointConstraint]:
-        """Return the constraints of each of ``joints``; other joints' parameters are ignored.
-
-        Gains are only checked: they have no effect on position commands.
-
-        Raises:
-            ConfigError: values are wrong; it names each of them, and valid values.
-        """
-        constraints = read(JointParameters, self.of_joints).constraints
-        return [constraints.get(name, JointConstraint()) for name in joints]
+        """Return the constraints of each of ``joints``; other joints' parameters are ignored."""
+        return [self.constraints.joints.get(name, JointConstraint()) for name in joints]
 
     @property
     def timeout(self) -> float:
@@ -298,9 +229,3 @@ class TrajectoryConfig(JointControllerConfig):
     def begins_at_command(self) -> bool:
         """Whether a trajectory starts at the last command, not at the measured motion."""
         return self.open_loop_control or self.interpolate_from_desired_state
-
-
-def is_joint_parameter(name: str) -> bool:
-    """Return whether a parameter belongs to a single joint, like ``constraints.<joint>.goal``."""
-    constraint = name.startswith(_CONSTRAINTS) and "." in name.removeprefix(_CONSTRAINTS)
-    return constraint or name.startswith(_GAINS)

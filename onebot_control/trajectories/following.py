@@ -94,9 +94,6 @@ class JointFollower(ABC):
             joints: the joints, with their limits.
             config: the controller's parameters, an instance of ``parameters``.
             positions: current positions of the joints, rad or m.
-
-        Raises:
-            ConfigError: parameters of single joints are wrong.
         """
         self.joints = tuple(joints)
         self.names = tuple(joint.name for joint in joints)
@@ -176,11 +173,7 @@ class TrajectoryFollower(JointFollower):
         self._now, self._advance, self._rate = 0, 0.0, self.scaling
 
     def configure(self, config: TrajectoryConfig) -> None:
-        """Apply changed parameters; new tolerances apply from the next action goal on.
-
-        Raises:
-            ConfigError: parameters of single joints are wrong; nothing has changed.
-        """
+        """Apply changed parameters; new tolerances apply from the next action goal on."""
         constraints = config.joint_constraints(self.names)
         super().configure(config)
         self._defaults = default_tolerances(constraints, config)
@@ -506,8 +499,7 @@ class TrajectoryFollower(JointFollower):
         detail = exceeded(self.names, self.error, self._tolerances.path)
         if (moving or first) and detail:
             text = "Aborted due to path tolerance violation"
-            topic = "Holding position due to state tolerance violation"
-            return self._failed(PATH_TOLERANCE_VIOLATED, text, topic, detail)
+            return self._failed(PATH_TOLERANCE_VIOLATED, text, detail)
         return [] if moving else self._judged_at_end(late)
 
     def _judged_at_end(self, late: float) -> list[Outcome]:
@@ -520,15 +512,13 @@ class TrajectoryFollower(JointFollower):
         goal_time, timeout = self._tolerances.goal_time, self._config.timeout
         if detail and 0.0 < goal_time < late - ROUNDING:
             text = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
-            topic = "Exceeded goal_time_tolerance: holding position..."
-            return self._failed(GOAL_TOLERANCE_VIOLATED, text, topic, detail)
+            return self._failed(GOAL_TOLERANCE_VIOLATED, text, detail)
         if 0.0 < timeout < late - ROUNDING:
-            text = "Aborted due to command timeout"
-            return self._failed(GOAL_TOLERANCE_VIOLATED, text, text, detail)
+            return self._failed(GOAL_TOLERANCE_VIOLATED, "Aborted due to command timeout", detail)
         return []
 
-    def _failed(self, code: int, text: str, topic: str, detail: str) -> list[Outcome]:
-        """Stop, and return the outcome; ``topic`` is its text if no action goal is active."""
+    def _failed(self, code: int, text: str, detail: str) -> list[Outcome]:
+        """Stop, and return the outcome."""
         goal, self.active = self.active, None
         self._stop(self.measured, self._now)
-        return [Outcome(goal, code, topic if goal is None else text, detail)]
+        return [Outcome(goal, code, text, detail)]

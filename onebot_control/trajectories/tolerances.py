@@ -1,6 +1,7 @@
 """Tolerances of a trajectory: the controller's defaults, overridden by those of a goal."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
@@ -10,24 +11,15 @@ _OFF = -1.0  # value with which a goal disables a tolerance
 FLOAT_EPSILON = 1.1920929e-07  # epsilon of float32, as in joint_trajectory_controller's comparisons
 
 
-class ToleranceGiven(NamedTuple):
-    """Tolerances of a goal for one joint, as in control_msgs/JointTolerance; rad or m, and s.
+class TolerancesGiven(NamedTuple):
+    """Tolerances of a goal, as in control_msgs/FollowJointTrajectory.
 
-    0 means the controller's default, -1 none. Velocities and accelerations are never compared,
-    because only positions are commanded.
+    0 means the controller's default, -1 none. Only positions are compared, because only positions
+    are commanded.
     """
 
-    name: str
-    position: float = 0.0
-    velocity: float = 0.0
-    acceleration: float = 0.0
-
-
-class TolerancesGiven(NamedTuple):
-    """Tolerances of a goal, as in control_msgs/FollowJointTrajectory."""
-
-    path: tuple[ToleranceGiven, ...] = ()
-    goal: tuple[ToleranceGiven, ...] = ()
+    path: Mapping[str, float] = MappingProxyType({})  # position errors by joint, rad or m
+    goal: Mapping[str, float] = MappingProxyType({})
     goal_time: float = 0.0  # s
 
 
@@ -52,23 +44,18 @@ def default_tolerances(
 
 def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[str]:
     """Return why ``given`` cannot be used, one line per reason; empty if it can."""
-    problems = list(_value_problems("goal_time_tolerance", given.goal_time))
+    problems, values = list[str](), {"goal_time_tolerance": given.goal_time}
     for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
-        for name, hint in unknown_names([tolerance.name for tolerance in tolerances], joints):
+        for name, hint in unknown_names(tolerances, joints):
             problems.append(f'{field}: "{printable(name)}" is not a joint of the controller{hint}')
-        for tolerance in tolerances:
-            problems += _tolerance_problems(field, tolerance)
+        for name, position in tolerances.items():
+            values[f"{field}: {printable(name)}: position"] = position
+    problems += [
+        f"{what} {value:g} is neither 0 (the default), nor above 0, nor -1 (none)"
+        for what, value in values.items()
+        if not (value >= 0.0 or _is_off(value))
+    ]
     return [f"{problem}; the default tolerances are used" for problem in problems]
-
-
-def _tolerance_problems(field: str, given: ToleranceGiven) -> Iterator[str]:
-    for quantity, value in zip(given._fields[1:], given[1:], strict=True):
-        yield from _value_problems(f"{field}: {printable(given.name)}: {quantity}", value)
-
-
-def _value_problems(what: str, value: float) -> Iterator[str]:
-    if not (value >= 0.0 or _is_off(value)):
-        yield f"{what} {value:g} is neither 0 (the default), nor above 0, nor -1 (none)"
 
 
 def resolved_tolerances(
@@ -88,11 +75,10 @@ def resolved_tolerances(
 
 
 def _positions(
-    given: Sequence[ToleranceGiven], joints: Sequence[str], defaults: Sequence[float]
+    given: Mapping[str, float], joints: Sequence[str], defaults: Sequence[float]
 ) -> tuple[float, ...]:
-    position_by_joint = {tolerance.name: tolerance.position for tolerance in given}
     return tuple(
-        _resolved(position_by_joint.get(name, 0.0), default)
+        _resolved(given.get(name, 0.0), default)
         for name, default in zip(joints, defaults, strict=True)
     )
 

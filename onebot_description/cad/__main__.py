@@ -1,8 +1,6 @@
 """``python -m onebot_description.cad``: writes meshes and inertials of config/dimensions.yaml."""
 
-import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
@@ -13,11 +11,10 @@ from onebot_description.model.rigid_bodies import Body
 
 try:
     from onebot_description.cad.base import make_base
-    from onebot_description.cad.caster import make_caster_wheel, make_fork
     from onebot_description.cad.collada import to_collada
     from onebot_description.cad.dimensions import Section, read_dimensions
     from onebot_description.cad.solids import Part
-    from onebot_description.cad.wheel import make_wheel
+    from onebot_description.cad.wheels import make_caster_wheel, make_fork, make_wheel
 except ModuleNotFoundError as error:
     if error.name != "manifold3d":
         raise
@@ -62,19 +59,11 @@ def _as_mapping(body: Body) -> dict[str, object]:
     }
 
 
-def main(args: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Run the command and return its exit code."""
     share = package_share("onebot_description")
-    parser = argparse.ArgumentParser(
-        prog="python -m onebot_description.cad",
-        description="Writes meshes/*.dae and config/inertials.yaml from config/dimensions.yaml.",
-    )
-    source = share / "config/dimensions.yaml"
-    parser.add_argument("--dimensions", type=Path, default=source, help="another file")
-    parser.add_argument("--output", type=Path, default=share, help="another folder")
-    arguments = parser.parse_args(args)
     try:
-        write_robot(arguments.dimensions, arguments.output)
+        write_robot(share / "config/dimensions.yaml", share)
     except OneBotError as error:
         print(error, file=sys.stderr)
         return 1

@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -131,15 +132,10 @@ def main() -> None:
     function, request, bounds = json.load(sys.stdin)
     out = os.dup(1)
     os.dup2(2, 1)  # the function's prints must not mix with the answer
-    run = _fork if _FORKS else _run
+    run = _fork if _FORKS else partial(_answer, place=Place())
     answer = run(function, request, Bounds(*bounds))
     with open(out, "wb") as file:
         file.write(answer)
-
-
-def _run(function: str, request: Any, bounds: Bounds) -> bytes:
-    """Run the function in this process; return its answer."""
-    return _answer(function, request, bounds, Place())
 
 
 def _fork(function: str, request: Any, bounds: Bounds) -> bytes:

@@ -6,7 +6,7 @@ sensors are in ``sensor``.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -279,6 +279,32 @@ class Description:
         free = {name for name, listed in self.interfaces.items() if not listed.mimics}
         joints = [replace(each, mimic=None) if each.name in free else each for each in self.joints]
         return replace(self, joints=tuple(joints)) if free else self
+
+    @property
+    def positioned(self) -> set[str]:
+        """The joints with a position command interface in ``<ros2_control>``."""
+        listed = self.interfaces.items()
+        return {name for name, interfaces in listed if "position" in interfaces.commands}
+
+    def interface_fault(self, commanded: Collection[str] = (), *, stands: bool) -> str:
+        """Return why ``<ros2_control>`` cannot be simulated; "" if it can.
+
+        Args:
+            commanded: the joints of controllers; each needs a position command interface.
+            stands: whether the base is fixed; then at least one of the driven joints needs one.
+        """
+        positioned, interfaces = self.positioned, self.interfaces.items()
+        listed = {name: listed.commands for name, listed in interfaces if listed.commands}
+        others = {name: kinds for name, kinds in listed.items() if name not in positioned}
+        none = stands and not positioned
+        joints = [name for name in others if name in commanded or none]
+        if not joints:
+            return ""
+        kinds = listing(kind for name in joints for kind in others[name])
+        return (
+            f"{self.source}: joint {listing(joints)}: <ros2_control> has only the command "
+            f"interface {kinds}, which cannot be simulated yet; add position"
+        )
 
     def require_tree(self) -> None:
         """Raise a DescriptionError if the links are not all connected."""

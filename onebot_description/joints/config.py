@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 from onebot_description.errors import did_you_mean
 from onebot_description.joints.motions import (
@@ -13,7 +12,7 @@ from onebot_description.joints.motions import (
     Motion,
     Sine,
 )
-from onebot_description.parameters.reader import REQUIRED, Problem, parameter, read
+from onebot_description.parameters.reader import REQUIRED, Problem, parameter
 
 Poses = Mapping[str, Mapping[str, float]]
 
@@ -155,18 +154,6 @@ class JointsConfig:
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
     robot_description: str = parameter("", "the URDF, in place of the topic")
-
-    @classmethod
-    def from_parameters(cls, parameters: Mapping[str, Any]) -> "JointsConfig":
-        """Check parameters, and convert them to a config.
-
-        Args:
-            parameters: parameters by dotted names, or in nested maps as in YAML.
-
-        Raises:
-            ConfigError: values are wrong; it names each of them, and what to write.
-        """
-        return read(cls, parameters)
 
     @cached_property
     def motions(self) -> Mapping[str, Motion]:

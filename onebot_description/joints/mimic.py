@@ -128,32 +128,22 @@ def _narrow(
         within their limits.
     """
     narrowed, wrong = deepcopy(limits), {}
-    for follower in np.flatnonzero(following.follows).tolist():
-        leader = int(following.leader[follower])
-        old = narrowed.lower[leader], narrowed.upper[leader]
-        _narrow_leader(narrowed, limits, following, follower)
-        if narrowed.lower[leader] > narrowed.upper[leader]:
-            wrong[joints[follower].name] = (
-                f'joint "{joints[follower].name}" follows "{joints[leader].name}", and no position'
+    for row in np.flatnonzero(following.follows).tolist():
+        leader, factor = int(following.leader[row]), float(following.factor[row])
+        ends = np.array([limits.lower[row], limits.upper[row]]) - following.offset[row]
+        if factor:
+            ends = np.sort(ends / factor)
+        elif ends[0] <= 0.0 <= ends[1]:  # the follower never moves
+            continue
+        lower, upper = max(narrowed.lower[leader], ends[0]), min(narrowed.upper[leader], ends[1])
+        if lower > upper or not factor:
+            wrong[joints[row].name] = (
+                f'joint "{joints[row].name}" follows "{joints[leader].name}", and no position'
                 " is within the limits of both; correct the limits or the mimic tag, or set"
                 " use_mimic_tags to false"
             )
-            narrowed.lower[leader], narrowed.upper[leader] = old
-    return narrowed, wrong
-
-
-def _narrow_leader(
-    narrowed: JointLimits, limits: JointLimits, following: Following, follower: int
-) -> None:
-    """Narrow the limits of the leader of ``follower`` in place."""
-    leader, factor = following.leader[follower], following.factor[follower]
-    ends = np.array([limits.lower[follower], limits.upper[follower]]) - following.offset[follower]
-    if factor == 0.0:
-        inside = ends[0] <= 0.0 <= ends[1]
-        ends = np.array([-np.inf, np.inf]) if inside else np.array([np.inf, -np.inf])
-    else:
-        ends = np.sort(ends / factor)
-        speed = limits.velocity[follower] / abs(factor)
+            continue
+        narrowed.lower[leader], narrowed.upper[leader] = lower, upper
+        speed = limits.velocity[row] / abs(factor)
         narrowed.velocity[leader] = min(narrowed.velocity[leader], speed)
-    narrowed.lower[leader] = max(narrowed.lower[leader], ends[0])
-    narrowed.upper[leader] = min(narrowed.upper[leader], ends[1])
+    return narrowed, wrong

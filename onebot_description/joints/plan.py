@@ -71,12 +71,19 @@ def make_plan(all_joints: Sequence[Joint], config: JointsConfig) -> Plan:
     reports = [*problems, *_wrong_names(joints, all_joints, zero_names)]
     zeros, motions = list[float](), list[Motion]()
     for row, joint in enumerate(joints):
-        share = row / len(joints)
-        planner = _JointPlanner(joint, _allowed(joint, narrowed, row), share, config, reports)
-        zero = planner.zero(zero_position(float(limits.lower[row]), float(limits.upper[row])))
-        motion = Keyframes.hold(0.0) if follows[row] else planner.motion(zero, bool(endless[row]))
+        allowed = _allowed(joint, narrowed, row)
+        rest = zero_position(float(limits.lower[row]), float(limits.upper[row]))
+        zero = allowed.clamp(config.zeros.get(joint.name, rest))
+        given = {} if follows[row] else _given(joint.name, config, bool(endless[row]))
+        reports += [
+            Problem(key, text)
+            for key, motion in given.items()
+            for text in motion.violations(allowed)
+        ]
+        given.pop(f"zeros.{joint.name}", None)
+        free = _free(allowed, zero, row / len(joints), config)
         zeros.append(zero)
-        motions.append(motion)
+        motions.append(next(iter(given.values()), free))
     return Plan(
         following=following,
         limits=narrowed,
@@ -93,60 +100,49 @@ def _allowed(joint: Joint, limits: JointLimits, row: int) -> Allowed:
     return Allowed(*ends, "m" if joint.kind == "prismatic" else "rad")
 
 
-@dataclass(frozen=True)
-class _JointPlanner:
-    """Chooses the motion of one joint, and collects warnings."""
+def _given(name: str, config: JointsConfig, endless: bool) -> dict[str, Motion]:
+    """Return the motions that parameters give a joint, by parameter: rest, then pose or motion.
 
-    joint: Joint
-    allowed: Allowed  # after mimic joints are taken into account
-    share: float  # fraction of the joints that come before it, 0 to 1
-    config: JointsConfig
-    reports: list[Problem]  # warnings are appended to it
+    ``endless``: whether a loop over whole turns keeps turning.
+    """
+    given: dict[str, Motion] = {}
+    if name in config.zeros:
+        given[f"zeros.{name}"] = Keyframes.hold(config.zeros[name])
+    if config.pose and name in config.poses[config.pose]:
+        position = config.poses[config.pose][name]
+        given[f"poses.{config.pose}.{name}"] = Keyframes.hold(position, config.pose)
+    elif motion := config.motions.get(name):
+        if endless and isinstance(motion, Keyframes):
+            motion = motion.turning()
+        given[f"motions.{name}"] = motion
+    return given
 
-    def zero(self, default: float) -> float:
-        """Return the position of the joint while nothing moves it, within its limits."""
-        return self.allowed.clamp(self.config.zeros.get(self.joint.name, default))
 
-    def motion(self, zero: float, endless: bool) -> Motion:
-        """Return the motion: held pose, own motion, sweep, swing or rest, in that order.
+def _free(allowed: Allowed, zero: float, share: float, config: JointsConfig) -> Motion:
+    """Return the motion of a joint that no parameter moves: sweep, swing or rest.
 
-        Args:
-            zero: the position at rest, rad or m.
-            endless: whether a loop over whole turns keeps turning.
-        """
-        config, name = self.config, self.joint.name
-        if name in config.zeros:
-            self.check(Keyframes.hold(config.zeros[name]), f"zeros.{name}")
-        if config.pose and name in config.poses[config.pose]:
-            held = Keyframes.hold(config.poses[config.pose][name], config.pose)
-            self.check(held, f"poses.{config.pose}.{name}")
-            return held
-        if (motion := config.motions.get(name)) is not None:
-            self.check(motion, f"motions.{name}")
-            return motion.turning() if endless and isinstance(motion, Keyframes) else motion
-        if config.delta:
-            speed = min(config.delta * config.rate, self.allowed.velocity)
-            return Keyframes.sweep(speed, zero, self.allowed.lower, self.allowed.upper)
-        return self._swing() if config.swing else Keyframes.hold(zero)
+    A swing covers most of the range, well below the maximum speed.
 
-    def _swing(self) -> Motion:
-        """Swing through most of the range, well below the maximum speed.
-
-        The phases are spread over a turn, so that the joints do not all move in phase.
-        """
-        lower, upper = self.allowed.lower, self.allowed.upper
-        middle, amplitude = 0.0, _FREE_SWING
-        if math.isfinite(upper - lower):
-            middle, amplitude = (lower + upper) / 2, _SHARE_OF_RANGE * (upper - lower) / 2
-        frequency = 1.0 / self.config.swing
-        if amplitude > 0.0:
-            speed = _SHARE_OF_SPEED * self.allowed.velocity
-            frequency = min(frequency, speed / (TURN * amplitude))
-        return Sine(amplitude, frequency, TURN * self.share, middle)
-
-    def check(self, motion: Motion, key: str) -> None:
-        """Report where the motion of the parameter ``key`` exceeds the joint's limits."""
-        self.reports.extend(Problem(key, text) for text in motion.violations(self.allowed))
+    Args:
+        allowed: its limits.
+        zero: the position at rest, rad or m.
+        share: fraction of the joints that come before it; it spreads the phases over a turn.
+        config: the parameters.
+    """
+    lower, upper = allowed.lower, allowed.upper
+    if config.delta:
+        return Keyframes.sweep(
+            min(config.delta * config.rate, allowed.velocity), zero, lower, upper
+        )
+    if not config.swing:
+        return Keyframes.hold(zero)
+    middle, amplitude = 0.0, _FREE_SWING
+    if math.isfinite(upper - lower):
+        middle, amplitude = (lower + upper) / 2, _SHARE_OF_RANGE * (upper - lower) / 2
+    frequency = 1.0 / config.swing
+    if amplitude > 0.0:
+        frequency = min(frequency, _SHARE_OF_SPEED * allowed.velocity / (TURN * amplitude))
+    return Sine(amplitude, frequency, TURN * share, middle)
 
 
 def _named(config: JointsConfig) -> dict[str, str]:

@@ -54,10 +54,7 @@ class _Joints(ctypes.Structure):
 
     _fields_ = (
         ("count", ctypes.c_int64),
-        ("half_turns", ctypes.c_void_p),
-        ("constant", ctypes.c_void_p),
-        ("sine", ctypes.c_void_p),
-        ("slide", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in ("half_turns", "constant", "sine", "slide")),
     )
 
 
@@ -65,13 +62,8 @@ class _Tree(ctypes.Structure):
     """struct tree in _kinematics.c."""
 
     _fields_ = (
-        ("links", ctypes.c_int64),
-        ("steps", ctypes.c_int64),
-        ("root", ctypes.c_int64),
-        ("parent", ctypes.c_void_p),
-        ("child", ctypes.c_void_p),
-        ("moving", ctypes.c_void_p),
-        ("fixed", ctypes.c_void_p),
+        *((name, ctypes.c_int64) for name in ("links", "steps", "root")),
+        *((name, ctypes.c_void_p) for name in ("parent", "child", "moving", "fixed")),
     )
 
 

@@ -37,6 +37,11 @@ REQUIRED = MISSING
 _RULE = "onebot parameter"  # the key in a field's metadata
 NO_PARAMETER: Mapping[str, Any] = {_RULE: None}
 """Metadata of a dataclass field that is not a parameter."""
+OTHERS = "*"
+"""The name of a map whose entries are beside the other fields of its group, as in constraints.
+
+Such an entry is a dataclass: ``constraints.goal_time`` is a field, ``constraints.elbow.goal`` not.
+"""
 _MAX_LISTED = 50  # problems in one message
 # Parameters that rclpy declares on every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -126,7 +131,7 @@ class _Field(NamedTuple):
     """One field of a dataclass."""
 
     field: str  # its name in the dataclass
-    name: str  # its name in ROS or YAML
+    name: str  # its name in ROS or YAML; empty for OTHERS
     shape: "_Shape"
     default: Any  # REQUIRED if there is none
 
@@ -136,6 +141,11 @@ class _Group(NamedTuple):
 
     kind: Any
     fields: tuple[_Field, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of its fields, except OTHERS."""
+        return [field.name for field in self.fields if field.name]
 
 
 class _Map(NamedTuple):
@@ -160,7 +170,8 @@ def _group(kind: Any) -> _Group:
             maps.append((item.name, default))
             continue
         shape = _shape(hints[item.name], rule)
-        fields.append(_Field(item.name, rule.name or item.name, shape, default))
+        name = "" if rule.name == OTHERS else rule.name or item.name
+        fields.append(_Field(item.name, name, shape, default))
     same = _Map(_Group(kind, tuple(fields)), "")
     fields += [_Field(name, name, same, default) for name, default in maps]
     return _Group(kind, tuple(fields))
@@ -239,6 +250,8 @@ def _step(shape: _Shape, name: str) -> tuple[str, _Shape, str] | None:
     for field in shape.fields if isinstance(shape, _Group) else ():
         if f"{name}.".startswith(f"{field.name}."):
             return field.name, field.shape, name[len(field.name) + 1 :]
+        if not field.name and "." in name:
+            return _step(field.shape, name)
     return None
 
 
@@ -283,8 +296,7 @@ def _no_such(shape: _Shape, name: str, number: int = 0) -> str:
     if not isinstance(shape, _Group):
         return "is one value, not a map"
     # Finding similar names takes time, and only the first problems are listed.
-    names = [field.name for field in shape.fields]
-    return f"no such parameter{did_you_mean(name, names) if number < _MAX_LISTED else ''}"
+    return f"no such parameter{did_you_mean(name, shape.names) if number < _MAX_LISTED else ''}"
 
 
 def is_of_every_node(name: str) -> bool:
@@ -321,7 +333,8 @@ def as_map(config: Any) -> dict[str, Any]:
         if isinstance(field.shape, ValueType):
             changes[field.name] = ros_value(field.shape, value)
         elif isinstance(field.shape, _Map):
-            changes[field.name] = {name: as_map(item) for name, item in value.items()}
+            items = {name: as_map(item) for name, item in value.items()}
+            changes |= {field.name: items} if field.name else items
         else:
             changes[field.name] = as_map(value)
     return changes
@@ -386,8 +399,7 @@ def _build(shape: _Shape, given: Values, key: str, problems: list[Problem]) -> A
                 problems.append(Problem(key, str(error)))
                 return REQUIRED
         elif value != {}:
-            names = [field.name for field in shape.fields] if isinstance(shape, _Group) else []
-            hint = f" with {', '.join(names)}" if names else ""
+            hint = f" with {', '.join(shape.names)}" if isinstance(shape, _Group) else ""
             problems.append(Problem(key, f"{shown(value)}; write a map{hint}"))
             return REQUIRED
     if key and any(given) and not parts:  # only unknown names, which count as not given
@@ -410,6 +422,8 @@ def _make(shape: _Group, given: Values, values: Values, key: str, problems: list
     if any(field.name not in values for field in required):
         return REQUIRED
     named = {field.field: values[field.name] for field in shape.fields if field.name in values}
+    others = {name: value for name, value in values.items() if name not in shape.names}
+    named |= {field.field: others for field in shape.fields if others and not field.name}
     return shape.kind(**named)
 
 

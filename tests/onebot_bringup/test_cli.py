@@ -103,6 +103,17 @@ def test_a_robot_with_arguments(
     assert done.returncode == code and all(part in text for part in parts) and not silent
 
 
+@pytest.mark.parametrize("kind", ["velocity", "effort", "position"])
+def test_check_names_interfaces_that_are_not_simulated(arm: str, kind: str) -> None:
+    """In the words with which the simulation refuses them."""
+    command = f'<joint name="shoulder"><command_interface name="{kind}"/></joint>'
+    block = f'<ros2_control name="s" type="system">{command}</ros2_control>'
+    Path(arm).write_text(ARM.replace("</robot>", f"{block}</robot>"))
+    done = onebot("check", arm)
+    text = f"joint shoulder: <ros2_control> has only the command interface {kind}, which cannot be"
+    assert done.returncode == 0 and (text in done.stderr) == (kind != "position")
+
+
 def test_settings_before_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is discovered can be said for any command; a mistake is one error."""
     names = ("ROS_DISCOVERY_SERVER", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID")

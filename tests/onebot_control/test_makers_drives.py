@@ -272,7 +272,7 @@ def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
     ("steering", "limit", "speed"),
     [
         ("max_position: 1.57, min_position: -1.57, max_velocity: 1.0", math.pi / 2.0, 1.0),
-        ("max_position: 1.2, min_position: -0.7", 0.7, 3.0),
+        ("max_position: 1.2, min_position: -0.7, min_velocity: 0.0", 0.7, 3.0),
     ],
 )
 def test_steering_limits_of_tricycle_controller(
@@ -282,9 +282,12 @@ def test_steering_limits_of_tricycle_controller(
     file = tmp_path / "control.yaml"
     file.write_text(
         f"tricycle_controller:\n  ros__parameters:\n    type: {TRICYCLE}\n"
-        f"    steering: {{{steering}}}\n"
+        f"    steering: {{{steering}, min_acceleration: 0.0, max_acceleration: 1000.0}}\n"
+        "    traction: {min_velocity: 0.0, min_acceleration: 0.0, max_acceleration: 5.0,\n"
+        "      min_deceleration: 0.0, min_jerk: 0.0, max_jerk: 1000.0}\n"
     )
     values = ControlFiles([file], "/", "tricycle_controller").parameters()
+    assert not values.warnings
     config = read(DRIVES[TRICYCLE], values.values)
     geometry = config.geometry(config.wheels(tricycle()))
     assert (geometry.limit, geometry.speed) == (limit, speed)

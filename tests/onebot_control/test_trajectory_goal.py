@@ -11,7 +11,6 @@ from onebot_control.trajectories.config import (
 )
 from onebot_control.trajectories.goal import FollowedJoint, TrajectoryGoal, goal_problems
 from onebot_control.trajectories.tolerances import (
-    ToleranceGiven,
     Tolerances,
     TolerancesGiven,
     default_tolerances,
@@ -20,7 +19,7 @@ from onebot_control.trajectories.tolerances import (
     tolerance_problems,
 )
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, read, unknown_parameters
 
 SHOULDER, ELBOW = FollowedJoint("shoulder", True), FollowedJoint("elbow", False, -1.5, 2.5)
 NAMES = ("shoulder", "elbow")
@@ -32,7 +31,7 @@ def problems(*points: Waypoint, joints: tuple[str, ...] = NAMES, **values: Any) 
     """Why a goal is refused; ``values`` are the goal's own fields and parameters."""
     fields = {name: values.pop(name) for name in TrajectoryGoal._fields if name in values}
     goal = TrajectoryGoal(joints, points, **fields)
-    return goal_problems(goal, [SHOULDER, ELBOW], TrajectoryConfig.from_parameters(values), NOW)
+    return goal_problems(goal, [SHOULDER, ELBOW], read(TrajectoryConfig, values), NOW)
 
 
 def test_what_is_accepted() -> None:
@@ -126,7 +125,7 @@ def test_many_names(names: list[str]) -> None:
     """Checking them takes no longer than a few comparisons each."""
     lines = problems(Waypoint(1.0, (0.5,) * len(names)), joints=tuple(names))
     assert len(lines) == (50_002 if len(set(names)) > 1 else 2)
-    tolerances = TolerancesGiven(tuple(ToleranceGiven(name, 0.1) for name in names))
+    tolerances = TolerancesGiven(dict.fromkeys(names, 0.1))
     assert len(tolerance_problems(tolerances, NAMES)) == (50_000 if len(set(names)) > 1 else 0)
 
 
@@ -185,7 +184,7 @@ DEFAULTS = Tolerances((0.1, 0.2), (0.01, 0.02), 0.5)
 
 def test_default_tolerances() -> None:
     """A joint without constraints has none."""
-    config = TrajectoryConfig.from_parameters({"constraints.goal_time": 0.5})
+    config = read(TrajectoryConfig, {"constraints.goal_time": 0.5})
     constraints = JointConstraint(), JointConstraint(0.2, 0.02)
     assert default_tolerances(constraints, config) == ((0.0, 0.2), (0.0, 0.02), 0.5)
 
@@ -196,11 +195,11 @@ def test_default_tolerances() -> None:
 )
 def test_tolerances_of_a_goal(given: float, expected: float) -> None:
     """0 is the default, a positive one replaces it, -1 is none; other joints have their default."""
-    tolerances = (ToleranceGiven("elbow", given, velocity=0.1, acceleration=-1.0),)
+    tolerances = {"elbow": given}
     path = resolved_tolerances(TolerancesGiven(tolerances), NAMES, DEFAULTS)
     assert path == DEFAULTS._replace(path=(0.1, expected))
     defaults = DEFAULTS._replace(goal=DEFAULTS.path)
-    goal = resolved_tolerances(TolerancesGiven((), tolerances), NAMES, defaults)
+    goal = resolved_tolerances(TolerancesGiven(goal=tolerances), NAMES, defaults)
     assert goal == defaults._replace(goal=(0.1, expected))
 
 
@@ -214,17 +213,17 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
     ("wrong", "expected"),
     [
         (
-            {"path": (ToleranceGiven("wrist", 0.5),)},
+            {"path": {"wrist": 0.5}},
             'path_tolerance: "wrist" is not a joint of the controller (known: elbow, shoulder)',
         ),
         (
-            {"path": (ToleranceGiven("elbow", -0.5),)},
+            {"path": {"elbow": -0.5}},
             "path_tolerance: elbow: position -0.5 is neither 0 (the default), nor above 0, "
             "nor -1 (none)",
         ),
         (
-            {"goal": (ToleranceGiven("elbow", 0.5, velocity=-2.0),)},
-            "goal_tolerance: elbow: velocity -2 is neither 0 (the default), nor above 0, "
+            {"goal": {"elbow": -2.0}},
+            "goal_tolerance: elbow: position -2 is neither 0 (the default), nor above 0, "
             "nor -1 (none)",
         ),
         (
@@ -234,9 +233,7 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
     ],
 )
 def test_one_wrong_tolerance_makes_all_the_defaults(wrong: dict[str, Any], expected: str) -> None:
-    right = TolerancesGiven(
-        (ToleranceGiven("shoulder", 9.0),), (ToleranceGiven("shoulder", 9.0),), 9.0
-    )
+    right = TolerancesGiven({"shoulder": 9.0}, {"shoulder": 9.0}, 9.0)
     assert resolved_tolerances(right, NAMES, DEFAULTS) == ((9.0, 0.2), (9.0, 0.02), 9.0)
     given = right._replace(**wrong)
     assert resolved_tolerances(given, NAMES, DEFAULTS) == DEFAULTS
@@ -257,7 +254,7 @@ def test_exceeded() -> None:
 def problem(values: dict[str, Any]) -> str:
     """The error of wrong parameters."""
     with pytest.raises(ConfigError) as caught:
-        TrajectoryConfig.from_parameters(values).joint_constraints(NAMES)
+        read(TrajectoryConfig, values)
     return str(caught.value)
 
 
@@ -293,5 +290,5 @@ def problem(values: dict[str, Any]) -> str:
 )
 def test_wrong_parameters(values: dict[str, Any], expected: str) -> None:
     assert problem(values) == expected
-    names = [problem.key for problem in TrajectoryConfig.unknown(values)]
+    names = [problem.key for problem in unknown_parameters(TrajectoryConfig, values)]
     assert names == [name for name in values if "no such parameter" in expected]

@@ -7,6 +7,7 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
+from onebot_description.parameters.reader import read
 
 
 def joint(name: str, kind: str = "revolute", **changes: Any) -> Joint:
@@ -34,7 +35,7 @@ def constant(position: float) -> dict[str, Any]:
 
 def source_from(joints: Sequence[Joint], parameters: Mapping[str, Any]) -> JointStateSource:
     """What moves these joints with these parameters."""
-    return JointStateSource(joints, JointsConfig.from_parameters(parameters))
+    return JointStateSource(joints, read(JointsConfig, parameters))
 
 
 def rest_of(joints: Sequence[Joint], parameters: Mapping[str, Any]) -> Floats:
@@ -44,4 +45,4 @@ def rest_of(joints: Sequence[Joint], parameters: Mapping[str, Any]) -> Floats:
 
 def configure(source: JointStateSource, parameters: Mapping[str, Any]) -> None:
     """Apply new parameters."""
-    source.apply(source.prepare(JointsConfig.from_parameters(parameters)))
+    source.apply(source.prepare(read(JointsConfig, parameters)))

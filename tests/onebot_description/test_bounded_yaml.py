@@ -91,7 +91,7 @@ def test_a_damaged_file_is_read_or_refused(
     for read_damaged in (
         lambda: read_map(text, "file.yaml"),
         lambda: parse_view(text),
-        lambda: JointsConfig.from_parameters(read_parameters(text, "f.yaml", "/jsp").values),
+        lambda: read(JointsConfig, read_parameters(text, "f.yaml", "/jsp").values),
         lambda: read(ControlConfig, read_parameters(text, "f.yaml", "/controller").values),
     ):
         with contextlib.suppress(OneBotError):

@@ -15,11 +15,11 @@ pytest.importorskip("manifold3d", reason="the CAD needs the extra cad")
 
 from manifold3d import Manifold  # noqa: E402
 
-from onebot_description.cad.__main__ import main, make_parts, write_robot  # noqa: E402
+from onebot_description.cad.__main__ import make_parts, write_robot  # noqa: E402
 from onebot_description.cad.base import add_ballast  # noqa: E402
-from onebot_description.cad.caster import axle_position  # noqa: E402
 from onebot_description.cad.dimensions import read_dimensions  # noqa: E402
 from onebot_description.cad.solids import union  # noqa: E402
+from onebot_description.cad.wheels import axle_position  # noqa: E402
 from onebot_description.elements.packages import package_share  # noqa: E402
 from onebot_description.errors import OneBotError  # noqa: E402
 from onebot_description.model.rigid_bodies import Body  # noqa: E402
@@ -125,7 +125,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 def test_the_command_writes_everything_where_it_is_told(fresh, tmp_path, capsys):
     """Equal dimensions give equal bytes."""
-    assert main(["--output", str(tmp_path)]) == 0
+    write_robot(SHARE / "config/dimensions.yaml", tmp_path)
     assert _files(tmp_path) == _files(fresh)
     assert _files(fresh).keys() == {*(f"{name}.dae" for name in NAMES), "inertials.yaml"}
     assert "base_link.dae" in capsys.readouterr().out
@@ -139,11 +139,12 @@ def test_the_command_writes_everything_where_it_is_told(fresh, tmp_path, capsys)
         ("spokes: 5", "spokes: 5.5", ":11: wheel.spokes: 5.5 is a number; write an integer from 1"),
     ],
 )
-def test_the_command_tells_what_is_wrong(tmp_path, capsys, right, wrong, words):
+def test_the_error_tells_what_is_wrong(tmp_path, right, wrong, words):
     file = tmp_path / "wrong.yaml"
     file.write_text((SHARE / "config/dimensions.yaml").read_text().replace(right, wrong, 1))
-    assert main(["--dimensions", str(file), "--output", str(tmp_path)]) == 1
-    assert f"{file}{words}" in capsys.readouterr().err
+    with pytest.raises(OneBotError) as error:
+        write_robot(file, tmp_path)
+    assert f"{file}{words}" in str(error.value)
 
 
 def test_without_manifold3d_the_command_says_what_to_install(monkeypatch):

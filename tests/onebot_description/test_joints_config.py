@@ -6,13 +6,13 @@ import pytest
 
 from onebot_description.joints.config import Dependent, JointsConfig
 from onebot_description.joints.motions import Keyframes, Sine
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, read
 
 
 def refused(parameters: dict[str, Any]) -> str:
     """The message with which ``parameters`` are refused."""
     with pytest.raises(ConfigError) as caught:
-        JointsConfig.from_parameters(parameters)
+        read(JointsConfig, parameters)
     return str(caught.value)
 
 
@@ -22,7 +22,7 @@ def motion(**written: object) -> dict[str, Any]:
 
 
 def test_defaults_are_those_of_the_standard_node() -> None:
-    config = JointsConfig.from_parameters({})
+    config = read(JointsConfig, {})
     assert (config.rate, config.source_list, config.delta, config.moves) == (10.0, (), 0.0, False)
     for name in ("swing", "delta"):
         assert f"{name}: -0.5 is below 0" in refused({name: -0.5})
@@ -30,7 +30,7 @@ def test_defaults_are_those_of_the_standard_node() -> None:
     assert config.publish_default_positions
     assert not config.publish_default_velocities and not config.publish_default_efforts
     assert config.use_mimic_tags and config.use_smallest_joint_limits
-    config = JointsConfig.from_parameters({"dependent_joints.a.parent": "b"})
+    config = read(JointsConfig, {"dependent_joints.a.parent": "b"})
     assert config.dependent_joints == {"a": Dependent("b", 1.0, 0.0)}
 
 
@@ -61,7 +61,7 @@ ONCE = {"blend": "minimum_jerk", "loop": False}
 )
 def test_every_kind_of_motion_is_read(written: dict[str, Any], expected: object) -> None:
     poses = {"up": {"elbow": 0.75}, "down": {"elbow": -0.75}}
-    config = JointsConfig.from_parameters({"poses": poses, "motions": {"elbow": written}})
+    config = read(JointsConfig, {"poses": poses, "motions": {"elbow": written}})
     assert config.motions["elbow"] == expected
     assert config.moves
 
@@ -105,12 +105,12 @@ def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words:
 
 
 def test_the_edges_of_what_is_possible() -> None:
-    assert JointsConfig.from_parameters({"rate": 1000}).rate == 1000.0
-    assert JointsConfig.from_parameters({"rate": 0.001}).rate == 0.001
+    assert read(JointsConfig, {"rate": 1000}).rate == 1000.0
+    assert read(JointsConfig, {"rate": 0.001}).rate == 0.001
     assert refused({"rate": 1000.5}).startswith("rate: 1000.5 is above 1000")
-    once = JointsConfig.from_parameters(motion(type="keyframes", times=[0.0], positions=[1.0]))
+    once = read(JointsConfig, motion(type="keyframes", times=[0.0], positions=[1.0]))
     assert once.motions == {"a": Keyframes((0.0,), (1.0,))}
-    still = JointsConfig.from_parameters(motion(type="sine", amplitude=1.0, position=2.0))
+    still = read(JointsConfig, motion(type="sine", amplitude=1.0, position=2.0))
     assert still.motions == {"a": Sine(1.0, 0.0)}, "what another type uses is ignored"
 
 
@@ -126,4 +126,4 @@ def test_the_edges_of_what_is_possible() -> None:
     ],
 )
 def test_what_moves_the_robot(parameters: dict[str, Any], moves: bool) -> None:
-    assert JointsConfig.from_parameters(parameters).moves == moves
+    assert read(JointsConfig, parameters).moves == moves

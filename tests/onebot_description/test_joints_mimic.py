@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, read
 from tests.onebot_description.joints_support import (
     configure,
     constant,
@@ -21,7 +21,7 @@ from tests.onebot_description.joints_support import (
 def refused(joints: list, parameters: dict) -> str:
     """The message with which parameters are refused; without them the robot is accepted."""
     JointStateSource(joints)
-    config = JointsConfig.from_parameters(parameters)
+    config = read(JointsConfig, parameters)
     with pytest.raises(ConfigError) as caught:
         JointStateSource(joints, config)
     reports = JointStateSource(joints, config, tolerant=True).reports
@@ -52,7 +52,7 @@ def test_a_circle_by_dependent_joints_is_refused() -> None:
     joints = [joint("a", mimic=mimic("b")), joint("b")]
     parameters = {"dependent_joints.b.parent": "a", "zeros.b": 0.5}
     assert "dependent_joints.b: joints follow one another" in refused(joints, parameters)
-    config = JointsConfig.from_parameters(parameters)
+    config = read(JointsConfig, parameters)
     source = JointStateSource(joints, config, tolerant=True)
     assert source.sample(0.0)[0] == pytest.approx([0.5, 0.5])
 

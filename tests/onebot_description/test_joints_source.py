@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.source import JointStateSource, wrapped
-from onebot_description.parameters.reader import ConfigError
+from onebot_description.parameters.reader import ConfigError, read
 from tests.onebot_description.joints_support import configure, constant, joint, mimic, source_from
 
 ROBOT = [
@@ -205,7 +205,7 @@ def test_a_new_robot_leaves_out_what_does_not_suit_it() -> None:
         "motions": {name: constant(0.25) for name in ("elbow", "slide", "finger")},
         "poses": {"up": {"elbow": 0.5, "wheel": 0.1}},
     }
-    old, config = source_of(parameters), JointsConfig.from_parameters(parameters)
+    old, config = source_of(parameters), read(JointsConfig, parameters)
     joints = [joint("elbow"), joint("slide", "fixed"), joint("finger", mimic=mimic("elbow", 0.5))]
     with pytest.raises(ConfigError):
         JointStateSource(joints, config, previous=old)
@@ -325,7 +325,7 @@ def test_wrapped_angles_are_the_same_angles(angles: list[float]) -> None:
 def test_a_new_description_keeps_time_motion_and_received_states() -> None:
     sine = {"type": "sine", "amplitude": 0.5, "frequency": 0.05}
     once = _keyframes([(0.0, 0.0), (10.0, 0.5)], "linear", loop=False)
-    config = JointsConfig.from_parameters({"motions": {"elbow": sine, "finger": once}})
+    config = read(JointsConfig, {"motions": {"elbow": sine, "finger": once}})
     old, plain = JointStateSource(ROBOT, config), JointStateSource(ROBOT, config)
     for source in (old, plain):
         for moment in (5.0, 6.0, 7.0):

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from onebot_description.description.sensors.block import Block
 from onebot_description.description.sensors.kind import Kind
-from onebot_description.elements.reading import Element
 from onebot_description.elements.sensor import SensorModel
 
 
@@ -22,16 +21,8 @@ class ContactKind(Kind[ContactSensor]):
 
     types = ("contact",)
     message_types = {"contacts": "ros_gz_interfaces/msg/Contacts"}
-    frame_tags = ()
     elements = {"sensor": "contact", "contact": "collision topic"}
-    plugin_elements = ""
-    substitutes = ()
 
     @staticmethod
     def read(block: Block) -> ContactSensor:
         return ContactSensor()
-
-    def limited(
-        self, block: Block, model: ContactSensor, plugin: Element, stddev: float
-    ) -> ContactSensor:
-        return model

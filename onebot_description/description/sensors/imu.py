@@ -80,7 +80,6 @@ class ImuKind(Kind[Imu]):
 
     types = ("imu",)
     message_types = {"imu": "sensor_msgs/msg/Imu"}
-    frame_tags = ()
     elements = {
         "sensor": "imu",
         "imu": "angular_velocity linear_acceleration noise orientation_reference_frame topic "

@@ -63,10 +63,10 @@ class Kind(ABC, Generic[M]):
 
     types: ClassVar[tuple[str, ...]]
     message_types: ClassVar[Mapping[str, str]]
-    frame_tags: ClassVar[tuple[str, ...]]
+    frame_tags: ClassVar[tuple[str, ...]] = ()
     elements: ClassVar[Mapping[str, str]]
-    plugin_elements: ClassVar[str]
-    substitutes: ClassVar[tuple[Substitute, ...]]
+    plugin_elements: ClassVar[str] = ""
+    substitutes: ClassVar[tuple[Substitute, ...]] = ()
 
     def __init__(self, sensor: Element, plugin: Element | None) -> None:
         self.plugin, self.fault, self.sensor_name = plugin, "", word_of(sensor.get("name", ""))
@@ -85,9 +85,9 @@ class Kind(ABC, Generic[M]):
     def read(block: Block) -> M:
         """Return the model of the sensor."""
 
-    @abstractmethod
     def limited(self, block: Block, model: M, plugin: Element, stddev: float) -> M:
         """Return the model, changed by the plugin's limits, options and noise of ``stddev``."""
+        return model
 
     def read_plugin(self, plugin: Element) -> dict[str, str]:
         """Return the topics that a plugin names, by output; empty if it names none.

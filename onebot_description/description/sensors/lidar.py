@@ -102,7 +102,6 @@ class LidarKind(Kind[Lidar]):
 
     types = ("lidar", "gpu_lidar", "ray", "gpu_ray")
     message_types = _MESSAGES
-    frame_tags = ()
     elements = {
         "sensor": "ray lidar",
         **dict.fromkeys(("ray", "lidar"), "scan range noise visibility_mask"),
