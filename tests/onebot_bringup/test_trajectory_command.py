@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.cli import session
@@ -66,7 +65,6 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     file = tmp_path_factory.mktemp("arm") / "arm.urdf"
     file.write_text(URDF)
     with used_domain() as domain, Peer(domain) as peer, NodeProcess(MODULE, str(file)) as process:
-        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
         arm = Arm(process, peer.hear(STATE, f"{NAME}/controller_state"), peer)
         arm.positions()
         yield arm

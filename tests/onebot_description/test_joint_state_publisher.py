@@ -245,7 +245,6 @@ def test_a_joint_can_be_renamed_in_robot_and_file(
     # As in a test of the standard node: <robot> within another element.
     renamed = f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>"
     listener.description.publish(String(data=renamed))
-    says(node, "make <robot> the outermost element")
     says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
     listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
