@@ -19,7 +19,6 @@ from onebot_description.errors import OneBotError, did_you_mean, unknown_names
 from onebot_description.geometry.poses import PlanarPose, Transform, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
 
-_DRIFT_PERIOD = 0.1  # s between comparisons of odometry and ground truth
 _WINDOW = 10  # cycles over which the pace of a robot with a fixed base is averaged
 
 
@@ -149,7 +148,7 @@ class ControlledRobot:
         pace: the pace of its cycles.
         body: the simulated robot.
         followers: the followers that move joints, by the names of their controllers.
-        joints: names of the moving joints: the body's, then the joints that mimic them.
+        joints: names of the moving joints.
         held: positions of the joints that do not move, by name.
         finished: goals that have ended, as (controller, outcome); the reader empties it.
         ticks: number of control cycles done.
@@ -167,11 +166,7 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         self._prepared, self.body, spawn = prepared, body, prepared.spawn
-        self.joints = (*body.joints, *(mimic_joint.name for mimic_joint in spawn.mimic_joints))
-        self._mimic_joints = [
-            (self.joints.index(mimic_joint.mimic.joint), mimic_joint)
-            for mimic_joint in spawn.mimic_joints
-        ]
+        self.joints = tuple(body.joints)
         self.description, self.held = prepared.member.description, spawn.held
         self._starts = spawn.starts
         self.joint_controllers = {**prepared.controllers}
@@ -254,7 +249,6 @@ class ControlledRobot:
     def _use(self, config: SimulationConfig) -> None:
         self.config, self.period = config, 1.0 / config.update_rate
         self.pace.set_window(config.drive.velocity_rolling_window_size if config.drive else _WINDOW)
-        self._drift_cycles = math.ceil(_DRIFT_PERIOD * config.update_rate)
 
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
@@ -278,8 +272,6 @@ class ControlledRobot:
         self.observe()
         self.pace.cycle(self.period)
         self._base.decide(self.period)
-        if self.ticks % self._drift_cycles == 0:
-            self._base.compare(self.true_pose, self.body.obstructed)
         for name, follower in self.followers.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
@@ -458,16 +450,3 @@ class ControlledRobot:
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.body.state()
-        if self._mimic_joints:
-            self._joints = self._with_mimic_joints(self._joints)
-
-    def _with_mimic_joints(self, states: JointStates) -> JointStates:
-        """Return the states of the body's joints, then of the joints that mimic them."""
-        positions, velocities, efforts = map(list, states)
-        for leader, mimic_joint in self._mimic_joints:
-            at = mimic_joint.at(positions[leader])
-            moves = mimic_joint.lower < at < mimic_joint.upper
-            positions.append(at)
-            velocities.append(mimic_joint.mimic.multiplier * velocities[leader] if moves else 0.0)
-            efforts.append(0.0)
-        return JointStates(tuple(positions), tuple(velocities), tuple(efforts))

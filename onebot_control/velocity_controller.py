@@ -24,7 +24,6 @@ Subscribes:
     ~/teleport (geometry_msgs/msg/PoseStamped, depth 10): moves the robot to a pose, at rest, unless
         something is in the way; frame_id is world_frame_id (or empty) or odom_frame_id. The
         odometry does not change.
-    ~/set_odometry (geometry_msgs/msg/PoseStamped, depth 10): sets the odometry to this pose.
     robot_description (std_msgs/msg/String, transient local): the URDF, unless FILE or the parameter
         (as a path) gives it; a changed description is applied where the robot is.
 

@@ -154,7 +154,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
         interface.loop.call(lambda: None)
         assert interface._failure is None
 
-    feed(node, driven, ("teleport", "set_odometry", "description"))
+    feed(node, driven, ("teleport", "description"))
     feed(node, driven, ("cmd_vel",), examples=30)
     ticks = interface.loop.fleet.ticks
     wait_for(

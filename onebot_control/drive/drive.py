@@ -25,10 +25,9 @@ Example:
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
@@ -70,7 +69,6 @@ class Drive:
         odometry: the robot's pose and twist from its wheels, in the time of the cycles.
         command: the current command.
         origin: the odometry frame in the world, as long as the wheels do not slip.
-        drift: compares the odometry with the true pose.
         notice: message about the last command that the drive could not follow; "" if none.
     """
 
@@ -103,7 +101,7 @@ class Drive:
         _, kinematics = config.fitted(wheels)
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self.origin = PlanarPose()
-        self.drift, self.notice = DriftCheck(skids=wheels.skids), ""
+        self.notice = ""
         self.configure(config)
         self.halt()
 
@@ -196,10 +194,6 @@ class Drive:
         pairs = zip(self._steering_indices, self.command.steering, strict=True)
         return [sign * position for (_, sign), position in pairs]
 
-    def compare(self, truth: PlanarPose, obstructed: Callable[[], bool]) -> None:
-        """Compare the odometry with the true pose; see ``DriftCheck.update``."""
-        self.drift.update(self.odometry.pose, truth, obstructed)
-
     def wait(self, seconds: float) -> None:
         """Age the command by ``seconds`` without a control cycle, as in a pause or a stall."""
         self._age += seconds
@@ -225,19 +219,16 @@ class Drive:
         """Set the odometry's pose, with zero covariance, for a robot that is at ``truth``."""
         self.odometry.set_pose(*pose)
         self.origin = truth.compose(pose.inverse())
-        self.drift.restart()
 
     def moved(self) -> None:
         """Stop, and continue from the current pose, after a teleport."""
         self.halt()
         self.odometry.forget_wheels()
-        self.drift.restart()
 
     def continue_from(self, other: "Drive") -> None:
         """Take over the odometry of the drive that this one replaces."""
         self.odometry.set_pose(*other.odometry.pose, other.odometry.covariance)
         self.origin = other.origin
-        self.drift.restart()
 
     def state(self, pace: float) -> DriveState:
         """Return the current state; ``pace`` is simulated seconds per second of the clock."""
@@ -265,7 +256,7 @@ class NoDrive:
     def _do_nothing(self, *_: object, **__: object) -> Any:
         return None
 
-    accept = observe = decide = compare = wait = state = _do_nothing
+    accept = observe = decide = wait = state = _do_nothing
     place = moved = continue_from = _do_nothing
 
 

@@ -5,7 +5,8 @@ The messages are created once and filled again in each cycle, because rclpy has 
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, TransformStamped, TwistStamped
@@ -19,9 +20,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.drive.drive import DriveState
-from onebot_control.nodes.drive_state import DriveStatePublisher
-from onebot_control.physics import SceneBodies, Twist
+from onebot_control.drive.drive import Drive, DriveState
+from onebot_control.drive.mecanum import MecanumParameters
+from onebot_control.drive.steered import SteeringControllerParameters
+from onebot_control.drive.wheels.rollers import MecanumWheels
+from onebot_control.physics import JointStates, SceneBodies, Twist
 from onebot_control.physics.scene import scene_frames
 from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.pacing import Divider
@@ -29,7 +32,7 @@ from onebot_description.description import Description
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
-from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.interfaces import TFMessage, load_interface
 from onebot_description.ros.wire.messages import fill_diagonal, time_message, transforms_message
 from onebot_description.timing import NS_PER_S
 
@@ -38,6 +41,9 @@ _TWO_CLOCKS = (
     "time jumps between two simulations. Separate them with domain_id:=N, or start one of them in "
     "real time without /clock: use_sim_time:=false and real_time_factor 1.0"
 )
+
+States = Mapping[str, Sequence[float]]
+"""The position, velocity and effort of each joint, by name."""
 
 
 class Publishers:
@@ -71,7 +77,7 @@ class Publishers:
         # The last published static ground truth.
         self._origin: tuple[str, str, Transform] | None = None
         self._limited: Publisher | None = None
-        self._states: DriveStatePublisher | None = None
+        self._states: Publisher | None = None  # ~/controller_state
         self._clock: Publisher | None = None
         if clock:
             self._clock = node.create_publisher(Clock, "/clock", DEPTH)
@@ -89,7 +95,10 @@ class Publishers:
         self._clock_message = Clock(clock=self._stamp)
         self._odom_message = self._odometry(odom, base)
         if drive is not None:
-            self._states = self._states or DriveStatePublisher(self._node, drive)
+            state = next((row for kind, row in _STATES.items() if isinstance(drive, kind)), None)
+            if state and self._states is None:
+                kind, self._fill_state = load_interface(state[0]), state[1]
+                self._states = self._node.create_publisher(kind, "~/controller_state", DEPTH)
             self._odom_tf = drive.enable_odom_tf
             self._constant = any(drive.pose_covariance_diagonal)
             fill_diagonal(self._odom_message.pose.covariance, drive.pose_covariance_diagonal)
@@ -154,11 +163,20 @@ class Publishers:
             self._joint_states.publish(joints)
         if snapshot.drive is not None:
             self._publish_drive(snapshot, snapshot.drive, stamp_ns, sensed=sensed)
-            if self._states is not None and robot.drive is not None:
-                states = snapshot.joint_states
-                self._states.publish(robot.drive, robot.joints, states, self._stamp)
+            if self._states is not None and _is_subscribed(self._states):
+                self._publish_state(self._states, snapshot.joint_states)
         if snapshot.drive is None or not self._in_scene:
             self._publish_origin(snapshot, stamp_ns)
+
+    def _publish_state(self, publisher: Publisher, states: JointStates) -> None:
+        """Publish the state of the drive, like its standard controller."""
+        drive, message = self._robot.drive, publisher.msg_type()
+        assert drive is not None
+        message.header.stamp = self._stamp
+        message.header.frame_id = drive.config.base_frame_id or drive.wheels.description.root_link
+        rows = zip(*states, strict=True)
+        self._fill_state(message, drive, dict(zip(self._robot.joints, rows, strict=True)))
+        publisher.publish(message)
 
     def _publish_drive(
         self, snapshot: Snapshot, drive: DriveState, stamp_ns: int, *, sensed: bool
@@ -227,6 +245,34 @@ class Publishers:
     def _fill_origin(self, pose: Transform, stamp_ns: int) -> None:
         _fill_transform(self._origin_transform.transform, pose)
         self.truths.append((self.world_frame, stamp_ns, pose))
+
+
+def _fill_mecanum(message: Any, drive: Drive, states: States) -> None:
+    """Write the measured velocity of the first wheel at each corner, and the limited command."""
+    wheels = drive.wheels
+    assert isinstance(wheels, MecanumWheels)
+    corners = "front_left", "front_right", "back_right", "back_left"
+    for corner, [name, *_] in zip(corners, wheels.corners, strict=True):
+        _, velocity, _ = states[name]
+        setattr(message, f"{corner}_wheel_velocity", wheels.directions[name] * velocity)
+    _fill_planar(message.reference_velocity, *drive.command[:3])
+
+
+def _fill_steering(message: Any, drive: Drive, states: States) -> None:
+    """Write the measured states and the commands of the wheels and the steering."""
+    wheels = drive.wheels
+    traction = [(states[name], wheels.directions[name]) for name in wheels.names]
+    message.traction_wheels_position = [sign * position for (position, *_), sign in traction]
+    message.traction_wheels_velocity = [sign * velocity for (_, velocity, _), sign in traction]
+    message.steer_positions = [states[name][0] for name in wheels.steering]
+    message.linear_velocity_command = [*drive.command.wheels]
+    message.steering_angle_command = drive.steering
+
+
+_STATES: Mapping[type, tuple[str, Callable[[Any, Drive, States], None]]] = {
+    MecanumParameters: ("control_msgs/msg/MecanumDriveControllerState", _fill_mecanum),
+    SteeringControllerParameters: ("control_msgs/msg/SteeringControllerStatus", _fill_steering),
+}
 
 
 def _is_subscribed(publisher: Publisher) -> bool:

@@ -25,7 +25,6 @@ from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
 from onebot_description.timing.throttled import Throttled
@@ -184,13 +183,13 @@ class RobotInterface:
         self.step_topics.restart()
 
     def poll(self) -> None:
-        """Look for publishers of commands, drift and edited files, several times per second."""
+        """Look for publishers of commands and edited files, several times per second."""
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
         drive = self.slot.robot.drive if self.slot.loop is not None else None
         if drive is not None:
-            for warning in filter(None, (drive.drift.warning, drive.notice)):
-                self._warn.once(warning)
+            if drive.notice:
+                self._warn.once(drive.notice)
             radius = self.settings.values.get(_RADIUS)
             if radius is not None and radius != drive.geometry.minimum_radius:
                 self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.minimum_radius)])
@@ -247,29 +246,11 @@ class RobotInterface:
     def _check(self, parameters: Sequence[Parameter]) -> None:
         """Raise OneBotError if changes of parameters cannot be applied."""
         config = self.settings.changed(parameters, self._world.simulated)
-        self._check_effect(config)
         if self.slot.loop is not None:
             self.slot.robot.fitted(config)
             if config.sensors and config.sensors != self.settings.config.sensors:
                 load_sensors(config.sensors, self.slot.robot.description)
             self._world.check_frames(self.slot.row, self.frames(config))
-
-    def _check_effect(self, config: SimulationConfig) -> None:
-        """Reject changes of TF parameters that would have no effect.
-
-        Raises:
-            ConfigError: the change has no effect; the text is the reason.
-        """
-        previous, in_scene = self.settings.config, self._world.scene is not None
-        if in_scene and not config.world_frame_id and previous.world_frame_id:
-            text = (
-                "the frames of a world need a parent; ground_truth_tf: false removes odom from it"
-            )
-            raise ConfigError([Problem("world_frame_id", text)])
-        if config.ground_truth_tf and not previous.ground_truth_tf:
-            if not config.world_frame(in_scene=in_scene):
-                text = "there is no frame to publish odom in; set world_frame_id first"
-                raise ConfigError([Problem("ground_truth_tf", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         """Apply changes that ``_check`` has accepted."""

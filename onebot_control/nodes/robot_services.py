@@ -9,7 +9,6 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.runtime.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, yaw_of
@@ -23,8 +22,8 @@ _FARTHEST_POSE = 1e9  # m; beyond it, odometry would not be exact to the microme
 class RobotServices:
     """Topics and services that move a robot and its odometry, and pause its world.
 
-    The topics ~/teleport and ~/set_odometry and the services ~/reset, ~/reset_odometry and
-    ~/set_odometry apply to the robot, the services ~/pause and ~/step to its world.
+    The topic ~/teleport and the services ~/reset, ~/reset_odometry and ~/set_odometry apply to the
+    robot, the services ~/pause and ~/step to its world.
     """
 
     def __init__(
@@ -40,10 +39,7 @@ class RobotServices:
             warn: logs a warning, given a key and a text.
         """
         self._slot, self._odom_frame, self._warn = slot, odom_frame or (lambda: ""), warn
-        topics = [("teleport", self._teleport), ("set_odometry", self._place_odometry)]
-        for topic, use in topics if odom_frame else topics[:1]:
-            received = partial(self._on_pose, topic, use)
-            node.create_subscription(PoseStamped, f"~/{topic}", received, DEPTH)
+        node.create_subscription(PoseStamped, "~/teleport", self._on_teleport, DEPTH)
         services: dict[str, Callable[[], object]] = {
             "reset": lambda: slot.robot.reset(),
             "step": lambda: slot.running.step(),
@@ -56,23 +52,15 @@ class RobotServices:
             node.create_service(Trigger, f"~/{service}", partial(self._on_trigger, action))
         node.create_service(SetBool, "~/pause", self._on_pause)
 
-    def _on_pose(
-        self,
-        topic: str,
-        use: Callable[[ControlledRobot, str, PlanarPose], None],
-        message: PoseStamped,
-    ) -> None:
+    def _on_teleport(self, message: PoseStamped) -> None:
         pose, frame = planar_pose(message), message.header.frame_id
         try:
-            loop = self._slot.running
-            if not all(abs(value) <= _FARTHEST_POSE for value in pose):
-                text = "the pose is not finite or too far away, or its quaternion is not normalized"
-                raise OneBotError(text)
-            loop.call(lambda: use(self._slot.robot, frame, pose))
-        except (OneBotError, ValueError) as error:
-            self._warn(topic, f"~/{topic} is ignored: {error}")
+            self._slot.running.call(lambda: self._teleport(frame, pose))
+        except OneBotError as error:
+            self._warn("teleport", f"~/teleport is ignored: {error}")
 
-    def _teleport(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
+    def _teleport(self, frame: str, pose: PlanarPose) -> None:
+        robot = self._slot.robot
         world, odom = robot.world_frame, self._odom_frame()
         frame = frame or world or odom  # may be "" with a fixed base, which has no odometry
         if odom and frame == odom:
@@ -81,12 +69,6 @@ class RobotServices:
             frames = " or ".join(filter(None, (world, odom))) or "none"
             raise OneBotError(f'there is no frame "{frame}"; write {frames}')
         robot.teleport(pose)
-
-    def _place_odometry(self, robot: ControlledRobot, frame: str, pose: PlanarPose) -> None:
-        odom = self._odom_frame()
-        if frame not in ("", odom):
-            raise OneBotError(f'the odometry\'s frame is "{odom}", not "{frame}"')
-        robot.place_odometry(pose)
 
     def _on_set_odometry(self, request: Any, answer: Any) -> Any:
         pose = PlanarPose(request.x, request.y, request.yaw)
@@ -98,12 +80,7 @@ class RobotServices:
     def _on_pause(self, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
         return self._on_trigger(lambda: self._slot.running.pause(request.data), request, answer)
 
-    def _on_trigger(
-        self,
-        action: Callable[[], object],
-        _: Any,
-        answer: Any,
-    ) -> Any:
+    def _on_trigger(self, action: Callable[[], object], _: Any, answer: Any) -> Any:
         try:
             self._slot.running.call(action)
             answer.success = True

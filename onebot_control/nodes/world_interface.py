@@ -4,6 +4,7 @@ import gc
 import logging
 from collections.abc import Sequence
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -16,7 +17,6 @@ from onebot_control.fleet import Fleet
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.foreign_localizer import LocalizerWatch
 from onebot_control.nodes.publishing import ScenePublisher
-from onebot_control.nodes.real_time_factor import PaceReports
 from onebot_control.nodes.robot_interface import RobotInterface
 from onebot_control.nodes.simulation_services import SimulationServices
 from onebot_control.nodes.spinning import NodeThread
@@ -24,7 +24,7 @@ from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.frames import RobotFrames, check_frames
-from onebot_control.runtime.pacing import Divider
+from onebot_control.runtime.pacing import Divider, Pace, PaceMeter
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import DescriptionConfig, SimulationConfig
@@ -34,6 +34,7 @@ from onebot_description.parameters.reader import read
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.run_node import steady_timer
+from onebot_description.ros.topic_qos import DEPTH
 
 _POLL_PERIOD = 0.1  # s between polls for publishers of commands
 
@@ -82,7 +83,7 @@ class WorldInterface:
         self._scene_publisher: ScenePublisher | None = None
         self._node = nodes[0]  # has the topics, services and log of the world
         self._failure: BaseException | None = None
-        self._pace = PaceReports(self._node)
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         simulation_log.handlers = [NodeLog(self._node)]
         self.simulated, self.scene, self.seed = simulated, scene, seed
         self.factor = settings[0].config.real_time_factor
@@ -153,7 +154,7 @@ class WorldInterface:
             fleet,
             self.publish,
             simulated=self.simulated,
-            meter=self._pace,
+            meter=PaceMeter(self._report_pace),
             measured=sensing.flush,
             missing=self._missing,
             failed=self._fail,
@@ -268,6 +269,28 @@ class WorldInterface:
             robot.poll()
         if self.loop is not None:
             self._localizers.poll()
+
+    def _report_pace(self, pace: Pace, is_slow: bool, news: str) -> None:
+        """Publish the real-time factor of the last second, and log news; see ``PaceMeter``."""
+        values = {
+            "real_time_factor": f"{pace.factor:.3f}",
+            "wanted real_time_factor": f"{self.factor:g}",
+            "control cycles": str(pace.cycles),
+            "missed control cycles": str(pace.missed),
+        }
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{self._node.get_fully_qualified_name()[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+        if news and is_slow:  # rclpy allows only one severity per line of code
+            self._node.get_logger().warning(news)
+        elif news:
+            self._node.get_logger().info(news)
 
     def _fail(self, error: BaseException) -> None:
         self._failure = self._failure or error  # later ones are consequences

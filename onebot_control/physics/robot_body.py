@@ -165,13 +165,6 @@ class RobotBody:
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
         self._update(self._read_joints())
 
-    def obstructed(self) -> bool:
-        """Return whether something other than the ground touches the robot."""
-        self.world.check()
-        own_bodies = {self.parts.body, self.parts.ground}
-        points = self.world.bullet.getContactPoints(self.parts.body)
-        return any(not {point[1], point[2]} <= own_bodies for point in points)
-
     def turn(self, velocities: Sequence[float]) -> None:
         """Set the motors' target velocities, which apply until others are set.
 

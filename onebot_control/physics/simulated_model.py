@@ -5,8 +5,8 @@
   gears.
 - Joints without a command interface in ``<ros2_control>`` swing freely; other joints of arms,
   grippers and heads are held still.
-- A joint that mimics a wheel keeps its start position in the physics; only its published position
-  follows the wheel.
+- A joint that mimics a wheel keeps its start position in the physics; its position is not
+  published, so that it follows the wheel on TF.
 
 For friction and contacts see ``friction``.
 """
@@ -25,22 +25,20 @@ from onebot_control.physics.engine import logger
 from onebot_control.physics.friction import Contacts
 from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_control.physics.roller_wheels import with_rollers
-from onebot_control.physics.spawning import MimicJoint, RobotSpawn
+from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.arrays import Floats
-from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
     Description,
     Inertial,
     Joint,
     JointInterfaces,
     Link,
-    Mesh,
     Mimic,
 )
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
 from onebot_description.geometry.poses import about, clamp, total
-from onebot_description.model.rigid_bodies import Body, merged_bodies, rigid_frames
+from onebot_description.model.rigid_bodies import Body, merged_bodies
 
 _GRAVITY = 9.81  # m/s^2
 # Minimum moment of inertia of a wheel, as a fraction of the robot's mass at the rim: with less, the
@@ -53,7 +51,6 @@ _MIN_MASS, _MIN_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
 # Minimum moment of inertia per motor effort behind geared joints: like that of rotors, it grows
 # with the gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
 _MIN_GEARED = 1e-4  # kg m^2 / (N m)
-_FILLED = 0.5  # share of the convex hull below which a finger's mesh is reported
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -106,7 +103,6 @@ def simulated_model(
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
-    _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     rigid = replace(rigid, links=tuple(links))
     if wheels and wheels.rollers:
         rollers = {name: (wheels.tyre(name), angle) for name, angle in wheels.rollers.items()}
@@ -121,7 +117,6 @@ def simulated_model(
         fixed_base=wheels is None,
         links=description.links,
         held=roles.held,
-        mimic_joints=roles.mimic_joints,
     )
 
 
@@ -172,8 +167,7 @@ class _Roles:
 
     Attributes:
         held: positions of joints that do not move, by name.
-        mimic_joints: joints that mimic wheels and casters; leaders first.
-        fixed: start positions of both of these, by name.
+        fixed: positions of these and of joints that mimic wheels and casters, by name.
         gears: gears of the joints that follow commanded joints, by name.
         starts: start positions of commanded joints and gears, by name.
         passive: start positions of joints that swing freely, by name.
@@ -202,13 +196,12 @@ class _Roles:
         self._rolling, self._commanded = {*rolling, *self.passive}, commanded
         self._positions: dict[str, float] = {}
         self.fixed: dict[str, float] = {}
-        self.mimic_joints: list[MimicJoint] = []
         self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
         for joint in self._joints.values():
             self._place(joint)
-        names = {mimic_joint.name for mimic_joint in self.mimic_joints}
-        self.held = {n: self.fixed[n] for n in self._joints if n in self.fixed and n not in names}
+        held = [name for name in self._joints if name in self.fixed and name not in self._rolling]
+        self.held = {name: self.fixed[name] for name in held}
 
     def _check(
         self, description: Description, names: Collection[str], commanded: Collection[str]
@@ -254,10 +247,9 @@ class _Roles:
             gear = self.gears.get(mimic.joint)
             self.gears[name] = mimic.after(gear) if gear else mimic
             return self.starts[name]
-        mimic_joint = MimicJoint(name, mimic, *joint.range)
-        if mimic.joint in (*self._rolling, *(item.name for item in self.mimic_joints)):
-            self.mimic_joints.append(mimic_joint)
-        self.fixed[name] = mimic_joint.at(at)
+        if mimic.joint in self._rolling:
+            self._rolling.add(name)
+        self.fixed[name] = clamp(mimic.at(at), *joint.range)
         return self.fixed[name]
 
 
@@ -311,44 +303,6 @@ def _report_held(
             description.source,
             listing(leaders),
         )
-
-
-def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
-    """Warn about fingers with hollow or bent meshes: their convex hulls touch the object.
-
-    Args:
-        rigid: the robot; joints that are held still are fixed.
-        fingers: names of the joints that move the fingers.
-    """
-    if not fingers:
-        return
-    moved = {joint.child for joint in rigid.joints if joint.name in fingers}
-    poses = rigid_frames(rigid)
-    hollow = [
-        link.name
-        for link in rigid.links
-        if poses[link.name][0] in moved
-        for geometry in link.collisions
-        if isinstance(geometry.shape, Mesh) and _filled(geometry.shape) < _FILLED
-    ]
-    if hollow:
-        logger.warning(
-            "%s: link %s: a collision mesh fills less than half of its convex hull, which is used "
-            "for contacts; to grip well, fingers need boxes or several convex meshes",
-            rigid.source,
-            listing(dict.fromkeys(hollow)),
-        )
-
-
-def _filled(mesh: Mesh) -> float:
-    """Return the ratio of the volumes of a mesh and its convex hull; 1 if it is not closed."""
-    from trimesh import Trimesh  # slow to import, and few grippers have meshes
-
-    try:
-        solid = Trimesh(*read_mesh(mesh))
-    except OneBotError:  # raised again, with the links, when the robot is loaded
-        return 1.0
-    return float(solid.volume / solid.convex_hull.volume) if solid.is_volume else 1.0
 
 
 def _with_rotors(

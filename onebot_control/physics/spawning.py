@@ -21,7 +21,6 @@ from onebot_description.geometry.poses import (
     PlanarPose,
     Transform,
     Triple,
-    clamp,
     compose,
     inverse,
     total,
@@ -35,19 +34,6 @@ _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
 _HOLDING = 1e6  # N, maximum force that holds the hub of a skidding wheel on its axle
 _DETERMINATE = 3  # maximum number of wheels with determinate loads; more are simulated as springs
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
-
-
-class MimicJoint(NamedTuple):
-    """A joint that mimics a wheel or caster; only its published position moves."""
-
-    name: str
-    mimic: Mimic  # its leader is a joint of a wheel or caster, or an earlier mimic_joint
-    lower: float  # minimum position, rad or m
-    upper: float  # maximum position
-
-    def at(self, position: float) -> float:
-        """Return its position, rad or m, when its leader is at ``position``."""
-        return clamp(self.mimic.at(position), self.lower, self.upper)
 
 
 class RobotSpawn(NamedTuple):
@@ -64,7 +50,6 @@ class RobotSpawn(NamedTuple):
     fixed_base: bool = False  # whether the root link is fixed
     links: tuple[Link, ...] = ()  # the original links, if some have other shapes when simulated
     held: Mapping[str, float] = MappingProxyType({})  # positions of the joints made fixed
-    mimic_joints: Sequence[MimicJoint] = ()  # fixed joints that mimic wheels; leaders first
 
     @property
     def converges_slowly(self) -> bool:

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
-from onebot_control.runtime.pace_meter import PaceMeter
-from onebot_control.runtime.pacing import Pacer, SystemStamps, wake_exactly
+from onebot_control.runtime.pacing import PaceMeter, Pacer, SystemStamps, wake_exactly
 from onebot_description.errors import OneBotError
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.wake_detector import WAKE, WakeDetector, boot_time

@@ -1,13 +1,15 @@
-"""The due times and stamps of control cycles, evenly spaced despite jitter of the thread.
+"""The due times, stamps and pace of control cycles, evenly spaced despite jitter of the thread.
 
 ``Pacer`` schedules the cycles on a monotonic clock; ``SystemStamps`` gives them stamps of the
 system clock with the same spacing. ``Divider`` selects the cycles in which something happens.
+``PaceMeter`` measures the real-time factor, and detects when it falls and recovers.
 """
 
 import ctypes
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from operator import itemgetter
 
 from onebot_description.timing import NS_PER_S
@@ -18,6 +20,10 @@ _COMPARISONS = 10  # comparisons of the clocks at the start; the most exact one 
 _SET_BACK = NS_PER_S  # ns; the system clock has been set if it goes back by this or more
 # From Linux's <sys/prctl.h>.
 _PR_SET_TIMERSLACK = 29
+_SECOND = 1.0
+# Fractions of the wanted factor: a second below _SLOW is slow motion, which ends after _STEADY
+# seconds that all reached _BACK.
+_SLOW, _BACK, _STEADY = 0.9, 0.95, 5
 
 
 class Pacer:
@@ -143,6 +149,83 @@ class SystemStamps:
         system = self._system()
         end = self._monotonic()
         return system - (start + end) // 2, end - start
+
+
+@dataclass
+class Pace:
+    """The real-time factor and missed cycles over about a second."""
+
+    seconds: float = 0.0  # real time, s
+    simulated: float = 0.0  # simulated time, s
+    cycles: int = 0  # number of executed control cycles
+    missed: int = 0  # number of missed control cycles
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds per real second."""
+        return self.simulated / self.seconds
+
+    def __str__(self) -> str:
+        return (
+            f"real-time factor {self.factor:.2g}, {self.missed} of {self.cycles + self.missed} "
+            "control cycles missed in the last second"
+        )
+
+
+class PaceMeter:
+    """Measures the pace of a control loop.
+
+    Attributes:
+        wanted: simulated seconds per real second; 0: as fast as possible.
+    """
+
+    def __init__(self, report: Callable[[Pace, bool, str], object] = lambda *_: None) -> None:
+        """Prepare; call ``set`` afterwards.
+
+        Args:
+            report: called each second with the pace, whether it is too slow, and a line to log when
+                it has fallen or recovered, otherwise "".
+        """
+        self._report, self._in_slow_motion = report, False
+
+    def set(self, due: float, wanted: float) -> None:
+        """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
+        self._due, self.wanted = due, wanted
+        self._pace, self._steady = Pace(), 0
+
+    def skip(self, due: float) -> None:
+        """Ignore the time until ``due`` (monotonic, s), as simulated time was paused."""
+        self._due = due
+
+    def cycle(self, due: float, simulated: float, missed: int) -> None:
+        """Count a control cycle.
+
+        Args:
+            due: time at which the next cycle is due, monotonic, s.
+            simulated: simulated duration of the cycle, s.
+            missed: number of missed cycles after it.
+        """
+        pace = self._pace
+        pace.seconds += due - self._due
+        pace.simulated += simulated
+        pace.cycles += 1
+        pace.missed += missed
+        self._due = due
+        if pace.seconds >= _SECOND:
+            self._pace = Pace()
+            is_slow = pace.factor < _SLOW * self.wanted
+            self._report(pace, is_slow, self._change(pace, is_slow))
+
+    def _change(self, pace: Pace, is_slow: bool) -> str:
+        """Return the line to log if slow motion begins or ends; otherwise ""."""
+        self._steady = self._steady + 1 if pace.factor >= _BACK * self.wanted else 0
+        if is_slow and not self._in_slow_motion:
+            self._in_slow_motion = True
+            return f"slow motion: {pace}"
+        if self._in_slow_motion and self._steady >= _STEADY:
+            self._in_slow_motion = False
+            return f"the pace is back: {pace}"
+        return ""
 
 
 def wake_exactly(exactly: bool = True) -> None:

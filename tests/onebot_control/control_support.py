@@ -120,9 +120,6 @@ class IdealPlant:
     def teleport(self, x: float, y: float, yaw: float) -> None:
         self._truth.set_pose(x, y, yaw)
 
-    def obstructed(self) -> bool:
-        return False
-
     def close(self) -> None:
         self.closed = True
 

@@ -14,8 +14,7 @@ from onebot_control.runtime.control_loop import (
     ControlLoop,
     LoopSlot,
 )
-from onebot_control.runtime.pace_meter import PaceMeter
-from onebot_control.runtime.pacing import Divider
+from onebot_control.runtime.pacing import Divider, PaceMeter
 from onebot_description.errors import OneBotError
 from onebot_description.timing.wake_detector import WakeDetector
 from tests.onebot_control.control_support import IdealPlant, IdealWorld, ideal_drive

@@ -23,7 +23,7 @@ from onebot_description.geometry.poses import Transform, compose
 from onebot_description.ros.topic_qos import make_qos
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.arm_models import rod
-from tests.onebot_control.control_support import RADIUS, robot
+from tests.onebot_control.control_support import robot
 from tests.onebot_control.node_support import NODE, RosSimulation, Stepped, twist, x
 from tests.onebot_control.test_scene import BOX, WALL
 from tests.ros_support import LATCHED, Peer
@@ -117,7 +117,7 @@ def test_a_lock_stops_the_robot_whoever_drives(
 def test_services_and_teleport(
     ros_simulation: RosSimulation, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Teleport, set_odometry, reset_odometry and reset do what they are called."""
+    """Teleport, reset_odometry and reset do what they are called."""
     stepped = Stepped(ros_simulation(robot(), x=1.0, parameters={"world_frame_id": "world"}))
     odom, truth = stepped.hear(Odometry, ODOM), stepped.hear(Odometry, TRUTH)
 
@@ -130,14 +130,12 @@ def test_services_and_teleport(
     assert at(0.0, 7.0)
     stepped.publish(f"{NODE}/teleport", placed(2.0, "odom"))
     assert at(0.0, 3.0)
-    stepped.publish(f"{NODE}/set_odometry", placed(3.0))
-    assert at(3.0, 3.0)
     far, turned = placed(1.1e9), placed(1.0)
     turned.pose.orientation.w = 0.0
-    stepped.publish(f"{NODE}/set_odometry", turned)
-    assert "its quaternion is not normalized" in capfd.readouterr().err
-    stepped.publish(f"{NODE}/teleport", far)
-    assert "~/teleport is ignored: the pose is not finite or too far" in capfd.readouterr().err
+    for pose, fault in ((turned, "yaw nan rad must be finite"), (far, "is exact up to")):
+        stepped.publish(f"{NODE}/teleport", pose)
+        error = capfd.readouterr().err
+        assert "~/teleport is ignored: x" in error and fault in error
     assert stepped.call(Trigger, f"{NODE}/reset_odometry").success
     assert at(0.0, 3.0)
     assert stepped.call(Trigger, f"{NODE}/reset").success
@@ -183,16 +181,6 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         limited.clear()
         stepped.simulation.run(0.1)
         assert len(limited) == (10 if wanted else 0)
-
-
-def test_odometry_that_drifts_from_the_truth_is_warned_of_once(
-    ros_simulation: RosSimulation, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Also if no node is in step."""
-    ros = ros_simulation(robot(), parameters={"wheel_radius": 2.0 * RADIUS})
-    ros.simulation.robot.drive(0.2)
-    ros.simulation.run(10.0)
-    assert capfd.readouterr().err.count("odometry and ground truth drift apart") == 1
 
 
 # Commands ---------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import pytest
 
-from onebot_control.runtime.pace_meter import Pace, PaceMeter
+from onebot_control.runtime.pacing import Pace, PaceMeter
 
 PERIOD = 1 / 64  # s, so that sums are exact
 
@@ -11,18 +11,18 @@ class Loop(PaceMeter):
     """Control cycles, what is measured of them, and what is logged at which second."""
 
     def __init__(self, wanted: float = 1.0) -> None:
+        super().__init__(self.report)
         self.paces: list[Pace] = []
         self.slow: list[bool] = []
         self.lines: list[tuple[int, str, bool]] = []
         self.now = 100.0
         self.set(self.now, wanted)
 
-    def measured(self, pace: Pace, *, is_slow: bool) -> None:
+    def report(self, pace: Pace, is_slow: bool, news: str) -> None:
         self.paces.append(pace)
         self.slow.append(is_slow)
-
-    def log(self, text: str, *, is_slow: bool) -> None:
-        self.lines.append((round(self.now - 100.0), text, is_slow))
+        if news:
+            self.lines.append((round(self.now - 100.0), news, is_slow))
 
     def run(self, seconds: float, missed: int = 0, factor: float = 1.0) -> None:
         """Let cycles leave out so many after each."""
@@ -60,13 +60,10 @@ def test_it_is_logged_once_when_it_falls_and_once_when_it_is_back() -> None:
     loop.run(1000.0)
     loop.run(1.0, missed=3)
     loop.run(1000.0)
-    missed, back = "48 of 64 control cycles missed", "real-time factor 1 in the last 5 s, 0 of 320"
-    assert loop.lines == [
-        (101, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
-        (225, f"the pace is back: {back} control cycles missed", False),
-        (1221, f"slow motion: real-time factor 0.25 in the last 1 s, {missed}", True),
-        (1226, f"the pace is back: {back} control cycles missed", False),
-    ]
+    slow = "slow motion: real-time factor 0.25, 48 of 64 control cycles missed in the last second"
+    back = "the pace is back: real-time factor 1, 0 of 64 control cycles missed in the last second"
+    lines = [(101, slow, True), (225, back, False), (1221, slow, True), (1226, back, False)]
+    assert loop.lines == lines
 
 
 def test_it_is_back_at_95_percent_of_what_is_wanted() -> None:
