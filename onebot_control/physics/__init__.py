@@ -13,7 +13,7 @@ Example:
     True
 """
 
-from onebot_control.physics.physics_settings import PhysicsSettings
+from onebot_control.physics.engine import PhysicsSettings
 from onebot_control.physics.robot_body import JointStates, MassVelocity, RobotBody, Twist
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import RobotSpawn

@@ -90,7 +90,6 @@ class ContactRecorder:
         """Start without contacts in a world in which all bodies have just been loaded."""
         self._bullet = bullet
         self._rows = {robot.parts.body: row for row, robot in enumerate(self._robots)}
-        self._ground = self._robots[0].parts.ground
         self._filter = tuple(self._rows) if len(self._robots) == 1 else ()
         self._shapes: dict[_Place, _Shapes] = {}
         self._moved_places: set[_Place] = set()
@@ -162,7 +161,7 @@ class ContactRecorder:
             (left - reach, back - reach, bottom - reach),
             (right + reach, front + reach, top + reach),
         )
-        return any(neighbor not in (body, self._ground) for neighbor, _ in near or ())
+        return any(neighbor not in (body, self._bullet.ground) for neighbor, _ in near or ())
 
     def begin(self, *, recorded: bool) -> None:
         """Start a control cycle."""
@@ -185,7 +184,7 @@ class ContactRecorder:
         poses, self._poses = self._poses, {}
         points = self._bullet.getContactPoints(*self._filter)
         self._listed.append((points, poses))
-        merged, ground, always = self._merged, self._ground, bool(self._moved_places)
+        merged, ground, always = self._merged, self._bullet.ground, bool(self._moved_places)
         for point in points:
             body, other_body = point[1], point[2]
             for place in ((body, point[3]), (other_body, point[4])):

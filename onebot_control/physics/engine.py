@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import logging
+import math
 import os
 import re
 import sys
@@ -10,12 +11,17 @@ import tempfile
 import threading
 import weakref
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import IO, Any
 
-__all__ = ["Bullet", "captured", "engine", "log", "logger", "scratch_file"]
+__all__ = ["Bullet", "PhysicsSettings", "captured", "engine", "log", "logger", "scratch_file"]
 
 logger = logging.getLogger("onebot_control.physics")
+
+FARTHEST = 10_000.0
+"""m; farther out, rounding errors are not small compared to a wheel's contact depth (micrometers)."""
+_SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 # File descriptors belong to the process: two captures at once would restore each other's.
 _lock = threading.RLock()
@@ -103,18 +109,86 @@ class _Engine:
 engine = _Engine()
 
 
+@dataclass(frozen=True)
+class PhysicsSettings:
+    """Settings of the simulated physics; the defaults were determined by measurements.
+
+    Attributes:
+        rate: physics steps per simulated second, Hz.
+        iterations: iterations of the constraint solver in each step.
+        gravity: downwards, m/s^2.
+        friction: coefficient of the ground, and of links without <contact><lateral_friction> in
+            the URDF; the friction of a contact is the product of both.
+        settling: maximum simulated time for a robot to come to rest before it starts, s.
+    """
+
+    # A control period must be a whole number of steps, unlike PyBullet's default of 240 Hz with
+    # 100 Hz control; ``fitted`` ensures this for any control rate. 400 Hz takes twice as long.
+    # OneBot is equally accurate with both; the odometry of tall robots with arms (Stretch) is
+    # within 0.04 % of the exact value, with 400 Hz within 0.02 %.
+    rate: float = 200.0
+    # The solver never stops early, so that a robot at rest drifts by nanometers, not millimeters.
+    iterations: int = 200
+    gravity: float = 9.81
+    friction: float = 1.0
+    settling: float = 2.0
+
+    def fitted(self, cycles: float) -> "PhysicsSettings":
+        """Return these settings for ``cycles`` control periods per second.
+
+        The rate becomes the smallest multiple of ``cycles`` that is not below the current rate.
+        """
+        return replace(self, rate=cycles * math.ceil(self.rate / cycles * (1.0 - 1e-9)))
+
+    def steps(self, duration: float) -> int:
+        """Return the number of physics steps in ``duration`` (s)."""
+        return round(duration * self.rate)
+
+
 class Bullet:
     """A PyBullet world, with the functions of ``engine`` without their physicsClientId.
 
     Attributes:
+        settings: settings of its physics.
         client: its physicsClientId.
+        ground: PyBullet's index of the ground; ``set_up`` adds it.
         close: frees the world, as garbage collection does.
     """
 
-    def __init__(self) -> None:
+    ground: int
+
+    def __init__(
+        self,
+        settings: PhysicsSettings = PhysicsSettings(),  # noqa: B008 - it is frozen
+    ) -> None:
         """Create an empty world."""
+        self.settings = settings
         self.client: int = engine.connect(engine.DIRECT)
         self.close = weakref.finalize(self, engine.disconnect, self.client)
+
+    def set_up(self, residual: float = 0.0) -> None:
+        """Set up the physics and the ground of an empty world.
+
+        Args:
+            residual: the solver stops early once an iteration changes no velocity (rad/s or m/s) by
+                more than its square root; 0: never.
+        """
+        settings = self.settings
+        self.setTimeStep(1.0 / settings.rate)
+        self.setGravity(0.0, 0.0, -settings.gravity)
+        self.setPhysicsEngineParameter(
+            numSolverIterations=settings.iterations,
+            solverResidualThreshold=residual,
+            # With the cache, PyBullet would load the old version of an edited file.
+            enableFileCaching=0,
+        )
+        plane = self.createCollisionShape(engine.GEOM_PLANE)
+        # Without a visual shape, PyBullet would load a textured plane, which takes 7 ms and 6 MB.
+        slab = self.createVisualShape(
+            engine.GEOM_BOX, halfExtents=_SLAB, visualFramePosition=(0.0, 0.0, -_SLAB[2])
+        )
+        self.ground = self.createMultiBody(0, plane, slab)
+        self.changeDynamics(self.ground, -1, lateralFriction=settings.friction)
 
     def __getattr__(self, name: str) -> Any:
         function = partial(getattr(engine, name), physicsClientId=self.client)

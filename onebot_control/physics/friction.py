@@ -19,7 +19,6 @@ import numpy as np
 
 from onebot_control.drive.wheels.rolling_shapes import Tyre, lowest_point
 from onebot_control.physics.engine import Bullet, logger
-from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_description.elements.urdf import (
     Box,
     Capsule,
@@ -218,13 +217,7 @@ def _wheel(joint: Joint, tyre: Tyre, width: float) -> Geometry:
 
 
 def set_contact(
-    bullet: Bullet,
-    robot: int,
-    index: int,
-    body: Body,
-    settings: PhysicsSettings,
-    *,
-    grasps: bool = False,
+    bullet: Bullet, robot: int, index: int, body: Body, *, grasps: bool = False
 ) -> None:
     """Set the friction of a loaded body.
 
@@ -233,7 +226,6 @@ def set_contact(
         robot: PyBullet's index of the robot.
         index: PyBullet's index of the link; -1 for the root.
         body: the rigid body that was loaded as this link.
-        settings: settings of the physics.
         grasps: use friction anchors, so that a grasped object does not creep as long as friction
             suffices (without them, a box in a gripper creeps 0.4 mm in 10 s), and torsional
             friction, like soft fingers.
@@ -241,7 +233,7 @@ def set_contact(
     bullet.changeDynamics(
         robot,
         index,
-        lateralFriction=settings.friction if body.friction is None else body.friction,
+        lateralFriction=bullet.settings.friction if body.friction is None else body.friction,
         contactProcessingThreshold=TOUCHING,
         frictionAnchor=grasps,
     )
@@ -249,13 +241,11 @@ def set_contact(
         bullet.changeDynamics(robot, index, spinningFriction=_TORSION)
 
 
-def soften(
-    bullet: Bullet, robot: int, wheels: Sequence[int], mass: float, settings: PhysicsSettings
-) -> None:
+def soften(bullet: Bullet, robot: int, wheels: Sequence[int], mass: float) -> None:
     """Let wheels share the weight of ``mass``, kg, like tyres, with critically damped springs."""
     for index in wheels:
         share = mass / len(wheels)
-        stiffness = share * settings.gravity / _SAG
+        stiffness = share * bullet.settings.gravity / _SAG
         bullet.changeDynamics(
             robot,
             index,

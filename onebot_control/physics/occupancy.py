@@ -9,9 +9,7 @@ import numpy as np
 
 from onebot_control.occupancy_grid import OCCUPIED, OccupancyGrid
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.scene import SceneBodies
-from onebot_control.physics.spawning import make_world
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Transform
@@ -47,7 +45,8 @@ def occupancy_grid(
         bodies: list[int] = []
         if scene is not None:
             loaded = SceneBodies(scene)
-            loaded.enter(bullet, make_world(bullet, PhysicsSettings()), PhysicsSettings())
+            bullet.set_up()
+            loaded.enter(bullet)
             loaded.put(boxes)
             bullet.performCollisionDetection()
             bodies = [index for index, _, _ in loaded.bodies()]

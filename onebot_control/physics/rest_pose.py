@@ -6,14 +6,12 @@ from contextlib import closing
 from typing import NamedTuple
 
 from onebot_control.conventions import WORLD_FRAME
-from onebot_control.physics.engine import Bullet, logger
-from onebot_control.physics.physics_settings import PhysicsSettings
+from onebot_control.physics.engine import Bullet, PhysicsSettings, logger
 from onebot_control.physics.scene import SceneBodies
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,
     load_robot,
-    make_world,
 )
 from onebot_description.description import Description
 from onebot_description.description.unit_check import LARGEST_ROBOT, MILLIMETERS, unit_of
@@ -53,9 +51,7 @@ class RestPose(NamedTuple):
         return Transform((x, y, self.height), multiply(about_z(yaw), self.tilt))
 
 
-def settle(
-    robot: LoadedBody, spawn: RobotSpawn, starts: Sequence[float], settings: PhysicsSettings
-) -> RestPose:
+def settle(robot: LoadedBody, spawn: RobotSpawn, starts: Sequence[float]) -> RestPose:
     """Let a robot come to rest on its wheels at the origin, and return its pose.
 
     Afterwards the robot is at rest there, with all joints exactly at ``starts``. A fixed base does
@@ -65,7 +61,6 @@ def settle(
         robot: the robot, alone in its world.
         spawn: the loaded robot.
         starts: start positions of all joints, rad or m.
-        settings: settings of the physics.
 
     Raises:
         OneBotError: the robot does not stay on the ground or upright, or is not in meters.
@@ -75,13 +70,13 @@ def settle(
         robot.place(robot.pose(), starts)
     if spawn.fixed_base:
         return _standing(robot, description)
-    near = bullet.getClosestPoints(robot.body, robot.ground, 1e9)
+    near = bullet.getClosestPoints(robot.body, bullet.ground, 1e9)
     lowest = min(point[8] for point in near)
     _check_size(robot, description, lowest)
     robot.place(Transform((0.0, 0.0, -lowest), (0.0, 0.0, 0.0, 1.0)))
-    _come_to_rest(robot, settings)
+    _come_to_rest(robot)
     position, rotation = robot.pose()
-    touching = bullet.getContactPoints(robot.body, robot.ground)
+    touching = bullet.getContactPoints(robot.body, bullet.ground)
     _check_rest(description, position, rotation, bool(touching))
     links = {point[3] for point in touching}
     for name in driven:
@@ -98,13 +93,14 @@ def settle(
 
 def _standing(robot: LoadedBody, description: Description) -> RestPose:
     """Place the robot with its fixed base at rest, and return its pose."""
-    base = robot.bullet.getClosestPoints(robot.body, robot.ground, 1e9, linkIndexA=-1)
+    bullet, ground = robot.bullet, robot.bullet.ground
+    base = bullet.getClosestPoints(robot.body, ground, 1e9, linkIndexA=-1)
     lowest = min((point[8] for point in base), default=0.0)
     _check_size(robot, description, lowest)
     on_ground = description.root_link != WORLD_FRAME  # Gazebo does not lift a world link either
     rest_pose = RestPose(-lowest if on_ground else 0.0, (0.0, 0.0, 0.0, 1.0))
     robot.place(rest_pose.at(0.0, 0.0, 0.0))
-    near = robot.bullet.getClosestPoints(robot.body, robot.ground, 0.0)
+    near = bullet.getClosestPoints(robot.body, ground, 0.0)
     depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, -1))
     if depth > _DEEP:
         links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
@@ -139,8 +135,9 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
             logger.warning("%s", text)  # a rail, for example
 
 
-def _come_to_rest(robot: LoadedBody, settings: PhysicsSettings) -> None:
+def _come_to_rest(robot: LoadedBody) -> None:
     """Simulate until the robot rests on the ground, for up to ``settings.settling`` seconds."""
+    settings = robot.bullet.settings
     needed, rested = math.ceil(_RESTING_TIME * settings.rate), 0
     for _ in range(round(settings.settling * settings.rate)):
         robot.lift_weightless()
@@ -215,11 +212,11 @@ def pose_on(
     """
     pose = rest.at(*where)
     stays = spawn.fixed_base and spawn.description.root_link == WORLD_FRAME
-    with closing(Bullet()) as bullet:
-        ground = make_world(bullet, settings)
+    with closing(Bullet(settings)) as bullet:
+        bullet.set_up()
         bodies = SceneBodies(scene)
-        bodies.enter(bullet, ground, settings, free=False)
-        robot = load_robot(bullet, ground, spawn, settings)
+        bodies.enter(bullet, free=False)
+        robot = load_robot(bullet, spawn)
         robot.place(pose, positions)
         links = bodies.moving_links_in(robot) if stays else _lift(bodies, robot, pose)
         if stays:
@@ -227,7 +224,7 @@ def pose_on(
         elif spawn.fixed_base:
             stands = _base_touches(robot, bodies)
         else:
-            _come_to_rest(robot, settings)
+            _come_to_rest(robot)
             stands = _stands(robot, spawn.driven, robot.pose(), where)
         if not stands:
             x, y, yaw = where

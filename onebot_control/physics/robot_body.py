@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose
 from onebot_control.physics.spawning import (
     RobotSpawn,
@@ -67,7 +66,6 @@ class _World(Protocol):
     """The part of ``World`` that a robot uses."""
 
     bullet: Bullet
-    settings: PhysicsSettings
 
     @property
     def scene(self) -> object | None: ...
@@ -144,12 +142,11 @@ class RobotBody:
         """
         self.spawn = self.spawn._replace(start=checked_place(*place))
 
-    def load(self, ground: int) -> None:
+    def load(self) -> None:
         """Add the robot to its world, at the origin."""
         bullet = self.world.bullet
-        settings = self.world.settings
-        self.parts = load_robot(bullet, ground, self.spawn, settings)
-        self._step = 1.0 / settings.rate
+        self.parts = load_robot(bullet, self.spawn)
+        self._step = 1.0 / bullet.settings.rate
         body = self.parts.body
         self._indices = list(self.parts.joints.values())
         motors = [self.parts.joints[name] for name in (*self.driven, *self.commanded)]
@@ -192,7 +189,9 @@ class RobotBody:
 
     def ends(self, duration: float) -> list[float]:
         """Return the end times of the physics steps in the next ``duration``, s; s from now."""
-        return [(step + 1) * self._step for step in range(self.world.settings.steps(duration))]
+        return [
+            (step + 1) * self._step for step in range(self.world.bullet.settings.steps(duration))
+        ]
 
     def follow(self, references: Sequence[Sequence[float]]) -> None:
         """Set the target positions of the commanded joints for the next ``World.step``.

@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.spawning import (
     LoadedBody,
     RobotSpawn,
     load_fixed,
     load_robot,
-    make_world,
 )
 from onebot_description.description.loading import load_world
 from onebot_description.elements.urdf import Description
@@ -54,8 +52,8 @@ def load_scene(world: str) -> Description | None:
         return None
     description = load_world(world)
     with closing(Bullet()) as bullet:
-        settings = PhysicsSettings()
-        SceneBodies(description).enter(bullet, make_world(bullet, settings), settings)
+        bullet.set_up()
+        SceneBodies(description).enter(bullet)
     return description
 
 
@@ -116,46 +114,40 @@ class SceneBodies:
         joints = tuple(joint for joint in description.joints if joint.child in names)
         return replace(description, root_link=first, links=links, joints=joints)
 
-    def enter(
-        self, bullet: Bullet, ground: int, settings: PhysicsSettings, *, free: bool = True
-    ) -> None:
+    def enter(self, bullet: Bullet, *, free: bool = True) -> None:
         """Load the bodies into a world.
 
         Args:
             bullet: the world.
-            ground: PyBullet's index of its ground.
-            settings: settings of the physics.
             free: also load the movable bodies.
 
         Raises:
             OneBotError: a body cannot be loaded, or a movable one starts in something else.
         """
         self._bullet = bullet
-        self.fixed = {
-            load_fixed(bullet, self.description, body, settings): body.link for body in self._fixed
-        }
+        self.fixed = {load_fixed(bullet, self.description, body): body.link for body in self._fixed}
         self.parts: list[LoadedBody] = []
         for part, start in zip(self._free if free else (), self._starts, strict=False):
-            self.parts.append(load_robot(bullet, ground, RobotSpawn(part, ()), settings))
+            self.parts.append(load_robot(bullet, RobotSpawn(part, ())))
             self.parts[-1].place(start)
             # A sleeping body takes no time until something touches it; two awake crates took half
             # the time of a step.
             self._activate(self.parts[-1], _SLEEPS)
-        if problems := [*self._overlap_problems(ground)]:
+        if problems := [*self._overlap_problems()]:
             raise OneBotError("\n".join(problems))
         self.read()
 
-    def _overlap_problems(self, ground: int) -> Iterator[str]:
+    def _overlap_problems(self) -> Iterator[str]:
         """Report boxes that overlap the ground, a fixed body or another box."""
         joints = {joint.child: joint for joint in self.description.joints}
-        obstacles: dict[str, list[int]] = {"the ground": [ground]}
+        obstacles: dict[str, list[int]] = {"the ground": [self._bullet.ground]}
         for body, link in self.fixed.items():
             obstacles.setdefault(f'link "{link}"', []).append(body)
         for link, part in zip(self.links, self.parts, strict=False):
             where = f'{joints[link].where}: joint "{joints[link].name}": link "{link}"'
             for obstacle, bodies in obstacles.items():
                 if (depth := max(self._depth(part.body, body) for body in bodies)) > _DEEPEST:
-                    remedy = f"{'raise' if ground in bodies else 'move'} its <origin>"
+                    remedy = f"{'raise' if obstacle == 'the ground' else 'move'} its <origin>"
                     text = f"starts {depth:.3g} m deep in {obstacle}, which would throw it out"
                     yield f"{where} {text}; {remedy}"
             obstacles[f'link "{link}"'] = [part.body]

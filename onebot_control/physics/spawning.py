@@ -1,4 +1,4 @@
-"""Creates PyBullet worlds with level ground, and loads robots and scenes into them."""
+"""Loads robots and scenes into PyBullet worlds."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onebot_control.physics.engine import Bullet, captured, engine, log, scratch_file
+from onebot_control.physics.engine import FARTHEST, Bullet, captured, engine, log, scratch_file
 from onebot_control.physics.friction import set_contact, soften
-from onebot_control.physics.physics_settings import PhysicsSettings
 from onebot_control.physics.physics_urdf import HUB, SkidAxle, physics_urdf, rigid_bodies
 from onebot_control.physics.roller_wheels import RollerAxle
 from onebot_description.elements.meshes import read_mesh
@@ -27,13 +26,10 @@ from onebot_description.geometry.poses import (
 )
 from onebot_description.model.rigid_bodies import Body
 
-# m; farther out, rounding errors are not small compared to a wheel's contact depth (micrometers).
-FARTHEST = 10_000.0
 # Gears: fraction of the error that is corrected in a step, and the maximum force, N or Nm.
 _GEAR_CORRECTION, _GEAR_FORCE = 0.5, 1000.0
 _HOLDING = 1e6  # N, maximum force that holds the hub of a skidding wheel on its axle
 _DETERMINATE = 3  # maximum number of wheels with determinate loads; more are simulated as springs
-_SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 
 class RobotSpawn(NamedTuple):
@@ -82,7 +78,6 @@ class LoadedBody(NamedTuple):
     """A robot, or a box of a scene, with PyBullet's indices of its parts."""
 
     bullet: Bullet  # its world
-    ground: int
     body: int
     joints: Mapping[str, int]  # moving joints by name, in the description's order
     hubs: Sequence[int]  # joints on which the hubs of skidding wheels and of rollers slide
@@ -147,51 +142,14 @@ class LoadedBody(NamedTuple):
                 bullet.resetJointState(body, index, position, 0.0)
 
 
-def make_world(bullet: Bullet, settings: PhysicsSettings, residual: float = 0.0) -> int:
-    """Set up the physics and the ground of an empty world.
-
-    Args:
-        bullet: the world.
-        settings: settings of the physics.
-        residual: the solver stops early once an iteration changes no velocity (rad/s or m/s) by
-            more than its square root; 0: never.
-
-    Returns:
-        PyBullet's index of the ground.
-    """
-    bullet.setTimeStep(1.0 / settings.rate)
-    bullet.setGravity(0.0, 0.0, -settings.gravity)
-    bullet.setPhysicsEngineParameter(
-        numSolverIterations=settings.iterations,
-        solverResidualThreshold=residual,
-        # With the cache, PyBullet would load the old version of an edited file.
-        enableFileCaching=0,
-    )
-    plane = bullet.createCollisionShape(engine.GEOM_PLANE)
-    # Without a visual shape, PyBullet would load a textured plane, which takes 7 ms and 6 MB.
-    slab = bullet.createVisualShape(
-        engine.GEOM_BOX, halfExtents=_SLAB, visualFramePosition=(0.0, 0.0, -_SLAB[2])
-    )
-    ground: int = bullet.createMultiBody(0, plane, slab)
-    bullet.changeDynamics(ground, -1, lateralFriction=settings.friction)
-    return ground
-
-
-def load_robot(
-    bullet: Bullet,
-    ground: int,
-    spawn: RobotSpawn,
-    settings: PhysicsSettings,
-) -> LoadedBody:
+def load_robot(bullet: Bullet, spawn: RobotSpawn) -> LoadedBody:
     """Load a robot into a world, with its root link's frame at the origin.
 
     Motors hold their joints until they get a velocity. PyBullet's output is logged.
 
     Args:
         bullet: the world.
-        ground: PyBullet's index of its ground.
         spawn: the robot; its pose is not used.
-        settings: settings of the physics.
 
     Raises:
         OneBotError: the robot cannot be simulated.
@@ -227,28 +185,27 @@ def load_robot(
         torque = joint.effort if joint.name in motors else info[7]
         bullet.setJointMotorControl2(robot, index, engine.VELOCITY_CONTROL, force=torque)
         grasps = joint.name in grasping
-        set_contact(bullet, robot, index, moved[row], settings, grasps=grasps)
-    set_contact(bullet, robot, -1, root, settings)
+        set_contact(bullet, robot, index, moved[row], grasps=grasps)
+    set_contact(bullet, robot, -1, root)
     joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
     for name, mimic in spawn.gears.items():
         _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
     if len(skidding) > _DETERMINATE:
-        soften(bullet, robot, skidding, total(body.mass for body in bodies.values()), settings)
+        soften(bullet, robot, skidding, total(body.mass for body in bodies.values()))
     for damping in ("linearDamping", "angularDamping"):
         # One key per call: with either of these PyBullet ignores the link index.
         bullet.changeDynamics(robot, -1, **{damping: 0.0})
     dynamics = bullet.getDynamicsInfo(robot, -1)
     mass_frame = Transform(dynamics[3], dynamics[4])
     weightless = [
-        (index, tuple((moment / mass).tolist()), mass * settings.gravity)
+        (index, tuple((moment / mass).tolist()), mass * bullet.settings.gravity)
         for index, body in [(-1, root), *((indices[row], body) for row, body in enumerate(moved))]
         for mass, moment in [body.weightless]
         if mass > 0.0
     ]
     return LoadedBody(
         bullet=bullet,
-        ground=ground,
         body=robot,
         joints=joints,
         hubs=hubs,
@@ -280,12 +237,10 @@ def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mim
     )
 
 
-def load_fixed(
-    bullet: Bullet, description: Description, body: Body, settings: PhysicsSettings
-) -> int:
+def load_fixed(bullet: Bullet, description: Description, body: Body) -> int:
     """Load a fixed body of a scene, with its frame at the origin; return PyBullet's index."""
     index = _load(bullet, description, {body.link: body}, fixed=True)
-    set_contact(bullet, index, -1, body, settings)
+    set_contact(bullet, index, -1, body)
     return index
 
 

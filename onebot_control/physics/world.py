@@ -6,13 +6,12 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from onebot_control.physics.contacts import ContactRecorder
-from onebot_control.physics.engine import Bullet
-from onebot_control.physics.physics_settings import PhysicsSettings
+from onebot_control.physics.engine import Bullet, PhysicsSettings
 from onebot_control.physics.rest_pose import RestPose, pose_on, settle
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import has_rollers
 from onebot_control.physics.scene import SceneBodies
-from onebot_control.physics.spawning import LoadedBody, RobotSpawn, make_world
+from onebot_control.physics.spawning import LoadedBody, RobotSpawn
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean, listing
@@ -85,7 +84,7 @@ class World(AbstractContextManager["World"]):
         self._on_scene: dict[tuple[RobotBody, PlanarPose, tuple[float, ...]], Transform] = {}
         if not self._alone:
             self._find_rest_poses()
-        self.bullet = Bullet()
+        self.bullet = Bullet(settings)
         self._problem = ""  # reason why it can no longer be used
         self._contacts: ContactRecorder | None = None
         # The ground is only an obstacle for arms.
@@ -356,20 +355,20 @@ class World(AbstractContextManager["World"]):
 
     def _build(self) -> None:
         """Load all bodies, and save the state for ``stand``."""
-        bullet, settings = self.bullet, self.settings
+        bullet = self.bullet
         stops = self._commanded or any(
             has_rollers(robot.spawn.description) for robot in self.robots
         )
-        ground = make_world(bullet, settings, _RESIDUAL if stops else 0.0)
+        bullet.set_up(_RESIDUAL if stops else 0.0)
         for robot in self.robots:
-            robot.load(ground)
+            robot.load()
             if self._alone:
-                robot.rest_pose = settle(robot.parts, robot.spawn, robot.starts, settings)
+                robot.rest_pose = settle(robot.parts, robot.spawn, robot.starts)
             else:
                 # Make room at the origin, where the next robot is loaded.
                 robot.parts.place(robot.rest_pose.at(*robot.spawn.start))
         if self.scene is not None:
-            self.scene.enter(bullet, ground, settings)
+            self.scene.enter(bullet)
         bodies = (
             *(robot.parts for robot in self.robots),
             *(self.scene.parts if self.scene else ()),

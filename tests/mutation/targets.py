@@ -51,7 +51,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/physics/physics_urdf.py": _control("simulation_bodies", *_SIMULATION),
     "onebot_control/physics/rest_pose.py": _control("simulation_settling", "scene", *_SIMULATION),
     "onebot_control/physics/scene.py": _control("scene"),
-    "onebot_control/physics/physics_settings.py": _control("simulation_values", "world"),
+    "onebot_control/physics/engine.py": _control("simulation_values", "world"),
     "onebot_description/joints/config.py": _description("joints_config", "joints_source"),
     "onebot_description/joints/motions.py": _description(
         "joints_tracks", "joints_violations", *_SOURCE

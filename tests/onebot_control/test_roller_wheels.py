@@ -201,7 +201,7 @@ def test_mecanum_wheels_push_a_wall_with_their_friction(speed: float) -> None:
         MECANUM.turn(body, (speed, 0.0, 0.0))
         world.step(2.0)
         points = world.bullet.getContactPoints(body.parts.body)
-        loads = sum(point[9] for point in points if point[2] == body.parts.ground)
+        loads = sum(point[9] for point in points if point[2] == body.parts.bullet.ground)
         push = sum(abs(point[9] * point[7][0]) for point in points)
     assert loads == pytest.approx(MECANUM.weight, rel=0.02)
     assert push == pytest.approx(loads * math.cos(SLANT), rel=0.01)
@@ -222,7 +222,7 @@ def _resistance(model: Rolling, heading: float, direction: float) -> float:
         points = np.array(
             [
                 [point[9], *(point[10] * np.array(point[11]) + point[12] * np.array(point[13]))]
-                for point in world.bullet.getContactPoints(body.parts.body, body.parts.ground)
+                for point in world.bullet.getContactPoints(body.parts.body, world.bullet.ground)
                 if point[9] > 0.0
             ]
         )

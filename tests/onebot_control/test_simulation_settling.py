@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from onebot_control.physics import PhysicsSettings, RobotSpawn
 from onebot_control.physics.engine import Bullet, engine
-from onebot_control.physics.spawning import make_world
 from onebot_description.description import parse_description
 from onebot_description.elements.urdf import Box
 from onebot_description.errors import OneBotError
@@ -154,17 +153,16 @@ def test_joints_stand_at_zero_whatever_they_did_while_settling(monkeypatch):
 
 def test_the_ground_is_level_at_zero_with_friction_and_gravity():
     """As the settings say, once and downwards; the time step is that of the rate."""
-    with closing(Bullet()) as bullet:
-        ground = make_world(
-            bullet, PhysicsSettings(rate=500, gravity=3.5, friction=0.25, iterations=30)
-        )
+    settings = PhysicsSettings(rate=500, gravity=3.5, friction=0.25, iterations=30)
+    with closing(Bullet(settings)) as bullet:
+        bullet.set_up()
         parameters = bullet.getPhysicsEngineParameters()
         found = [parameters["gravityAcceleration" + axis] for axis in "XYZ"]
         assert found == [0.0, 0.0, -3.5]
         assert parameters["fixedTimeStep"] == pytest.approx(1 / 500)
         assert parameters["numSolverIterations"] == 30
-        assert bullet.getDynamicsInfo(ground, -1)[:2] == (0.0, 0.25)
-        assert bullet.getBasePositionAndOrientation(ground) == ((0, 0, 0), (0, 0, 0, 1))
+        assert bullet.getDynamicsInfo(bullet.ground, -1)[:2] == (0.0, 0.25)
+        assert bullet.getBasePositionAndOrientation(bullet.ground) == ((0, 0, 0), (0, 0, 0, 1))
 
 
 def test_each_body_gets_its_friction_and_no_damping():
