@@ -19,8 +19,6 @@ from onebot_description.errors import OneBotError, did_you_mean, unknown_names
 from onebot_description.geometry.poses import PlanarPose, Transform, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
 
-_WINDOW = 10  # cycles over which the pace of a robot with a fixed base is averaged
-
 
 class Snapshot(NamedTuple):
     """The state of a robot in one control cycle.
@@ -109,10 +107,10 @@ class CyclePace:
         value: the average over some cycles.
     """
 
-    def __init__(self, window: int) -> None:
-        """Average over ``window`` cycles."""
+    def __init__(self) -> None:
+        """Start without cycles; call ``set_window`` before the first one."""
         # Pairs: duration of a cycle, and elapsed time (equal or longer), s.
-        self._passed: deque[tuple[float, float]] = deque(maxlen=window)
+        self._passed: deque[tuple[float, float]] = deque()
         self.value, self._stalled = 1.0, 0.0
 
     def set_window(self, window: int) -> None:
@@ -180,12 +178,11 @@ class ControlledRobot:
         Raises:
             OneBotError: see ``fitted``.
         """
-        self.drive: Drive | None = None
-        if self._prepared.wheels and config.drive:
-            self.drive = Drive(self._prepared.wheels, self.body.joints, config.drive)
-        self._base = self.drive or NoDrive()
-        self.broadcaster, self.pace = self.fitted(config), CyclePace(_WINDOW)
-        self._use(config)
+        wheels, drive = self._prepared.wheels, config.drive
+        self.drive = Drive(wheels, self.body.joints, drive) if wheels and drive else None
+        self._base: Any = self.drive or NoDrive()
+        self.pace = CyclePace()
+        self.configure(config)
         self.ticks, self._observed = 0, -1
         self._reset_followers()
         self.followers = {
@@ -231,8 +228,7 @@ class ControlledRobot:
             OneBotError: the parameters do not match the drive, or a joint to publish is not among
                 the robot's joints.
         """
-        if self.drive and config.drive:
-            config.drive.fitted(self.drive.wheels)
+        self._base.check(config.drive)
         return JointStateBroadcaster(config.broadcaster, self.joints, self.held)
 
     def configure(self, config: SimulationConfig) -> None:
@@ -242,13 +238,9 @@ class ControlledRobot:
             OneBotError: they do not match the robot; nothing has changed.
         """
         self.broadcaster = self.fitted(config)
-        if self.drive and config.drive:
-            self.drive.configure(config.drive)
-        self._use(config)
-
-    def _use(self, config: SimulationConfig) -> None:
+        self._base.configure(config.drive)
         self.config, self.period = config, 1.0 / config.update_rate
-        self.pace.set_window(config.drive.velocity_rolling_window_size if config.drive else _WINDOW)
+        self.pace.set_window(self._base.window)
 
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
@@ -339,7 +331,7 @@ class ControlledRobot:
     def snapshot(self) -> Snapshot:
         """Return the state of the robot as last read."""
         pace = self.pace.value
-        drive: DriveState | None = self._base.state(pace)
+        drive = self._base.state(pace)
         return Snapshot(self.ticks, self._joints, self._pose, self._mass_velocity, pace, drive)
 
     def reset(self) -> None:
@@ -431,8 +423,7 @@ class ControlledRobot:
     def continue_from(self, other: "ControlledRobot") -> None:
         """Take over odometry, cycle count and followers of the robot that this one replaces."""
         self.ticks = other.ticks
-        if other.drive:
-            self._base.continue_from(other.drive)
+        self._base.continue_from(other.drive)
         self._continue_followers(other)
 
     def _continue_followers(self, other: "ControlledRobot") -> None:

@@ -122,6 +122,15 @@ class Drive:
         self.odometry.set_window(config.velocity_rolling_window_size)
         self.odometry.noise = config.noise(len(self.odometry.kinematics.shares))
 
+    def check(self, config: DriveParameters[Any]) -> None:
+        """Raise the OneBotError that ``configure`` would raise."""
+        config.fitted(self.wheels)
+
+    @property
+    def window(self) -> int:
+        """Number of cycles over which velocities are averaged."""
+        return self.config.velocity_rolling_window_size
+
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
     ) -> str | None:
@@ -225,8 +234,10 @@ class Drive:
         self.halt()
         self.odometry.forget_wheels()
 
-    def continue_from(self, other: "Drive") -> None:
-        """Take over the odometry of the drive that this one replaces."""
+    def continue_from(self, other: "Drive | None") -> None:
+        """Take over the odometry of the drive that this one replaces; None if there was none."""
+        if other is None:
+            return
         self.odometry.set_pose(*other.odometry.pose, other.odometry.covariance)
         self.origin = other.origin
 
@@ -252,12 +263,13 @@ class NoDrive:
 
     velocities: Sequence[float] = ()
     steering: Sequence[float] = ()
+    window = 10
 
     def _do_nothing(self, *_: object, **__: object) -> Any:
         return None
 
     accept = observe = decide = wait = state = _do_nothing
-    place = moved = continue_from = _do_nothing
+    place = moved = continue_from = check = configure = _do_nothing
 
 
 def _mean(group: Sequence[tuple[int, float]], values: Sequence[float]) -> float:

@@ -19,8 +19,8 @@ __all__ = ["Bullet", "PhysicsSettings", "captured", "engine", "log", "logger", "
 
 logger = logging.getLogger("onebot_control.physics")
 
+# m; farther out, rounding errors are not small compared to a wheel's contact depth (micrometers).
 FARTHEST = 10_000.0
-"""m; farther out, rounding errors are not small compared to a wheel's contact depth (micrometers)."""
 _SLAB = (FARTHEST, FARTHEST, 1.0)  # half the size of the ground's visual, m
 
 # File descriptors belong to the process: two captures at once would restore each other's.

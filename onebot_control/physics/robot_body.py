@@ -189,9 +189,8 @@ class RobotBody:
 
     def ends(self, duration: float) -> list[float]:
         """Return the end times of the physics steps in the next ``duration``, s; s from now."""
-        return [
-            (step + 1) * self._step for step in range(self.world.bullet.settings.steps(duration))
-        ]
+        count = self.world.bullet.settings.steps(duration)
+        return [(step + 1) * self._step for step in range(count)]
 
     def follow(self, references: Sequence[Sequence[float]]) -> None:
         """Set the target positions of the commanded joints for the next ``World.step``.
