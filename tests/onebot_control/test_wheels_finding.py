@@ -292,30 +292,6 @@ def test_public_robots_drive(name: str, separation: float, radius: float) -> Non
         assert truth == pytest.approx(odometry, rel=0.01)
 
 
-BALL = '<sphere radius="0.1"/>'
-HINGE = part("hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", kind="revolute")
-
-
-@pytest.mark.parametrize(
-    ("car", "hinge", "wheel"),
-    [
-        (
-            load_description(PUBLIC / "warn_deepracer.xacro"),
-            "left_steering_hinge",
-            "left_front_wheel",
-        ),
-        (base(*TWO, HINGE, part("tyre", "-0.05 0 0", BALL, parent="hinge")), "hinge", "tyre"),
-    ],
-)
-def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str) -> None:
-    """A hinge with limits steers a wheel, and so does any that the wheel does not trail."""
-    with pytest.raises(OneBotError) as caught:
-        SideWheels(car)
-    message = str(caught.value)
-    assert f'joint "{hinge}_joint" steers the wheel of "{wheel}_joint"' in message
-    assert "ackermann_steering_controller/AckermannSteeringController" in message
-
-
 def box(width: float, length: float, height: float, z: float) -> str:
     """A body whose lower side is at ``z`` below the axles."""
     shape = f'<box size="{length} {width} {height}"/>'

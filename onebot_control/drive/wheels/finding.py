@@ -162,8 +162,16 @@ class RunningGear:
 
     @property
     def has_rollers(self) -> bool:
-        """Whether the wheels that no joint swivels have rollers, as in a mecanum drive."""
-        return bool(self._rollers_reason(self.on_ground))
+        """Whether the wheels that no joint swivels have rollers, as in a mecanum drive.
+
+        It follows from their names, from a plugin that drives sideways, or from ``<fdir1>``.
+        """
+        wheels, plugin = self.on_ground, self.description.drive_plugin
+        return len(wheels) > 2 and (
+            all(_has_rollers(self.description, wheel) for wheel in wheels)
+            or (plugin is not None and plugin.kind in ("mecanum", "planar"))
+            or any(abs(math.sin(angle)) > _SKEW for angle in self.description.rollers.values())
+        )
 
     @cached_property
     def drives(self) -> bool:
@@ -198,58 +206,25 @@ class RunningGear:
             link = joint.parent
         return None
 
-    def sides(self, *, rollers: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def sides(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Find the wheels on two sides that drive the robot.
-
-        Args:
-            rollers: whether they may have rollers, as in a mecanum drive; otherwise an error.
 
         Returns:
             The joints of the left wheels, and of the right wheels, from front to rear.
 
         Raises:
-            OneBotError: there are no such wheels, or several sets of them, or they are steered or
-                omnidirectional; the text lists the rotating joints.
+            OneBotError: there are no such wheels, or several sets of them; the text lists the
+                rotating joints.
         """
-        self._check_steering()
         wheels = [wheel for wheel in _on_ground(self.lateral) if self.swivel(wheel.name) is None]
         sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
         sets = [group for group in sets if not any(map(_is_passive, group))] or sets
         if len(sets) != 1:
             raise self._not_driven(_why_not_one_set(sets))
         [drive] = sets
-        if not rollers and (reason := self._rollers_reason(drive)):
-            text = f"it is not a differential drive: {reason}; let the control file name the type"
-            raise self._not_driven(f"{text} of its drive, or none")
         drive.sort(key=lambda wheel: -wheel.x)
         left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
         return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
-
-    def _rollers_reason(self, wheels: Sequence[Wheel]) -> str:
-        """Return why wheels seem to have rollers, which drive sideways; "" if they do not."""
-        description = self.description
-        if len(wheels) <= 2:
-            return ""
-        if all(_has_rollers(description, wheel) for wheel in wheels):
-            return "by their names, its wheels are omnidirectional, with rollers around them"
-        plugin = description.drive_plugin
-        if plugin is not None and plugin.kind in ("mecanum", "planar"):
-            return f"it also drives sideways ({plugin.where})"
-        angles = description.rollers.items()
-        if oblique := [link for link, angle in angles if abs(math.sin(angle)) > _SKEW]:
-            return f"<fdir1> says that its wheels have rollers ({', '.join(oblique)})"
-        return ""
-
-    def _check_steering(self) -> None:
-        """Raise OneBotError if a wheel is steered, as in a car."""
-        for wheel, joint in self.steered.items():
-            raise OneBotError(
-                f'robot "{self.description.robot_name}" cannot be driven: it is not a differential '
-                f'drive: joint "{joint}" steers the wheel of "{wheel}". Let the control file name '
-                "the type of its drive, such as ackermann_steering_controller/"
-                "AckermannSteeringController, or none. If it is a caster, name it so, make its "
-                "wheel trail it, or name the drive wheels: left_wheel:=JOINT right_wheel:=JOINT"
-            )
 
     def _not_driven(self, reason: str) -> OneBotError:
         joints = [f"{axle.joint.name} {_seen(axle)}" for axle in self.axles.values()]
