@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from onebot_control.conventions import BROADCASTER
 from onebot_control.drive.drive import Drive, DriveState, NoDrive
 from onebot_control.joint_controllers import JointController, named
-from onebot_control.physics import JointStates, MassVelocity, RobotBody, Twist
+from onebot_control.physics.robot_body import JointStates, MassVelocity, RobotBody, Twist
 from onebot_control.prepared_robot import PreparedRobot
 from onebot_control.simulation_parameters import INTERFACES, BroadcasterConfig, SimulationConfig
 from onebot_control.trajectories.following import JointFollower, Outcome

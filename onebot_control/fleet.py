@@ -19,8 +19,10 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
-from onebot_control.physics.engine import logger
+from onebot_control.physics.engine import PhysicsSettings, logger
+from onebot_control.physics.robot_body import RobotBody
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description

@@ -24,8 +24,8 @@ from onebot_control.drive.drive import Drive, DriveState
 from onebot_control.drive.mecanum import MecanumParameters
 from onebot_control.drive.steered import SteeringControllerParameters
 from onebot_control.drive.wheels.rollers import MecanumWheels
-from onebot_control.physics import JointStates, SceneBodies, Twist
-from onebot_control.physics.scene import scene_frames
+from onebot_control.physics.robot_body import JointStates, Twist
+from onebot_control.physics.scene import SceneBodies, scene_frames
 from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.pacing import Divider
 from onebot_description.description import Description

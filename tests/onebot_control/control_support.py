@@ -9,7 +9,7 @@ from onebot_control.drive.diff_drive import DiffDriveKinematics
 from onebot_control.drive.odometry import Odometry
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet
-from onebot_control.physics import JointStates, MassVelocity, RobotBody, Twist
+from onebot_control.physics.robot_body import JointStates, MassVelocity, RobotBody, Twist
 from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import Transform, rotate

@@ -6,14 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from onebot_control.physics import (
-    JointStates,
-    PhysicsSettings,
-    RobotBody,
-    RobotSpawn,
-    Twist,
-    World,
-)
+from onebot_control.physics.engine import PhysicsSettings
+from onebot_control.physics.robot_body import JointStates, RobotBody, Twist
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import PlanarPose, Transform, yaw_of
 

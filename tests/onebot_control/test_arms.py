@@ -15,7 +15,8 @@ from scipy.special import ellipk
 from onebot_control import RobotSetup, Simulation
 from onebot_control.fleet import Fleet
 from onebot_control.joint_controllers import DEFAULT_CONTROLLER
-from onebot_control.physics import RobotSpawn, World
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_control.prepared_robot import Member
 from onebot_control.sensing.readings import JointState
 from onebot_control.simulation_parameters import SimulationConfig

@@ -9,7 +9,7 @@ import pytest
 
 from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet
-from onebot_control.physics import World
+from onebot_control.physics.world import World
 from onebot_control.runtime.control_loop import (
     ControlLoop,
     LoopSlot,

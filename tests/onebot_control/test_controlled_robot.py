@@ -9,7 +9,7 @@ import pytest
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.joint_controllers import JointController
-from onebot_control.physics import JointStates, RobotBody
+from onebot_control.physics.robot_body import JointStates, RobotBody
 from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import JointStateBroadcaster
-from onebot_control.physics import JointStates
+from onebot_control.physics.robot_body import JointStates
 from onebot_control.simulation_parameters import BroadcasterConfig
 from onebot_description.parameters.reader import ConfigError
 

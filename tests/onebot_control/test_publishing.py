@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.nodes.publishing import Publishers
-from onebot_control.physics import MassVelocity
+from onebot_control.physics.robot_body import MassVelocity
 from onebot_control.runtime.frames import RobotFrames
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose

@@ -10,8 +10,10 @@ import pytest
 from onebot_control.drive.holonomic import HolonomicKinematics
 from onebot_control.drive.odometry import Odometry
 from onebot_control.drive.wheels.rolling_shapes import Tyre
-from onebot_control.physics import RobotBody, RobotSpawn, World
+from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import with_rollers
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
 from onebot_description.model import RobotModel

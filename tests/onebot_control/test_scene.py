@@ -8,8 +8,9 @@ import pytest
 import trimesh
 
 from onebot_control import Simulation
-from onebot_control.physics import RobotSpawn, World
 from onebot_control.physics.scene import load_scene
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_description.description import parse_description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError

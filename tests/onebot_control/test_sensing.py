@@ -16,7 +16,7 @@ from PIL import Image
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive_kinds import ControlConfig
 from onebot_control.fleet import Fleet
-from onebot_control.physics import JointStates, MassVelocity
+from onebot_control.physics.robot_body import JointStates, MassVelocity
 from onebot_control.prepared_robot import Member
 from onebot_control.runtime.sensing import Channel, Sensing, SensingThread
 from onebot_control.sensing import camera, imu, instrument, lidar, noise, painter, rays

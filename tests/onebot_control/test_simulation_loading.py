@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from onebot_control.physics import PhysicsSettings
-from onebot_control.physics.engine import engine
+from onebot_control.physics.engine import PhysicsSettings, engine
 from onebot_control.physics.physics_urdf import rigid_bodies
 from onebot_control.physics.spawning import converted_meshes
 from onebot_description.description import (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from onebot_control.physics import PhysicsSettings, RobotSpawn
-from onebot_control.physics.engine import Bullet, engine
+from onebot_control.physics.engine import Bullet, PhysicsSettings, engine
+from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.description import parse_description
 from onebot_description.elements.urdf import Box
 from onebot_description.errors import OneBotError

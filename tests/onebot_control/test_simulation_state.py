@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.physics import PhysicsSettings, RobotSpawn, World
-from onebot_control.physics.engine import engine
+from onebot_control.physics.engine import PhysicsSettings, engine
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onebot_control.physics import PhysicsSettings, RobotBody, RobotSpawn, World
-from onebot_control.physics.spawning import checked_place
+from onebot_control.physics.engine import PhysicsSettings
+from onebot_control.physics.robot_body import RobotBody
+from onebot_control.physics.spawning import RobotSpawn, checked_place
+from onebot_control.physics.world import World
 from onebot_description.errors import OneBotError
 from tests.onebot_control.simulation_support import DRIVEN, LEFT, RIGHT, robot
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from onebot_control.physics import RobotSpawn, World
+from onebot_control.physics.spawning import RobotSpawn
+from onebot_control.physics.world import World
 from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.simulation_support import (
     DRIVEN,
