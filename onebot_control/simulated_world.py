@@ -168,7 +168,6 @@ class SimulatedWorld:
 
     def _begin(self) -> None:
         self.starts += 1
-        self._before: Sequence[Snapshot] | None = None
         self._frame: Frame | None = None
         self.commands: list[Triple | None] = [None] * len(self.names)
         self.sensors.restart()
@@ -255,14 +254,14 @@ class SimulatedWorld:
             if command is not None:
                 linear, lateral, angular = command
                 robot.accept(linear, angular, lateral=lateral)
-        self._before = fleet.begin()
+        snapshots = fleet.begin()
         try:
             if self.publish is not None:
-                self.publish(self._before, fleet.stamp)
+                self.publish(snapshots, fleet.stamp)
         finally:  # after an exception in a callback, the simulation can continue
             fleet.finish(recorded=last or None)
             fleet.observe()
-            self._frame = None
+            self.sensors.last, self._frame = snapshots, None
             if self._log is not None and fleet.ticks % self._log.every == 0:
                 self._log.moments.append(self._moment())
         for function in [*self.after_cycle.values()]:
@@ -310,7 +309,7 @@ class SimulatedWorld:
             scene = self.fleet.world.scene
             snapshots = [robot.snapshot() for robot in self.fleet.robots]
             boxes = scene.poses if scene else ()
-            self._frame = self.sensors.frame(self.fleet.stamp, snapshots, self._before, boxes)
+            self._frame = self.sensors.frame(self.fleet.stamp, snapshots, boxes)
         return self._frame
 
     def distance(self, pose: LinkPose, ray: Rays, skipped: Sequence[int] = ()) -> float:

@@ -83,7 +83,6 @@ class Sensing:
         self._sensors = sensors
         self._channels: dict[int, list[Channel]] = {}
         self._due: list[tuple[Channel, frozenset[str]]] = []
-        self._last: Sequence[Snapshot] | None = None  # the last states of these robots
         self._tick: int | None = None  # number of the last cycle
 
     def start(self) -> None:
@@ -101,7 +100,7 @@ class Sensing:
     def restart(self, seed: int) -> None:
         """Restart from the beginning, with the noise of this seed."""
         self.flush()
-        self._last = self._tick = None
+        self._tick = None
         self._sensors.restart()
         for channels in self._channels.values():
             for channel in channels:
@@ -128,8 +127,7 @@ class Sensing:
             robot: the robot as seen by sensors.
             channels: its sensors.
         """
-        if self._sensors.enter(row, robot):
-            self._last = None  # there is no motion between two different robots
+        self._sensors.enter(row, robot)
         self._channels[row] = sorted(channels, key=lambda channel: -channel.instrument.waiting)
 
     def due(self, tick: int) -> frozenset[int]:
@@ -159,10 +157,10 @@ class Sensing:
         """
         instruments = [channel.instrument for channel, _ in self._due]
         touching = {item.row: contacts(item.row) for item in instruments if item.needs_contacts}
-        frame = self._sensors.frame(stamp, snapshots, self._last, boxes, touching)
+        frame = self._sensors.frame(stamp, snapshots, boxes, touching)
         for channel, topics in self._due:
             self._measure(channel, topics, frame)
-        self._last, self._tick = snapshots, snapshots[0].tick
+        self._sensors.last, self._tick = snapshots, snapshots[0].tick
 
     def _measure(self, channel: Channel, topics: frozenset[str], frame: Frame) -> None:
         outputs = channel.instrument.measure(self._sensors.world(frame), topics)

@@ -36,7 +36,11 @@ INSTRUMENTS: Mapping[type[SensorModel], type[Instrument[Any]]] = {
 
 
 class Sensors:
-    """Keeps the robots and surroundings of a world up to date for its sensors."""
+    """Keeps the robots and surroundings of a world up to date for its sensors.
+
+    Attributes:
+        last: snapshots of the robots in the last cycle; None if there were none.
+    """
 
     def __init__(self, world: Description | None, cycles: float, gravity: float) -> None:
         """Start without robots.
@@ -48,27 +52,27 @@ class Sensors:
         """
         self._world, self._cycles, self._gravity = world, cycles, gravity
         self._robots: tuple[SensedRobot, ...] = ()
-        self._starts: Sequence[Quaternion] = ()
         self._built: tuple[Sequence[SensedRobot], VisibleSurfaces, Painter] | None = None
-        self._placed: SensedWorld | None = None
+        self._starts: Sequence[Quaternion]
+        self._placed: SensedWorld | None
+        self.last: Sequence[Snapshot] | None
+        self.restart()
 
-    def enter(self, row: int, robot: SensedRobot) -> bool:
-        """Set the robot of a row; return whether it is new, so that surroundings are rebuilt."""
+    def enter(self, row: int, robot: SensedRobot) -> None:
+        """Set the robot of a row; if it is new, the surroundings are rebuilt."""
         last = self._robots[row] if row < len(self._robots) else None
-        if last is not None and last.description is robot.description:
-            return False
-        self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
-        return True
+        if last is None or last.description is not robot.description:
+            self._robots = (*self._robots[:row], robot, *self._robots[row + 1 :])
+            self.last = None  # there is no motion between two different robots
 
     def restart(self) -> None:
         """Restart: the next frame is the first one."""
-        self._starts, self._placed = (), None
+        self._starts, self._placed, self.last = (), None, None
 
     def frame(
         self,
         stamp: int,
         snapshots: Sequence[Snapshot],
-        last: Sequence[Snapshot] | None,
         boxes: Sequence[Transform],
         contacts: Mapping[int, Sequence[Contact]] = MappingProxyType({}),
     ) -> Frame:
@@ -77,22 +81,19 @@ class Sensors:
         Args:
             stamp: stamp of the cycle, ns.
             snapshots: snapshots of the robots in this cycle.
-            last: the last snapshots before; used if they are from one cycle ago.
             boxes: poses of movable boxes in the world.
             contacts: contacts of robots in the last cycle, by their indices in the fleet.
         """
         self._starts = self._starts or [snapshot.pose.rotation for snapshot in snapshots]
         tick = snapshots[0].tick
-        last_snapshots = last if last and last[0].tick == tick - 1 else None
-        robots, starts = self._robots, self._starts
         return Frame(
             tick=tick,
             stamp=stamp,
             snapshots=snapshots,
-            before=last_snapshots,
+            before=self.last if self.last and self.last[0].tick == tick - 1 else None,
             boxes=boxes,
-            robots=robots,
-            starts=starts,
+            robots=self._robots,
+            starts=self._starts,
             contacts=contacts,
         )
 

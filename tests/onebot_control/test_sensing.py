@@ -189,7 +189,7 @@ def test_a_sensor_sees_out_of_the_housing_that_it_is_fixed_in(model: SensorModel
     sensors = Sensors(None, 100.0, 9.81)
     sensors.enter(0, robot)
     positions = (0.0,) * len(robot.joints)
-    world = sensors.world(sensors.frame(0, [still(0, positions)], None, ()))
+    world = sensors.world(sensors.frame(0, [still(0, positions)], ()))
     found = Sensor("eye", "eye", Origin(), 10.0, {"depth": "", "scan": ""}, "eye", model)
     instrument = INSTRUMENTS[type(model)](found, 0, "/", 100.0, noisy=False)
     output = "scan" if isinstance(model, Lidar) else "depth"
@@ -396,7 +396,8 @@ def inertia(robot: SensedRobot, snapshots: Sequence[Snapshot], link: str):
     sensor = Sensor("imu", link, MOUNT, 100.0, {"imu": "imu"}, link, Imu())
     instrument = imu.ImuInstrument(sensor, 0, "/", 100.0, noisy=False)
     for before, now in itertools.pairwise(snapshots):
-        world = sensors.world(sensors.frame(0, [now], [before], ()))
+        sensors.last = [before]
+        world = sensors.world(sensors.frame(0, [now], ()))
         yield [AXES_OF_MOUNT @ each for each in instrument.measure(world, {"imu"})["imu"][1:]]
 
 
