@@ -9,7 +9,6 @@ import ctypes
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from operator import itemgetter
 
 from onebot_description.timing import NS_PER_S
@@ -151,47 +150,29 @@ class SystemStamps:
         return system - (start + end) // 2, end - start
 
 
-@dataclass
-class Pace:
-    """The real-time factor and missed cycles over about a second."""
-
-    seconds: float = 0.0  # real time, s
-    simulated: float = 0.0  # simulated time, s
-    cycles: int = 0  # number of executed control cycles
-    missed: int = 0  # number of missed control cycles
-
-    @property
-    def factor(self) -> float:
-        """Simulated seconds per real second."""
-        return self.simulated / self.seconds
-
-    def __str__(self) -> str:
-        return (
-            f"real-time factor {self.factor:.2g}, {self.missed} of {self.cycles + self.missed} "
-            "control cycles missed in the last second"
-        )
-
-
 class PaceMeter:
-    """Measures the pace of a control loop.
+    """Measures the pace of a control loop, and logs when it falls and recovers.
 
     Attributes:
         wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
-    def __init__(self, report: Callable[[Pace, bool, str], object] = lambda *_: None) -> None:
+    def __init__(self, log: Callable[[str, bool], object] = lambda *_: None) -> None:
         """Prepare; call ``set`` afterwards.
 
         Args:
-            report: called each second with the pace, whether it is too slow, and a line to log when
-                it has fallen or recovered, otherwise "".
+            log: logs a line; called with it and whether slow motion begins or ends.
         """
-        self._report, self._in_slow_motion = report, False
+        self._log, self._in_slow_motion = log, False
 
     def set(self, due: float, wanted: float) -> None:
         """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
-        self._due, self.wanted = due, wanted
-        self._pace, self._steady = Pace(), 0
+        self._due, self.wanted, self._steady = due, wanted, 0
+        self._restart()
+
+    def _restart(self) -> None:
+        self._seconds = self._simulated = 0.0
+        self._cycles = self._missed = 0
 
     def skip(self, due: float) -> None:
         """Ignore the time until ``due`` (monotonic, s), as simulated time was paused."""
@@ -205,27 +186,25 @@ class PaceMeter:
             simulated: simulated duration of the cycle, s.
             missed: number of missed cycles after it.
         """
-        pace = self._pace
-        pace.seconds += due - self._due
-        pace.simulated += simulated
-        pace.cycles += 1
-        pace.missed += missed
+        self._seconds += due - self._due
         self._due = due
-        if pace.seconds >= _SECOND:
-            self._pace = Pace()
-            is_slow = pace.factor < _SLOW * self.wanted
-            self._report(pace, is_slow, self._change(pace, is_slow))
+        self._simulated += simulated
+        self._cycles += 1 + missed
+        self._missed += missed
+        if self._seconds >= _SECOND:
+            self._judge(self._simulated / self._seconds)
+            self._restart()
 
-    def _change(self, pace: Pace, is_slow: bool) -> str:
-        """Return the line to log if slow motion begins or ends; otherwise ""."""
-        self._steady = self._steady + 1 if pace.factor >= _BACK * self.wanted else 0
-        if is_slow and not self._in_slow_motion:
+    def _judge(self, factor: float) -> None:
+        """Log if slow motion begins or ends, by the real-time factor of the last second."""
+        text = f"real-time factor {factor:.2g}, {self._missed} of {self._cycles} control cycles"
+        self._steady = self._steady + 1 if factor >= _BACK * self.wanted else 0
+        if factor < _SLOW * self.wanted and not self._in_slow_motion:
             self._in_slow_motion = True
-            return f"slow motion: {pace}"
-        if self._in_slow_motion and self._steady >= _STEADY:
+            self._log(f"slow motion: {text} missed in the last second", True)
+        elif self._in_slow_motion and self._steady >= _STEADY:
             self._in_slow_motion = False
-            return f"the pace is back: {pace}"
-        return ""
+            self._log(f"the pace is back: {text} missed in the last second", False)
 
 
 def wake_exactly(exactly: bool = True) -> None:
