@@ -129,14 +129,12 @@ class RobotSensors:
 
     def _full_names(self, sensor: Sensor) -> dict[str, str]:
         """Return the absolute names of a sensor's topics."""
-        space = self._node.get_namespace().strip("/")
-        names = {}
-        for output, topic in sensor.topics.items():
-            name = topic.removeprefix(f"{space}/")  # some robots write their namespace into it
-            names[output] = (
-                topic if topic.startswith("/") else f"/{space}/{name}".replace("//", "/")
-            )
-        return names
+        # Some robots write their namespace into the names.
+        prefix = f"{self._node.get_namespace().strip('/')}/"
+        return {
+            output: self._node.resolve_topic_name(topic.removeprefix(prefix), only_expand=True)
+            for output, topic in sensor.topics.items()
+        }
 
 
 def _usable(sensors: Sequence[Sensor], warn: Callable[[str], object]) -> Iterator[Sensor]:

@@ -160,7 +160,7 @@ class RobotBody:
         self._targets = [0.0] * len(self.driven)
         self._efforts = (0.0,) * len(self.joints)  # efforts of the motors
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
-        self._update(self._read_joints())
+        self.read_again()
 
     def turn(self, velocities: Sequence[float]) -> None:
         """Set the motors' target velocities, which apply until others are set.
@@ -277,7 +277,7 @@ class RobotBody:
         # A saved state contains neither targets nor efforts of motors.
         self._drive([0.0] * len(self.driven))
         self._efforts = (0.0,) * len(self.joints)
-        self._update(self._read_joints())
+        self.read_again()
 
     def read_again(self) -> None:
         """Read the state after joints have been set."""
@@ -293,7 +293,7 @@ class RobotBody:
             bullet.resetJointState(body, index, position, velocity)
         self._drive(other._targets)
         self._efforts = other._efforts
-        self._update(self._read_joints())
+        self.read_again()
 
     def continue_joints(self, other: "RobotBody") -> None:
         """Adopt the joint positions, except of wheels, of the robot that this one replaces."""

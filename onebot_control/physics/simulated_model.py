@@ -34,6 +34,7 @@ from onebot_description.elements.urdf import (
     JointInterfaces,
     Link,
     Mimic,
+    reduced_mimics,
 )
 from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry import matrices, quaternions
@@ -185,23 +186,32 @@ class _Roles:
         interfaces = description.interfaces
         self._check_starts(positions, interfaces)
         of_file = {name: it.start for name, it in interfaces.items() if it.start is not None}
-        self._given = {**of_file, **positions}
+        given = {**dict.fromkeys(self._joints, 0.0), **of_file, **positions}
+        own = {name: clamp(given[name], *joint.range) for name, joint in self._joints.items()}
+        mimics = {name: joint.mimic for name, joint in self._joints.items() if joint.mimic}
+        free = self._joints.keys() - {*mimics, *rolling, *commanded}
         self.passive = {
-            name: clamp(self._given.get(name, 0.0), *joint.range)
-            for name, joint in self._joints.items()
-            if joint.mimic is None
-            and name in interfaces
-            and not (interfaces[name].commands or name in rolling or name in commanded)
+            name: own[name]
+            for name, listed in interfaces.items()
+            if name in free and not listed.commands
         }
-        self._rolling, self._commanded = {*rolling, *self.passive}, commanded
-        self._positions: dict[str, float] = {}
+        own |= dict.fromkeys(rolling, 0.0)
         self.fixed: dict[str, float] = {}
+        self.held: dict[str, float] = {}
         self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
-        for joint in self._joints.values():
-            self._place(joint)
-        held = [name for name in self._joints if name in self.fixed and name not in self._rolling]
-        self.held = {name: self.fixed[name] for name in held}
+        leaders = self._joints.keys() - (mimics.keys() - {*rolling, *commanded})
+        for name, mimic in reduced_mimics(self._joints, mimics, leaders).items():
+            leader, at = mimic.joint, mimic.at(own[mimic.joint])
+            rolls = leader in rolling or leader in self.passive
+            if leader in commanded and mimic.multiplier:
+                self.starts[name] = at
+                if name != leader:
+                    self.gears[name] = mimic
+            elif not (rolls and name == leader):
+                self.fixed[name] = clamp(at, *self._joints[name].range)
+                if not rolls:
+                    self.held[name] = self.fixed[name]
 
     def _check(
         self, description: Description, names: Collection[str], commanded: Collection[str]
@@ -222,35 +232,6 @@ class _Roles:
             limits = interfaces[name].limits if name in interfaces else {}
             if fault := self._joints[name].start_fault(at, *limits.get("position", ())):
                 raise OneBotError(f"initial_positions.{name}: {fault}")
-
-    def _place(self, joint: Joint) -> float:
-        """Decide how a joint is simulated; return its start position."""
-        name, mimic = joint.name, joint.mimic
-        if name in self._positions:
-            return self._positions[name]
-        if name in self._rolling:
-            position = self.passive.get(name, 0.0)
-        elif name in self._commanded:
-            position = self.starts[name] = clamp(self._given.get(name, 0.0), *joint.range)
-        elif mimic is None:
-            position = self.fixed[name] = clamp(self._given.get(name, 0.0), *joint.range)
-        else:
-            position = self._follow(joint, mimic, self._place(self._joints[mimic.joint]))
-        self._positions[name] = position
-        return position
-
-    def _follow(self, joint: Joint, mimic: Mimic, at: float) -> float:
-        """Decide how a mimic joint is simulated; ``at`` is its leader's start position."""
-        name = joint.name
-        if mimic.joint in self.starts and mimic.multiplier:
-            self.starts[name] = mimic.at(at)
-            gear = self.gears.get(mimic.joint)
-            self.gears[name] = mimic.after(gear) if gear else mimic
-            return self.starts[name]
-        if mimic.joint in self._rolling:
-            self._rolling.add(name)
-        self.fixed[name] = clamp(mimic.at(at), *joint.range)
-        return self.fixed[name]
 
 
 def _positioned(joint: Joint, interfaces: JointInterfaces | None, *, is_gear: bool) -> Joint:
