@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
+from onebot_control.drive.parameters import DriveParameters
 from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES
 from onebot_control.runtime.control_loop import LoopSlot, VelocityCommand
 from onebot_description.errors import OneBotError
@@ -197,9 +198,7 @@ class CommandGate:
         slot: LoopSlot,
         warn: Throttled,
         topic: str,
-        *,
-        drives: bool,
-        steers: bool = False,
+        drive: DriveParameters[Any] | None,
     ) -> None:
         """Subscribe.
 
@@ -208,17 +207,17 @@ class CommandGate:
             slot: slot of the robot, which receives the commands.
             warn: logs warnings.
             topic: name of the topic of commands, in the node's namespace.
-            drives: whether the robot has a drive; else it receives no commands.
-            steers: whether the drive steers; then it also receives AckermannDriveStamped.
+            drive: parameters of the drive; None for a robot without one, which receives no
+                commands. If it steers, it also receives AckermannDriveStamped.
         """
         self._node, self._slot, self._warn = node, slot, warn
         self.topic = f"~/{topic}"
         # Created before the commands: an unlock sent with a command is then received first.
         self.lock = CommandLock(node, self.topic, lambda: slot.brake(_LOCKED))
         self.subscription: CommandSubscription | None = None
-        if drives:
+        if drive is not None:
             self.subscription = CommandSubscription(node, self.topic, self._on_twist, warn)
-        if steers:
+        if drive is not None and drive.steers:
             kind = load_interface("ackermann_msgs/msg/AckermannDriveStamped")
             node.create_subscription(kind, _STEERED, self._on_steered, _QOS)
 

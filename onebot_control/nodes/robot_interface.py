@@ -94,14 +94,7 @@ class RobotInterface:
             node, clock=world.simulated and row == 0, odometry=odometry if drives else None
         )
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
-        self.commands = CommandGate(
-            node,
-            self.slot,
-            self._warn,
-            command,
-            drives=drives,
-            steers=config.drive is not None and config.drive.steers,
-        )
+        self.commands = CommandGate(node, self.slot, self._warn, command, config.drive)
         self.step_topics = StepTopics(node, self.slot, self.sensors, self.commands)
         self.step_topics.choose(config.step_topics)
         odom = (lambda: self.publishing.odom_frame) if drives else None
