@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 
 from onebot_control.drive.parameters import DriveParameters
 from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES
-from onebot_control.runtime.control_loop import LoopSlot, VelocityCommand
+from onebot_control.runtime.control_loop import LoopSlot
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.message_age import Age, Delivery, SenderClock
@@ -257,8 +257,8 @@ class CommandGate:
         given = now - age.minimum
         if stamp and not loop.simulated:
             given = now - (time.time_ns() - stamp) / NS_PER_S
-        command = VelocityCommand(*velocity, stamp or 0, given, now - age.maximum)
-        self._slot.command(command, self._on_ignored)
+        sent = now - age.maximum
+        self._slot.command(velocity, self._on_ignored, stamp=stamp or 0, given=given, sent=sent)
 
     def _on_ignored(self, reason: str) -> None:
         self._warn("command", f"{self.topic} is ignored: {reason}")

@@ -1,6 +1,6 @@
 """The ROS interface of one robot: its node's topics and services, and its description."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from typing import Protocol
 
@@ -15,7 +15,6 @@ from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
-from onebot_control.nodes.step_topics import StepTopics
 from onebot_control.prepared_robot import Member, joints_of
 from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_control.runtime.frames import RobotFrames
@@ -27,6 +26,7 @@ from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
+from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled
 
 _RADIUS = "minimum_turning_radius"  # a parameter that other nodes read
@@ -68,7 +68,6 @@ class RobotInterface:
         publishing: publishes its state.
         commands: receives ~/cmd_vel and its lock.
         sensors: its simulated sensors.
-        step_topics: the topics that a step waits for.
     """
 
     def __init__(
@@ -95,8 +94,7 @@ class RobotInterface:
         )
         self.sensors = RobotSensors(node, self.sense_again, world.seed)
         self.commands = CommandGate(node, self.slot, self._warn, command, config.drive)
-        self.step_topics = StepTopics(node, self.slot, self.sensors, self.commands)
-        self.step_topics.choose(config.step_topics)
+        self._asked = 0  # stamp of the latest message on step_topics, ns
         odom = (lambda: self.publishing.odom_frame) if drives else None
         RobotServices(node, self.slot, odom, self._warn)
         refuse_undeclared(node, settings.declared)
@@ -173,7 +171,38 @@ class RobotInterface:
     def restart(self) -> None:
         """Restart with the loop's fleet, which has been reset to the start."""
         self.use(self.slot.robot)
-        self.step_topics.restart()
+        self._asked = self.slot.answered = 0
+
+    @property
+    def _step_topics(self) -> list[str]:
+        return [*map(self.node.resolve_topic_name, self.settings.config.step_topics)]
+
+    def measured(self, topics: Set[str], stamp: int) -> None:
+        """Record that messages with ``stamp``, ns, are published on ``topics``."""
+        if not topics.isdisjoint(self._step_topics):
+            self._asked = stamp
+
+    def missing(self) -> str:
+        """Return what a step must wait for, as the start of a sentence; "" for nothing.
+
+        Raises:
+            OneBotError: step_topics contains a topic that no sensor publishes.
+        """
+        topics, commands = self._step_topics, self.commands.subscription
+        for topic in topics:
+            if not (publisher := self.sensors.publisher(topic)):
+                raise OneBotError(f'step_topics: "{topic}" is not the topic of a sensor')
+            if not publisher.get_subscription_count():
+                return f"no node subscribed to {topic}"
+        if not topics or commands is None:
+            return ""
+        cmd_vel = self.node.resolve_topic_name(self.commands.topic)
+        if not commands.connected:
+            return f"no node offered commands on {cmd_vel}"
+        if self._asked <= self.slot.answered:
+            return ""
+        stamp = f"{self._asked / NS_PER_S:.3f} s"
+        return f"no command with the stamp {stamp} or a later one arrived on {cmd_vel}"
 
     def poll(self) -> None:
         """Look for publishers of commands and edited files, several times per second."""
@@ -252,7 +281,6 @@ class RobotInterface:
         config = self.settings.config
         if config == previous:
             return
-        self.step_topics.choose(config.step_topics)
         if (loop := self.slot.loop) is not None:
             try:
                 loop.call(lambda: self._configure(config))

@@ -234,7 +234,7 @@ class WorldInterface:
 
     def _missing(self) -> str:
         """Return what a step must wait for, as the start of a sentence; "" for nothing."""
-        return next(filter(None, (robot.step_topics.missing() for robot in self.robots)), "")
+        return next(filter(None, (robot.missing() for robot in self.robots)), "")
 
     def publish(self, snapshots: Sequence[Snapshot], stamp: int) -> None:
         """Publish the robots' states in a control cycle, and make due measurements.
@@ -247,7 +247,7 @@ class WorldInterface:
         assert sensing is not None and world is not None
         sensed = sensing.due(snapshots[0].tick)
         for row, (robot, snapshot) in enumerate(zip(self.robots, snapshots, strict=True)):
-            robot.step_topics.measured(sensing.asked(row), stamp)
+            robot.measured(sensing.asked(row), stamp)
             robot.publishing.publish(snapshot, stamp, sensed=row in sensed)
             robot.publish_controllers(stamp)
         poses = world.scene.poses if world.scene else ()

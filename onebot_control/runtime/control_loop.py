@@ -5,12 +5,13 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent import futures
 from queue import Empty, SimpleQueue
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.runtime.pacing import PaceMeter, Pacer, SystemStamps, wake_exactly
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Triple
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.wake_detector import WAKE, WakeDetector, boot_time
 
@@ -281,17 +282,6 @@ class SteppedLoop(ControlLoop):
         raise OneBotError("time only passes in Simulation.run")
 
 
-class VelocityCommand(NamedTuple):
-    """A received velocity command; its times are in ``boot_time``, a clock that cannot be set."""
-
-    linear: float  # forward, m/s
-    lateral: float  # leftward, m/s
-    angular: float  # left turn, rad/s
-    stamp: int  # time in its header, ns; 0 for none
-    given: float  # time at which it was given, s
-    sent: float  # earliest possible time of sending, s
-
-
 class LoopSlot:
     """The place of one robot in the control loop; the threads of its nodes use the robot here.
 
@@ -321,9 +311,36 @@ class LoopSlot:
             raise OneBotError("there is no robot yet")
         return self.loop
 
-    def command(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
-        """Command the robot from the next cycle on; ``ignored`` gets the reason if it fails."""
-        self.running.post(lambda: self._accept(command, ignored))
+    def command(
+        self,
+        velocity: Triple,
+        ignored: Callable[[str], object],
+        *,
+        stamp: int,
+        given: float,
+        sent: float,
+    ) -> None:
+        """Command the robot from the next cycle on.
+
+        Args:
+            velocity: forward, m/s, to the left, m/s, and turning to the left, rad/s.
+            ignored: gets the reason if the command is ignored.
+            stamp: time in its header, ns; 0 for none.
+            given: time at which it was given, s, in ``boot_time``, a clock that cannot be set.
+            sent: earliest possible time of sending, s, in ``boot_time``.
+        """
+
+        def accept() -> None:
+            self.answered = max(self.answered, stamp)
+            refused: str | None = "it was sent before this process woke from a stop"
+            if sent >= self.running.wake.certain():
+                linear, lateral, angular = velocity
+                age = self._age(stamp, given)
+                refused = self.robot.accept(linear, angular, age, lateral=lateral)
+            if refused:
+                ignored(refused)
+
+        self.running.post(accept)
 
     def brake(self, reason: str) -> None:
         """Stop the robot, if there is one yet; goals of its joints end with this reason."""
@@ -335,21 +352,12 @@ class LoopSlot:
         if self.loop is not None:
             self.loop.post(lambda: self.robot.hold_joints(reason))
 
-    def _accept(self, command: VelocityCommand, ignored: Callable[[str], object]) -> None:
-        self.answered = max(self.answered, command.stamp)
-        refused: str | None = "it was sent before this process woke from a stop"
-        if command.sent >= self.running.wake.certain():
-            linear, lateral, angular = command[:3]
-            refused = self.robot.accept(linear, angular, self._age(command), lateral=lateral)
-        if refused:
-            ignored(refused)
-
-    def _age(self, command: VelocityCommand) -> float | None:
+    def _age(self, stamp: int, given: float) -> float | None:
         """Return the age of a command, s, when it takes effect; None if it is unknown.
 
         It includes the time that the command waits in this process.
         """
         loop = self.running
         if loop.simulated:
-            return (loop.now_ns() - command.stamp) / NS_PER_S if command.stamp else None
-        return boot_time() - command.given + (loop.left if command.stamp else 0.0)
+            return (loop.now_ns() - stamp) / NS_PER_S if stamp else None
+        return boot_time() - given + (loop.left if stamp else 0.0)
