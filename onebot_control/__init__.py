@@ -72,8 +72,8 @@ if TYPE_CHECKING:
     )
     from onebot_control.simulated_navigation import SimulatedNavigation
     from onebot_control.simulated_robot import SimulatedRobot
-    from onebot_control.simulated_world import Moment
     from onebot_control.simulation import Simulation
+    from onebot_control.simulation_core import Moment
     from onebot_description.errors import OneBotError
     from onebot_description.geometry.poses import PlanarVelocity
 else:
@@ -84,7 +84,7 @@ else:
             "onebot_control.environment": ("OneBotEnv",),
             "onebot_control.occupancy_grid": ("OccupancyGrid",),
             "onebot_control.nodes.lockstep": ("Lockstep",),
-            "onebot_control.simulated_world": ("Moment",),
+            "onebot_control.simulation_core": ("Moment",),
             "onebot_control.robot_setup": ("RobotSetup",),
             "onebot_control.sensing.readings": (
                 *("ImuReading", "JointState", "OdometryReading"),

@@ -10,7 +10,7 @@ from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.sensing.imu import ImuInstrument
 from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import LidarInstrument
-from onebot_control.simulated_world import SimulatedWorld
+from onebot_control.simulation_core import SimulationCore
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError
@@ -36,13 +36,13 @@ class SimulatedNavigation:
     pose only at the start, and after a teleport.
     """
 
-    def __init__(self, core: Callable[[], SimulatedWorld], row: int) -> None:
+    def __init__(self, core: Callable[[], SimulationCore], row: int) -> None:
         """Take a robot of a world, which ``core`` returns; nothing is read until the first goal."""
         self._present_core, self._row = core, row
         self._begin()
 
     @property
-    def _core(self) -> SimulatedWorld:
+    def _core(self) -> SimulationCore:
         return self._present_core()
 
     def _begin(self) -> None:

@@ -24,7 +24,7 @@ from onebot_control.sensing.readings import (
     Scan,
 )
 from onebot_control.simulated_navigation import SimulatedNavigation
-from onebot_control.simulated_world import SimulatedWorld
+from onebot_control.simulation_core import SimulationCore
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
@@ -50,7 +50,7 @@ _Positions = Annotated[Mapping[str, float], Rule(write="a dict of positions by j
 class SimulatedRobot:
     """One robot of a Simulation: takes commands, and returns its true state and measurements."""
 
-    def __init__(self, core: Callable[[], SimulatedWorld], row: int) -> None:
+    def __init__(self, core: Callable[[], SimulationCore], row: int) -> None:
         """Take the robot ``row`` of a world, which ``core`` returns; see ``Simulation.robots``."""
         self._present_core, self._row, self._name = core, row, core().names[row]
         self._navigation = SimulatedNavigation(core, row)
@@ -456,7 +456,7 @@ class SimulatedRobot:
         return drive
 
     @property
-    def _core(self) -> SimulatedWorld:
+    def _core(self) -> SimulationCore:
         """The current world, which a reset may replace."""
         return self._present_core()
 

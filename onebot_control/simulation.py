@@ -38,7 +38,7 @@ from onebot_control.sensing.rays import HAS_EMBREE, Rays
 from onebot_control.sensing.readings import ByName, RobotPose
 from onebot_control.sensing.surroundings import LinkPose
 from onebot_control.simulated_robot import Duration, Positive, SimulatedRobot, Vector
-from onebot_control.simulated_world import Moment, MomentLog, SimulatedWorld
+from onebot_control.simulation_core import Moment, MomentLog, SimulationCore
 from onebot_description.description import Description
 from onebot_description.description.loading import XacroValues
 from onebot_description.errors import OneBotError, listing
@@ -129,7 +129,7 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._members = partial(fleet_members, default=default, optional=optional)
         members, values = self._members(setups, parameters=parameters)
         sensor_file = "" if isinstance(sensors, bool) else str(sensors)
-        self._build = partial(SimulatedWorld, sensor_file=sensor_file, noise=noise)
+        self._build = partial(SimulationCore, sensor_file=sensor_file, noise=noise)
         self._core = core = self._build(members, values, scene, seed=seed)
         if sensors and not any(core.instruments):
             raise OneBotError(f"{members[0].description.source}: no sensor found")
@@ -269,7 +269,7 @@ class Simulation(AbstractContextManager["Simulation"]):
             self._setups, self._given = setups, given
         self._begun()
 
-    def _move_into(self, core: SimulatedWorld) -> None:
+    def _move_into(self, core: SimulationCore) -> None:
         """Replace the world and its robots."""
         core.after_cycle = self._core.after_cycle
         self._core.close()

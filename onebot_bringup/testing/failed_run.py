@@ -22,8 +22,8 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import CameraSettings, ViewConfig
 from onebot_control.conventions import WORLD_FRAME
 from onebot_control.physics.scene import scene_frames
-from onebot_control.simulated_world import Moment
 from onebot_control.simulation import Simulation
+from onebot_control.simulation_core import Moment
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import Transform

@@ -42,7 +42,7 @@ from onebot_control.nodes.world_interface import WorldInterface
 from onebot_control.runtime.control_loop import SteppedLoop
 from onebot_control.runtime.pacing import Divider, wake_exactly
 from onebot_control.runtime.sensing import Sensing
-from onebot_control.simulated_world import SimulatedWorld
+from onebot_control.simulation_core import SimulationCore
 from onebot_description.errors import OneBotError, alike, listing
 from onebot_description.parameters.arguments import checked_methods
 from onebot_description.parameters.values import Rule
@@ -87,7 +87,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
     def __init__(
         self,
         simulation: S,
-        core: SimulatedWorld,
+        core: SimulationCore,
         domain_id: int | None,
         *,
         remap: Mapping[str, str],

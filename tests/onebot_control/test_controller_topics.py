@@ -49,7 +49,7 @@ def by_child(messages: list[TFMessage]) -> Mapping[str, Any]:
     return {each.child_frame_id: each for message in messages for each in message.transforms}
 
 
-ROOMS = ("nodes", "runtime", "simulated_world", "fleet", "controlled_robot", "drive", "physics")
+ROOMS = ("nodes", "runtime", "simulation_core", "fleet", "controlled_robot", "drive", "physics")
 
 
 def test_a_twist_goes_down_and_back_once(ros_simulation: RosSimulation) -> None:
@@ -75,7 +75,7 @@ def test_a_twist_goes_down_and_back_once(ros_simulation: RosSimulation) -> None:
         sys.setprofile(None)
     assert x(odom[-1]) > 0.1 and {called for _, called in calls} == {*range(len(ROOMS))}
     upward = [(ROOMS[caller], ROOMS[called]) for caller, called in calls if called < caller]
-    assert upward == [("simulated_world", "nodes")]
+    assert upward == [("simulation_core", "nodes")]
 
 
 def test_a_lock_stops_the_robot_whoever_drives(

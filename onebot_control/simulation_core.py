@@ -96,7 +96,7 @@ def _built_by(kind: type[SimulationConfig], parameters: dict[str, Any]) -> dict[
     return {name: value for name, value in parameters.items() if name not in changeable}
 
 
-class SimulatedWorld:
+class SimulationCore:
     """A fleet with its sensors, whose time advances by control cycles.
 
     Attributes:
