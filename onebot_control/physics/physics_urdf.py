@@ -115,17 +115,17 @@ def physics_urdf(
     if problems:
         raise OneBotError("\n".join(problems))
     frames = rigid_frames(description)
-    for row, joint in enumerate(description.moving_joints):
+    for index, joint in enumerate(description.moving_joints):
         parent, pose = frames[joint.parent]
         place, carrier = pose @ matrices.of_origin(joint.origin), numbers[parent]
         if isinstance(joint, SkidAxle):
-            hub = f"{HUB}{row}"
+            hub = f"{HUB}{index}"
             robot.append(_link(hub, _inertial(description, bodies[joint.child], _HUB)))
             # A lower limit above the upper one means no limits.
             slide = replace(joint, kind="prismatic", lower=1.0, upper=-1.0)
             robot.append(_joint(slide, hub, place, carrier, hub))
             place, carrier = np.eye(4), hub
-        robot.append(_joint(joint, str(row), place, carrier, numbers[joint.child]))
+        robot.append(_joint(joint, str(index), place, carrier, numbers[joint.child]))
     return to_text(robot)
 
 

@@ -116,7 +116,7 @@ class RobotBody:
         self.driven, self.commanded = tuple(spawn.driven), tuple(spawn.commanded)
         self.starts = tuple([spawn.starts.get(name, 0.0) for name in self.joints])
         motors = [moving[name] for name in (*self.driven, *self.commanded)]
-        self._motor_rows = [self.joints.index(joint.name) for joint in motors]
+        self._motors = [self.joints.index(joint.name) for joint in motors]
         count = len(self.driven)
         self._frictions = [0.0] * count + [joint.friction for joint in motors[count:]]
         self._most_efforts = [joint.effort or 0.0 for joint in motors]
@@ -228,12 +228,12 @@ class RobotBody:
             effort: maximum effort, Nm or N; 0 for the joint's own limit.
             velocity: maximum velocity, rad/s or m/s; 0 for the joint's own limit.
         """
-        row = self.commanded.index(name)
-        motor = len(self.driven) + row
+        number = self.commanded.index(name)
+        motor = len(self.driven) + number
         most = min(self._most_efforts[motor], effort or math.inf)
-        self._strengths_commanded[row] = _strength(most, self._frictions[motor])
-        lower, upper, fastest = self._all_limits[row]
-        self._limits[row] = lower, upper, min(fastest, velocity or math.inf)
+        self._strengths_commanded[number] = _strength(most, self._frictions[motor])
+        lower, upper, fastest = self._all_limits[number]
+        self._limits[number] = lower, upper, min(fastest, velocity or math.inf)
 
     def state(self) -> tuple[JointStates, Transform, MassVelocity]:
         """Return the state of the joints, and the true pose and velocity of the root link."""
@@ -317,10 +317,10 @@ class RobotBody:
         """Read the state after ``steps`` physics steps."""
         states = self._read_joints()
         efforts = [0.0] * len(states)
-        for row, total, friction in zip(self._motor_rows, self._sums, self._frictions, strict=True):
-            efforts[row] = (total + states[row][_EFFORT]) / steps
+        for index, total, friction in zip(self._motors, self._sums, self._frictions, strict=True):
+            efforts[index] = (total + states[index][_EFFORT]) / steps
             if friction:  # PyBullet does not include it, but the motor must overcome it
-                efforts[row] += friction * clamp(states[row][1] / _MOVING, -1.0, 1.0)
+                efforts[index] += friction * clamp(states[index][1] / _MOVING, -1.0, 1.0)
         self._efforts, self._sums = tuple(efforts), [0.0] * len(self._sums)
         self._references = self._references[-1:]
         self._update(states, base_moves=not self.spawn.fixed_base)
@@ -343,8 +343,8 @@ class RobotBody:
         """Store the joints' state, read the base's, and check that all values are finite."""
         self.positions = tuple([state[0] for state in states])
         self._velocities = tuple([state[1] for state in states])
-        rows = self._motor_rows[len(self.driven) :]
-        self._commanded_positions = [self.positions[row] for row in rows]
+        indices = self._motors[len(self.driven) :]
+        self._commanded_positions = [self.positions[index] for index in indices]
         if base_moves:
             self.pose = self.parts.pose()
             self._velocity: tuple[Triple, Triple] = self._read_velocity()

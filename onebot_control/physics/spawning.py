@@ -178,16 +178,16 @@ def load_robot(bullet: Bullet, spawn: RobotSpawn) -> LoadedBody:
                 robot, index, engine.POSITION_CONTROL, force=0.0 if slides else _HOLDING
             )
             continue
-        row = int(name)
-        joint = moving[row]
-        indices[row] = index
+        number = int(name)
+        joint = moving[number]
+        indices[number] = index
         # Without a motor, friction is a motor with target velocity 0 and the friction's torque.
         torque = joint.effort if joint.name in motors else info[7]
         bullet.setJointMotorControl2(robot, index, engine.VELOCITY_CONTROL, force=torque)
         grasps = joint.name in grasping
-        set_contact(bullet, robot, index, moved[row], grasps=grasps)
+        set_contact(bullet, robot, index, moved[number], grasps=grasps)
     set_contact(bullet, robot, -1, root)
-    joints = {joint.name: indices[row] for row, joint in enumerate(moving)}
+    joints = {joint.name: indices[number] for number, joint in enumerate(moving)}
     for name, mimic in spawn.gears.items():
         _add_gear(bullet, robot, joints[name], joints[mimic.joint], mimic)
     skidding = [joints[joint.name] for joint in moving if isinstance(joint, SkidAxle)]
@@ -200,7 +200,7 @@ def load_robot(bullet: Bullet, spawn: RobotSpawn) -> LoadedBody:
     mass_frame = Transform(dynamics[3], dynamics[4])
     weightless = [
         (index, tuple((moment / mass).tolist()), mass * bullet.settings.gravity)
-        for index, body in [(-1, root), *((indices[row], body) for row, body in enumerate(moved))]
+        for index, body in [(-1, root), *zip(joints.values(), moved, strict=True)]
         for mass, moment in [body.weightless]
         if mass > 0.0
     ]
