@@ -72,8 +72,8 @@ def _multiplier(what: str) -> Any:
 
 
 @dataclass(frozen=True)
-class SideParameters:
-    """The parameters of the wheels on two sides."""
+class DiffDriveParameters(DriveParameters["WheelGeometry"]):
+    """diff_drive_controller's parameters."""
 
     left_wheel_names: tuple[str, ...] = _names()
     right_wheel_names: tuple[str, ...] = _names()
@@ -86,6 +86,8 @@ class SideParameters:
     right_wheel_radius_multiplier: float = _multiplier("wheel_radius on its side")
     left_wheel_noise: float = wheel_noise()
     right_wheel_noise: float = wheel_noise()
+    is_async: bool = ignored(False, IN_EACH_CYCLE)
+    wheels_per_side: int = ignored(0, "the names are counted")
 
     def check(self) -> Iterator[Problem]:
         """Report sides with different numbers of wheels."""
@@ -93,15 +95,6 @@ class SideParameters:
         if len(left) != len(right):
             text = f"{len(right)} wheels, but left_wheel_names has {len(left)}; name equally many"
             yield Problem("right_wheel_names", text)
-
-
-# The order of the bases, from last to first, is the order of parameters in tables.
-@dataclass(frozen=True)
-class DiffDriveParameters(DriveParameters["WheelGeometry"], SideParameters):
-    """diff_drive_controller's parameters."""
-
-    is_async: bool = ignored(False, IN_EACH_CYCLE)
-    wheels_per_side: int = ignored(0, "the names are counted")
 
     def noise(self, paths: int) -> Sequence[float]:
         return self.left_wheel_noise**2, self.right_wheel_noise**2

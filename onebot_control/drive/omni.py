@@ -7,15 +7,13 @@ from onebot_control.drive.holonomic import (
     HolonomicKinematics,
     HolonomicParameters,
 )
-from onebot_control.drive.parameters import read_from_urdf, variances
+from onebot_control.drive.parameters import Diagonal, read_from_urdf, variances
 from onebot_description.parameters.reader import parameter
 
 if TYPE_CHECKING:
     from onebot_control.drive.wheels.finding import RunningGear
     from onebot_control.drive.wheels.rollers import OmniWheels
     from onebot_description.description import Description
-
-_Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -33,10 +31,10 @@ class OmniParameters(HolonomicParameters):
     wheel_offset: float = parameter(
         0.0, "direction of the first wheel, rad to the left of forward; used with robot_radius"
     )
-    pose_covariance_diagonal: _Six = variances(
+    pose_covariance_diagonal: Diagonal = variances(
         "; zeros: they grow on the way", name="diagonal_covariance.pose"
     )
-    twist_covariance_diagonal: _Six = variances(name="diagonal_covariance.twist")
+    twist_covariance_diagonal: Diagonal = variances(name="diagonal_covariance.twist")
 
     @classmethod
     def is_found(cls, gear: "RunningGear") -> bool:

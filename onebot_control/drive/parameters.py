@@ -37,7 +37,7 @@ def read_from_urdf(description: str, **rules: Any) -> Any:
     return parameter(0.0, f"{description}, m; 0: read from the URDF", at_least=0.0, **rules)
 
 
-_Six = tuple[float, float, float, float, float, float]
+Diagonal = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class DriveParameters(ABC, Generic[G]):
     base_frame_id: str = parameter(
         "", "frame of the base, child of odom_frame_id; empty: the robot's root link"
     )
-    pose_covariance_diagonal: _Six = variances("; zeros: they grow with the path")
-    twist_covariance_diagonal: _Six = variances()
+    pose_covariance_diagonal: Diagonal = variances("; zeros: they grow with the path")
+    twist_covariance_diagonal: Diagonal = variances()
     open_loop: bool = parameter(False, "odometry from the commands, not from the wheels")
     position_feedback: bool = parameter(True, "odometry from wheel positions, not velocities")
     enable_odom_tf: bool = parameter(True, "also publish the odometry on /tf")
