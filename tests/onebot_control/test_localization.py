@@ -92,12 +92,10 @@ def test_the_truth_off_tf(ros_simulation: RosSimulation) -> None:
 
 
 def test_without_a_world_the_static_truth_is_withdrawn(ros_simulation: RosSimulation) -> None:
-    """Those who come later do not receive it; changes without effect are refused."""
+    """Those who come later do not receive it."""
     robots = Stepped(ros_simulation(robot(), parameters={"world_frame_id": ""}))
     static = robots.hear(TFMessage, "/tf_static", EVERY)
-    for value, reason in ((False, ""), (True, "set world_frame_id first")):
-        (result,) = robots.set_parameters(NODE, ground_truth_tf=value)
-        assert result.successful is not bool(reason) and reason in result.reason
+    robots.set_parameters(NODE, ground_truth_tf=False)
     robots.set_parameters(NODE, world_frame_id="world")
     assert not parents(static)
     robots.set_parameters(NODE, ground_truth_tf=True)

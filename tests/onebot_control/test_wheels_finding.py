@@ -136,14 +136,6 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
             "its joints include no wheel on the left with a",
         ),
-        (
-            tuple(
-                wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
-                for wheel in FOUR
-            ),
-            "by their names, its wheels are omnidirectional",
-        ),
-        (rolling_on("file:///a/omni/b/c.stl"), "its wheels are omnidirectional, with rollers"),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
