@@ -12,7 +12,6 @@ from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import LidarInstrument
 from onebot_control.simulation_core import SimulationCore
 from onebot_description.arrays import Floats
-from onebot_description.description import Description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import PlanarPose
@@ -27,7 +26,7 @@ if TYPE_CHECKING:  # the first goal imports the modules that need scipy
 _MIN_RAYS = 30  # minimum number of rays of a lidar that can build a map
 
 
-@checked_methods(before=lambda self: self._core.require_open())
+@checked_methods(before=lambda self: self._core().require_open())
 class SimulatedNavigation:
     """Drives one robot of a simulation to goals; use it as ``robot.navigation``.
 
@@ -38,15 +37,11 @@ class SimulatedNavigation:
 
     def __init__(self, core: Callable[[], SimulationCore], row: int) -> None:
         """Take a robot of a world, which ``core`` returns; nothing is read until the first goal."""
-        self._present_core, self._row = core, row
+        self._core, self._row = core, row
         self._begin()
 
-    @property
-    def _core(self) -> SimulationCore:
-        return self._present_core()
-
     def _begin(self) -> None:
-        core = self._core
+        core = self._core()
         values = core.parameters[self._row]
         # The pose of the odometry frame in the world when the robot was last placed.
         self._origin = PlanarPose(*(float(values.get(name, 0.0)) for name in ("x", "y", "yaw")))
@@ -56,7 +51,7 @@ class SimulatedNavigation:
     @property
     def _navigator(self) -> "Navigator | None":
         """The navigator; None if there was no goal since the start of the simulation."""
-        if self._began != (self._core, self._core.starts):
+        if self._began != (self._core(), self._core().starts):
             self._begin()
         return self._made
 
@@ -97,7 +92,7 @@ class SimulatedNavigation:
             OneBotError: see ``navigator``.
         """
         self.navigator.go_to(x, y, yaw)
-        self._core.after_cycle[self] = self._step
+        self._core().after_cycle[self] = self._step
 
     def cancel(self, reason: str = "the goal was cancelled") -> None:
         """End the goal, if there is one; the robot brakes."""
@@ -107,98 +102,86 @@ class SimulatedNavigation:
 
     def place(self, pose: PlanarPose) -> None:
         """Accept that the robot was placed at a pose in the world."""
-        odometry, _ = self._odometry()
         if self._navigator is not None:
             self._navigator.place(pose)
-        self._origin = pose.compose(odometry.inverse())
+        self._origin = pose.compose(self._odometry().inverse())
 
     def _make(self) -> "Navigator":
         from onebot_control.navigation.footprint import vehicle_of
+        from onebot_control.navigation.grid import is_level
         from onebot_control.navigation.navigator import Navigator
 
-        core, row = self._core, self._row
-        robot = core.fleet.robots[row]
+        core = self._core()
+        robot = core.fleet.robots[self._row]
+        source = robot.description.source
         if robot.drive is None:
-            raise OneBotError(f"{robot.description.source}: the robot has no wheels to drive on")
-        self._lidar, self._mount = self._level_lidar(robot.description)
-        imus = [item for item in core.instruments[row] if isinstance(item, ImuInstrument)]
+            raise OneBotError(f"{source}: the robot has no wheels to drive on")
+        lidars = [
+            (item.model.horizontal.upper - item.model.horizontal.lower, item, pose)
+            for item, pose in self._mounted(LidarInstrument)
+            if is_level(pose) and item.model.horizontal.samples >= _MIN_RAYS
+        ]
+        if not lidars:
+            text = "the robot has no level lidar, which navigation needs"
+            if not core.instruments[self._row]:
+                text += "; Simulation(sensors=True) gives OneBot its sensors"
+            raise OneBotError(f"{source}: {text}")
+        _, self._lidar, self._mount = max(lidars, key=lambda each: each[0])
         # Wheels that do not skid measure rotation more exactly than an IMU.
-        self._imu = imus[0] if imus and robot.drive.wheels.skids else None
-        model = RobotModel.from_description(robot.description).link_matrices({})
-        self._imu_axes = (
-            model[self._imu.sensor.link] @ matrices.of_origin(self._imu.sensor.origin)
-            if self._imu
-            else np.eye(4)
-        )
+        imus = self._mounted(ImuInstrument) if robot.drive.wheels.skids else []
+        self._imu = imus[0] if imus else None
         limits = ControllerLimits.from_parameters("", values_of(robot.drive.config))
         assert limits is not None
         minimum_radius = getattr(robot.drive.geometry, "minimum_radius", 0.0)
         vehicle = vehicle_of(robot.description, [replace(limits, minimum_radius=minimum_radius)])
-        odometry, _ = self._odometry()
-        navigator = Navigator(vehicle, self._origin.compose(odometry))
+        navigator = Navigator(vehicle, self._origin.compose(self._odometry()))
         rate = core.fleet.rate
         self._every = max(1, round(rate / navigator.parameters.controller_frequency))
         self._scan_every = self._every * max(1, round(rate / self._lidar.rate / self._every))
         self._cycles, self._turn = 0, 0.0
         return navigator
 
-    def _level_lidar(self, description: Description) -> tuple[Instrument[Any], Floats]:
-        """Return the level lidar with the widest view, and its pose (4, 4) in the root link.
-
-        Raises:
-            OneBotError: there is none.
-        """
-        from onebot_control.navigation.grid import is_level
-
+    def _mounted(self, kind: type[Instrument[Any]]) -> list[tuple[Any, Floats]]:
+        """Return the robot's sensors of a kind, with their poses (4, 4) in the root link."""
+        description = self._core().fleet.robots[self._row].description
         links = RobotModel.from_description(description).link_matrices({})
-        found = []
-        for item in self._core.instruments[self._row]:
-            if isinstance(item, LidarInstrument) and (item.model.horizontal.samples >= _MIN_RAYS):
-                pose = links[item.sensor.link] @ matrices.of_origin(item.sensor.origin)
-                if is_level(pose):
-                    fan = item.model.horizontal
-                    found.append((fan.upper - fan.lower, item, pose))
-        if not found:
-            text = "the robot has no level lidar, which navigation needs"
-            if not self._core.instruments[self._row]:
-                text += "; Simulation(sensors=True) gives OneBot its sensors"
-            raise OneBotError(f"{description.source}: {text}")
-        _, lidar, pose = max(found, key=lambda each: each[0])
-        return lidar, pose
+        return [
+            (item, links[item.sensor.link] @ matrices.of_origin(item.sensor.origin))
+            for item in self._core().instruments[self._row]
+            if isinstance(item, kind)
+        ]
 
-    def _odometry(self) -> tuple[PlanarPose, tuple[float, float, float]]:
-        drive = self._core.fleet.robots[self._row].drive
-        if drive is None:
-            return PlanarPose(), (0.0, 0.0, 0.0)
-        state = drive.state(1.0)
-        linear, lateral, angular = state.twist
-        return PlanarPose(*state.odometry), (linear, lateral, angular)
+    def _odometry(self) -> PlanarPose:
+        drive = self._core().fleet.robots[self._row].drive
+        return drive.odometry.pose if drive else PlanarPose()
 
     def _scan(self) -> "LevelScan":
         from onebot_control.navigation.grid import LevelScan
 
         fan = self._lidar.model.horizontal
-        ranges: Any = self._lidar.measure(self._core.sensed(), {"scan"})["scan"]
+        ranges: Any = self._lidar.measure(self._core().sensed(), {"scan"})["scan"]
         step = (fan.upper - fan.lower) / (fan.samples - 1)
         return LevelScan.mounted(ranges, fan.lower, step, self._lidar.model.range_max, self._mount)
 
     def _step(self) -> None:
         """Take measurements after a control cycle, and command the next cycles."""
-        core, navigator = self._core, self._navigator
+        core, navigator = self._core(), self._navigator
         if navigator is None:  # the simulation was reset
             core.after_cycle.pop(self, None)
             return
         if self._imu is not None:
-            _, rates, _ = self._imu.measure(core.sensed(), {"imu"})["imu"]
-            self._turn += float(self._imu_axes[2, :3] @ rates) * core.fleet.period
+            imu, pose = self._imu
+            _, rates, _ = imu.measure(core.sensed(), {"imu"})["imu"]
+            self._turn += float(pose[2, :3] @ rates) * core.fleet.period
         self._cycles += 1
         if self._cycles % self._every:
             return
-        turn, self._turn = self._turn, 0.0
-        odometry, speed = self._odometry()
+        turn, self._turn = self._turn if self._imu else None, 0.0
+        drive = core.fleet.robots[self._row].drive
+        assert drive is not None
         scan = None if (self._cycles - self._every) % self._scan_every else self._scan()
-        turn_measured = turn if self._imu else None
-        command = navigator.update(core.time, odometry, speed, scan=scan, turn=turn_measured)
+        odometry, speed = drive.odometry.pose, drive.odometry.twist
+        command = navigator.update(core.time, odometry, speed, scan=scan, turn=turn)
         if navigator.navigating:
             core.commands[self._row] = command
         else:
@@ -206,6 +189,6 @@ class SimulatedNavigation:
 
     def _finish(self) -> None:
         """Brake, and release the robot for other commands."""
-        self._core.after_cycle.pop(self, None)
-        self._core.commands[self._row] = None
-        self._core.fleet.robots[self._row].accept(0.0, 0.0)
+        self._core().after_cycle.pop(self, None)
+        self._core().commands[self._row] = None
+        self._core().fleet.robots[self._row].accept(0.0, 0.0)

@@ -10,7 +10,7 @@ from onebot_description.arrays import Floats, Singles
 
 _STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))
 _LENGTHS = np.array([1.0] * 4 + [math.sqrt(2.0)] * 4)
-_WIDTH = 2.0  # width of the fronts that are computed together, in cells of free ground
+_WIDTH = 4.0  # width of the fronts that are computed together, in cells of free ground
 
 Cells = NDArray[np.intp]
 

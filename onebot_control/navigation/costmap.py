@@ -30,16 +30,14 @@ class Costmap:
             1 m.
         fine: (2 rows, 2 columns), the same from the centers of the quarters of cells.
         prices: (rows, columns), price of driving 1 m there; infinite where the robot cannot be.
-        further: (rows, columns), the part of the prices that is due to visits, or off a path.
     """
 
     def __init__(self, grid: GridMap, radius: float) -> None:
         """Use a map, and the radius within which the robot certainly touches obstacles, m."""
         self._grid, self._radius = grid, radius
         self._occupied = np.zeros((0, 0), np.bool_)
-        self._origin = grid.origin
         self.distances = self.fine = np.zeros((0, 0), np.float32)
-        self.prices = self.further = np.zeros((0, 0), np.float32)
+        self.prices = np.zeros((0, 0), np.float32)
         self.version = -1
 
     def update(self, window: Window) -> Window | None:
@@ -60,20 +58,12 @@ class Costmap:
             return None
         self._occupied[window.cells] = occupied
         rows, columns = (np.flatnonzero(changed.any(axis=axis)).tolist() for axis in (1, 0))
-        top, left = window.top, window.left
-        return self._measure(
-            Window(top + rows[0], left + columns[0], top + rows[-1] + 1, left + columns[-1] + 1)
-        )
+        part = Window(rows[0], columns[0], rows[-1] + 1, columns[-1] + 1)
+        return self._measure(part.moved(window.top, window.left))
 
     def _resize(self) -> None:
         grid = self._grid
-        old, origin, visits = self._occupied.shape, self._origin, self.further
         self._occupied = grid.log_odds > 0.0
-        self.further = np.zeros(grid.shape, np.float32)
-        if visits.size:
-            column, row = np.rint((np.array(origin) - grid.origin) / grid.resolution).astype(int)
-            self.further[row : row + old[0], column : column + old[1]] = visits
-        self._origin = grid.origin
         self.distances = np.full(grid.shape, _REACH, np.float32)
         self.fine = np.full((2 * grid.shape[0], 2 * grid.shape[1]), _REACH, np.float32)
         self.prices = np.ones(grid.shape, np.float32)
@@ -83,10 +73,8 @@ class Costmap:
         """Recompute distances and prices around a part whose obstacles have changed."""
         resolution = self._grid.resolution
         reach = math.ceil(_REACH / resolution)
-        inner, outer = (
-            part.grown(reach, self._occupied.shape),
-            part.grown(2 * reach, self._occupied.shape),
-        )
+        inner = part.grown(reach, self._occupied.shape)
+        outer = part.grown(2 * reach, self._occupied.shape)
         occupied = self._occupied[outer.cells]
         distances = np.full(occupied.shape, _REACH, np.float32)
         if occupied.any():
@@ -100,12 +88,9 @@ class Costmap:
             rows = rows + y / number - np.arange(occupied.shape[0], dtype=np.float32)[:, None]
             columns = columns + x / number - np.arange(occupied.shape[1], dtype=np.float32)
             np.minimum(np.hypot(rows, columns) * np.float32(resolution), _REACH, out=distances)
-        top, left = inner.top - outer.top, inner.left - outer.left
-        rows, columns = inner.bottom - inner.top, inner.right - inner.left
-        self.distances[inner.cells] = distances[top : top + rows, left : left + columns]
-        self.fine[2 * inner.top : 2 * inner.bottom, 2 * inner.left : 2 * inner.right] = quartered(
-            self.distances[inner.cells]
-        )
+        self.distances[inner.cells] = distances[inner.moved(-outer.top, -outer.left).cells]
+        quarters = Window(*(2 * edge for edge in inner)).cells
+        self.fine[quarters] = quartered(self.distances[inner.cells])
         self.price(inner)
         return inner
 
@@ -115,19 +100,19 @@ class Costmap:
         beyond = distances - np.float32(self._radius)
         prices = np.float32(1.0) + np.float32(_NEAR) * np.exp(beyond * np.float32(-1.0 / _DECAY))
         prices += np.float32(_UNKNOWN) * (self._grid.log_odds[part.cells] == 0.0)
-        prices += self.further[part.cells]
+        prices += self._grid.further[part.cells]
         prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
     def visit(self, part: Window, seconds: float) -> Window:
         """Record that the robot was in a part, so that it prefers other paths; return the part."""
-        self.further[part.cells] += np.float32(_VISITED * seconds)
+        self._grid.further[part.cells] += np.float32(_VISITED * seconds)
         self.price(part)
         return part
 
     def prefer(self, points: Floats | None) -> None:
         """Forget visits, and increase prices with the distance from a path, (N, 2)."""
-        self.further[:] = 0.0
+        self._grid.further[:] = 0.0
         if points is not None:
             grid, away = self._grid, np.ones(self._grid.shape, np.bool_)
             for start, end in zip(points[:-1], points[1:], strict=True):
@@ -135,7 +120,7 @@ class Costmap:
                 cells = grid.cells(np.linspace(start, end, count))
                 away[tuple(cells[grid.inside(cells)].T)] = False
             distances = distance_transform_edt(away) * grid.resolution
-            self.further[:] = _OFF_PATH * np.minimum(distances, 1.0)
+            self._grid.further[:] = _OFF_PATH * np.minimum(distances, 1.0)
         self.price(Window(0, 0, *self.prices.shape))
 
     def costs(self) -> OccupancyGrid:

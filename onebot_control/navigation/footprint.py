@@ -130,22 +130,14 @@ def footprint_of(description: "Description") -> Floats:
     Raises:
         OneBotError: the robot has no shapes.
     """
-    from onebot_control.sensing.solids import robot_solid
-
-    corners = robot_solid(description).corners[:, :2].astype(float)
-    hull = convex_hull(corners)
-    if len(hull) < 3:
-        raise OneBotError(f"{description.source}: the robot has no shape, so it has no footprint")
-    return hull
-
-
-def convex_hull(points: Floats) -> Floats:
-    """Return the corners of the convex hull of points (N, 2), counterclockwise; none of a line."""
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
-    ordered = np.unique(points.round(6), axis=0)
+    from onebot_control.sensing.solids import robot_solid
+
+    corners = np.unique(robot_solid(description).corners[:, :2].astype(float).round(6), axis=0)
     try:
-        corners = ConvexHull(ordered).vertices
+        hull = ConvexHull(corners).vertices
     except (QhullError, ValueError):  # they are on a line, or too few
-        return np.zeros((0, 2))
-    return np.asarray(ordered[np.roll(corners, -corners.argmin())])
+        text = f"{description.source}: the robot has no shape, so it has no footprint"
+        raise OneBotError(text) from None
+    return np.asarray(corners[np.roll(hull, -hull.argmin())])

@@ -3,24 +3,13 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from onebot_control.navigation.navigator import Failure, Navigator
 from onebot_description.geometry.poses import PlanarPose
 
 _PASSED = 0.5  # m from an intermediate pose at which the next one becomes the target
 _MONITORED = 0.1  # s between two feedback messages
-Begin = Callable[[Navigator], None]
-
-
-class Client(Protocol):
-    """The sender of a goal."""
-
-    def feed(self, goal: "Goal", navigator: Navigator) -> None:
-        """Receive the progress of the goal."""
-
-    def ended(self, goal: "Goal", reason: str, failure: Failure | None) -> None:
-        """Receive the result of the goal: reached if ``reason`` is empty."""
 
 
 @dataclass
@@ -28,7 +17,6 @@ class Goal:
     """A goal that drives the robot.
 
     Attributes:
-        client: the sender; None for a goal of the topic.
         poses: target poses in the map; empty for a motion.
         motion: starts a motion, if there are no poses.
         stops: whether the robot stops at each pose and skips missed ones; else only at the last.
@@ -37,24 +25,23 @@ class Goal:
         lasts: time to wait, s; 0 for a goal that drives.
         index: index of the next pose.
         missed: index and failure of poses that were not reached.
+        client: its sender; ``client.feed(goal, navigator)`` receives the progress, and
+            ``client.ended(goal, reason, failure)`` the result; None for a goal of the topic.
         handle: the client's handle of the goal.
         began: start time of the navigator, s.
-        driven: distance driven, m.
     """
 
-    client: Client | None
     poses: Sequence[PlanarPose] = ()
-    motion: Begin | None = None
+    motion: Callable[[Navigator], None] | None = None
     stops: bool = False
     stops_on_failure: bool = False
     loops: int = 0
     lasts: float = 0.0
     index: int = 0
     missed: list[tuple[int, Failure]] = field(default_factory=list)
+    client: Any = None
     handle: Any = None
     began: float = 0.0
-    driven: float = 0.0
-    last: PlanarPose | None = None
 
     def next(self, navigator: Navigator) -> bool:
         """Start driving to the next pose, or the motion; return whether there is one."""
@@ -81,21 +68,16 @@ class Goals:
     """Starts goals, monitors them, and reports their results to their clients."""
 
     def __init__(
-        self,
-        navigator: Callable[[], Navigator],
-        prepare: Callable[[], None],
-        log: Callable[[str], object],
-        warn: Callable[[str], object],
+        self, navigator: Callable[[], Navigator], prepare: Callable[[], None], logger: Any
     ) -> None:
         """Start without a goal.
 
         Args:
             navigator: returns the navigator; raises OneBotError while there is none.
             prepare: called before a goal drives the robot; raises OneBotError if it cannot.
-            log: logs a line.
-            warn: logs a warning.
+            logger: has the methods ``info`` and ``warning``.
         """
-        self._navigator, self._prepare, self._log, self._warn = navigator, prepare, log, warn
+        self._navigator, self._prepare, self._logger = navigator, prepare, logger
         self._goal: Goal | None = None
         self._fed = -math.inf
 
@@ -114,12 +96,13 @@ class Goals:
         self._prepare()
         navigator = self._navigator()
         self._end("another goal has come")
-        goal.began, goal.last = navigator.time, navigator.pose
+        goal.began = navigator.time
         goal.next(navigator)
         self._goal = goal
-        self._log(_described(goal))
+        places = [f" to {x:.2f}, {y:.2f} m, {yaw:.2f} rad" for x, y, yaw in goal.poses[-1:]]
+        self._logger.info(f"a goal begins{''.join(places)}")
 
-    def cancel(self, reason: str, client: Client | None = None) -> None:
+    def cancel(self, reason: str, client: Any = None) -> None:
         """Cancel the goal, if there is one; with ``client`` only if that client sent it."""
         if self._goal is not None and client in (None, self._goal.client):
             self._end(reason)
@@ -130,9 +113,6 @@ class Goals:
         if goal is None:
             return
         navigator = self._navigator()
-        pose, last = navigator.pose, goal.last or navigator.pose
-        goal.driven += math.hypot(pose.x - last.x, pose.y - last.y)
-        goal.last = pose
         if goal.lasts:
             if navigator.time - goal.began >= goal.lasts:
                 self._end("")
@@ -149,16 +129,13 @@ class Goals:
     def _leg_ended(self, goal: Goal, navigator: Navigator) -> None:
         failure = navigator.failure
         if failure is not None and goal.stops:
-            self._log(f"pose {goal.index} was not reached: {navigator.reason}")
+            self._logger.info(f"pose {goal.index} was not reached: {navigator.reason}")
             goal.missed.append((goal.index, failure))
-            continues = not goal.stops_on_failure
-        else:
-            continues = navigator.status == "arrived"
-        if not continues:
-            self._end(navigator.reason, failure)
-            return
         goal.index += 1
-        if not goal.next(navigator):
+        skips = failure is not None and goal.stops and not goal.stops_on_failure
+        if not skips and navigator.status != "arrived":
+            self._end(navigator.reason, failure)
+        elif not goal.next(navigator):
             self._end("")
 
     def _end(self, reason: str, failure: Failure | None = None) -> None:
@@ -168,16 +145,8 @@ class Goals:
             return
         self._navigator().cancel(reason)
         if reason:
-            self._warn(f"the goal has ended: {reason}")
+            self._logger.warning(f"the goal has ended: {reason}")
         else:
-            self._log("the goal is reached")
+            self._logger.info("the goal is reached")
         if goal.client is not None:
             goal.client.ended(goal, reason, failure)
-
-
-def _described(goal: Goal) -> str:
-    if not goal.poses:
-        return "a motion begins" if not goal.lasts else f"waiting for {goal.lasts:g} s"
-    x, y, yaw = goal.poses[-1]
-    count = f" by {len(goal.poses)} poses" if len(goal.poses) > 1 else ""
-    return f"driving to {x:.2f}, {y:.2f} m, {yaw:.2f} rad{count}"

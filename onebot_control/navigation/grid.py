@@ -42,6 +42,7 @@ class LevelScan(NamedTuple):
     step: float  # angle between rays, rad
     reach: float  # maximum range, m
     mount: PlanarPose = PlanarPose()
+    time: float | None = None  # s; None: that of the odometry
 
     @classmethod
     def mounted(
@@ -107,6 +108,11 @@ class Window(NamedTuple):
             min(shape[1], self.right + cells),
         )
 
+    def moved(self, rows: int, columns: int) -> "Window":
+        """Return a part of the same size."""
+        top, left, bottom, right = self
+        return Window(top + rows, left + columns, bottom + rows, right + columns)
+
     def union(self, other: "Window | None") -> "Window":
         """Return the smallest part that contains this one and another."""
         if other is None:
@@ -124,6 +130,7 @@ class GridMap:
         log_odds: (rows, columns); above 0 occupied, below 0 free, 0 unknown.
         ends: (rows, columns, 3): number of ends in a cell, and the sums of their x and y relative
             to the cell's center, m.
+        further: (rows, columns), price of driving over cells apart from obstacles.
         version: changes when the map grows.
     """
 
@@ -138,6 +145,7 @@ class GridMap:
         self.origin = (0.0, 0.0)
         self.log_odds = np.zeros((0, 0), np.float32)
         self.ends = np.zeros((0, 0, 3), np.float32)
+        self.further = np.zeros((0, 0), np.float32)
         self.version = 0
 
     @classmethod
@@ -145,12 +153,12 @@ class GridMap:
         """Return a map that starts with a given grid."""
         copy = cls(grid.resolution, reach)
         copy.origin = grid.origin
-        data = grid.data
-        copy.log_odds = np.select(
-            [data == UNKNOWN, data > 50], [0.0, _MAX_LOG_ODDS], _MIN_LOG_ODDS
-        ).astype(np.float32)
-        copy.ends = np.zeros((*data.shape, 3), np.float32)
-        copy.ends[data > 50, 0] = 1.0
+        known, occupied = grid.data != UNKNOWN, grid.data > 50
+        log_odds = known * np.where(occupied, _MAX_LOG_ODDS, _MIN_LOG_ODDS)
+        copy.log_odds = log_odds.astype(np.float32)
+        copy.ends = np.zeros((*grid.data.shape, 3), np.float32)
+        copy.ends[occupied, 0] = 1.0
+        copy.further = np.zeros_like(copy.log_odds)
         return copy
 
     @property
@@ -177,35 +185,30 @@ class GridMap:
         """Return which cells (N, 2) are in the map."""
         return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=1))
 
-    def cover(self, low: tuple[float, float], high: tuple[float, float]) -> bool:
-        """Grow the map to the rectangle between two corners, m; return whether it has grown.
+    def cover(self, low: Floats, high: Floats) -> bool:
+        """Grow the map to the rectangle between two corners, (2,), m; return whether it has grown.
 
         Raises:
             ValueError: the map would be too large.
         """
-        chunk = _CHUNK * self.resolution
-        corners = np.array([low, high])
-        if self.log_odds.size:
-            edges = np.array([self.origin, self.origin]) + self.resolution * np.array(
-                [(0, 0), self.shape[::-1]]
-            )
-            if (corners[0] >= edges[0]).all() and (corners[1] <= edges[1]).all():
-                return False
-        else:
-            first = np.floor(corners[0] / chunk) * chunk
-            self.origin = (float(first[0]), float(first[1]))
-            edges = np.array([first, first])
-        # Whole chunks before the current first cell, and behind the last one.
-        chunks_before = np.ceil(np.maximum(0.0, edges[0] - corners[0]) / chunk).astype(int) * _CHUNK
-        behind = np.ceil(np.maximum(0.0, corners[1] - edges[1]) / chunk).astype(int) * _CHUNK
-        rows, columns = (np.array(self.shape)[::-1] + chunks_before + behind)[::-1]
+        if not self.log_odds.size:
+            chunk = _CHUNK * self.resolution
+            x, y = (np.floor(low / chunk) * chunk).tolist()
+            self.origin = x, y
+        # Whole chunks of rows and columns before the first cell, and behind the last one.
+        first, last = self.cells(np.array([low, high]))
+        before = np.maximum(-(first // _CHUNK), 0) * _CHUNK
+        behind = np.maximum(-((self.shape - last - 1) // _CHUNK), 0) * _CHUNK
+        rows, columns = (self.shape + before + behind).tolist()
+        if (rows, columns) == self.shape:
+            return False
         if rows * columns > _MAX_CELLS:
             raise ValueError(f"a map of {columns} x {rows} cells is too large")
-        pads = ((chunks_before[1], behind[1]), (chunks_before[0], behind[0]))
-        self.log_odds = np.pad(self.log_odds, pads)
-        self.ends = np.pad(self.ends, (*pads, (0, 0)))
-        x, y = self.origin - chunks_before * self.resolution
-        self.origin = (float(x), float(y))
+        pads = list(zip(before, behind, strict=True))
+        self.log_odds, self.further = np.pad(self.log_odds, pads), np.pad(self.further, pads)
+        self.ends = np.pad(self.ends, [*pads, (0, 0)])
+        x, y = (self.origin - before[::-1] * self.resolution).tolist()
+        self.origin = x, y
         self.version += 1
         return True
 
@@ -219,42 +222,28 @@ class GridMap:
         """
         sensor = pose.compose(scan.mount)
         ends = placed(points, pose)
-        far = np.hypot(*(ends - sensor[:2]).T) > min(self.reach, scan.reach)
-        ends = ends[~far]
-        reach = self._reach(scan)
-        low = np.minimum(ends.min(axis=0, initial=math.inf), np.array(sensor[:2]) - reach)
-        high = np.maximum(ends.max(axis=0, initial=-math.inf), np.array(sensor[:2]) + reach)
+        reach = min(self.reach, scan.reach)
+        ends = ends[np.hypot(*(ends - sensor[:2]).T) <= reach]
+        if not np.isposinf(scan.ranges).any():  # it clears up to the maximum measured range
+            measured = scan.ranges[np.isfinite(scan.ranges)]
+            reach = float(min(self.reach, measured.max(initial=0.0)))
+        corners = np.concatenate((ends, np.array(sensor[:2]) + [[-reach], [reach]]))
         edge = 2.0 * self.resolution
-        self.cover(
-            (float(low[0]) - edge, float(low[1]) - edge),
-            (float(high[0]) + edge, float(high[1]) + edge),
-        )
+        self.cover(corners.min(axis=0) - edge, corners.max(axis=0) + edge)
         cells = self.cells(ends)
-        window = self._clear(scan, sensor, reach, cells)
+        index = tuple(cells.T)
+        log_odds, means = self.log_odds[index], self.ends[index]
+        window = self._clear(scan, sensor, reach)
+        self.log_odds[index], self.ends[index] = log_odds, means  # ends of rays are not cleared
         self._fill(cells, ends)
         return window
 
-    def _reach(self, scan: LevelScan) -> float:
-        """Return the range that the scan clears, m: up to the maximum measured range."""
-        ranges = scan.ranges
-        if np.isposinf(ranges).any():
-            return min(self.reach, scan.reach)
-        measured = ranges[np.isfinite(ranges)]
-        return float(min(self.reach, measured.max(initial=0.0)))
-
-    def _clear(
-        self, scan: LevelScan, sensor: PlanarPose, reach: float, filled: NDArray[np.intp]
-    ) -> Window:
+    def _clear(self, scan: LevelScan, sensor: PlanarPose, reach: float) -> Window:
         """Clear the cells in front of the ends of both adjacent rays."""
-        half = math.ceil(reach / self.resolution)
+        half, window = math.ceil(reach / self.resolution), self.around(sensor, reach)
         row, column = self.cells(np.array([sensor[:2]]))[0].tolist()
-        window = Window(row - half, column - half, row + half + 1, column + half + 1)
-        window = window.grown(0, self.shape)
         bearings, distances = _polar(half)
-        at = (
-            slice(window.top - row + half, window.bottom - row + half),
-            slice(window.left - column + half, window.right - column + half),
-        )
+        at = window.moved(half - row, half - column).cells
         measured = np.nan_to_num(scan.ranges, nan=0.0, posinf=reach, neginf=0.0)
         lengths = np.minimum(measured, reach) / self.resolution - _MARGIN
         turn = round(math.tau / scan.step) == len(lengths)  # whether the rays cover a full turn
@@ -266,11 +255,6 @@ class GridMap:
         index = (rays * np.float32(1.0 / scan.step)).astype(np.int32)
         np.minimum(index, len(limit) - 1, out=index)
         free = distances[at] < limit[index]
-        inside = filled[self.inside(filled)] - (window.top, window.left)
-        within = (
-            (inside >= 0) & (inside < (window.bottom - window.top, window.right - window.left))
-        ).all(axis=1)
-        free[tuple(inside[within].T)] = False
         part = self.log_odds[window.cells]
         part[free] = np.maximum(part[free] + np.float32(_MISS), np.float32(_MIN_LOG_ODDS))
         cleared = free & (part < 0.0)
@@ -311,10 +295,8 @@ class GridMap:
 
     def occupancy(self) -> OccupancyGrid:
         """Return the current map."""
-        data = np.select(
-            [self.log_odds > 0.0, self.log_odds < 0.0], [OCCUPIED, FREE], UNKNOWN
-        ).astype(np.int8)
-        return OccupancyGrid(data, self.resolution, self.origin)
+        data = np.select([self.log_odds > 0.0, self.log_odds < 0.0], [OCCUPIED, FREE], UNKNOWN)
+        return OccupancyGrid(data.astype(np.int8), self.resolution, self.origin)
 
 
 @cache

@@ -43,15 +43,18 @@ _RANGE = 2.9  # m, length of the roll-outs for which the costs were tuned
 _APART = 0.08  # m, maximum distance between two poses whose clearance is looked up
 
 
-class Surroundings(NamedTuple):
-    """The surroundings of the robot: distances to obstacles and costs to go in the map."""
+class Situation(NamedTuple):
+    """The robot's state and its surroundings: distances to obstacles and costs to go in the map."""
 
+    pose: PlanarPose  # in the map
+    speed: Triple  # forward, to the left, m/s, and turning to the left, rad/s
+    goal: tuple[float, float]  # goal of the field, m
     distances: Singles  # (2 rows, 2 columns), from the centers of quarter cells, m
     field: Floats  # (rows, columns), cost to go
     maximum: float  # maximum cost to go, also used for unknown places
     origin: tuple[float, float]  # lower left corner of the first cell, m
     resolution: float  # edge of a cell, m
-    path: Floats = np.zeros((0, 2))  # first points of the path, one per cell, m
+    path: Floats  # (N, 2), first points of the path, one per cell, m
 
     def clearance(self, circles: Singles, x: Singles, y: Singles, yaw: Singles) -> Singles:
         """Return the clearance of circles at poses, m; negative: one touches an obstacle.
@@ -173,18 +176,16 @@ class LocalPlanner:
             rows.append(
                 (vehicle.forward * math.cos(angle), vehicle.sideways * math.sin(angle), 0.0)
             )
-        sequences = np.empty((self._steps, 3, len(rows)), np.float32)
-        for number, row in enumerate(rows):
-            for axis, values in enumerate(row):
-                sequences[:, axis, number] = values
-        return sequences
+        sequences = [[np.broadcast_to(values, self._steps) for values in row] for row in rows]
+        return np.ascontiguousarray(np.array(sequences, np.float32).T)
 
     def _scale(self, share: float = 1.0) -> float:
         """Return the range at a share of the maximum speed, as a factor of ``_RANGE``, >= 0.3."""
         return max(0.3, share * self.vehicle.forward * self._horizon / _RANGE)
 
-    def _pursuits(self, path: Floats, pose: PlanarPose) -> Singles:
+    def _pursuits(self, now: Situation) -> Singles:
         """Return slow sequences that pursue points of the path ahead, for narrow places."""
+        path, pose = now.path, now.pose
         kernel = np.ones(min(5, len(path)))
         weights = np.convolve(np.ones(len(path)), kernel, "same")
         smooth = np.convolve(path @ (1.0, 1.0j), kernel, "same") / weights
@@ -207,21 +208,22 @@ class LocalPlanner:
             yaw += turn
         return commands
 
-    def _roll_out(self, commands: Singles, pose: PlanarPose, speed: Triple) -> _Paths:
+    def _roll_out(self, commands: Singles, now: Situation) -> _Paths:
         """Return the roll-outs of sequences of commands, (steps, 3, N)."""
         axes = slice(None, None, 1 if self.vehicle.sideways else 2)
         limit = (self._rates * np.float32(self._dt))[axes]
         speeds = np.zeros_like(commands)
-        now = np.repeat(np.array(speed, np.float32)[axes, None], commands.shape[-1], axis=1)
+        last = np.repeat(np.array(now.speed, np.float32)[axes, None], commands.shape[-1], axis=1)
         for command, reached in zip(commands[:, axes], speeds[:, axes], strict=True):
-            np.subtract(command, now, out=reached)
-            np.clip(reached, -limit, limit, out=reached)
-            reached += now
+            np.subtract(command, last, out=reached)
+            np.maximum(reached, -limit, out=reached)  # np.clip takes twice as long
+            np.minimum(reached, limit, out=reached)
+            reached += last
             if self.vehicle.minimum_radius:
                 curve = np.abs(reached[0]) / np.float32(self.vehicle.minimum_radius)
                 np.clip(reached[-1], -curve, curve, out=reached[-1])
-            now = reached
-        return self._driven(speeds, pose)
+            last = reached
+        return self._driven(speeds, now.pose)
 
     def _driven(self, speeds: Singles, pose: PlanarPose) -> _Paths:
         """Return the roll-outs of velocities, (steps, 3, N), at every ``_stride``-th step."""
@@ -241,45 +243,32 @@ class LocalPlanner:
         y += np.float32(pose.y)
         return _Paths(speeds, x, y, yaw)
 
-    def clearance(self, around: Surroundings, pose: PlanarPose) -> float:
-        """Return the clearance of the robot at a pose, m; negative: it touches an obstacle."""
-        x, y, yaw = (np.array([value], np.float32) for value in pose)
-        return float(around.clearance(self._circles, x, y, yaw)[0])
+    def clearance(self, now: Situation) -> float:
+        """Return the clearance of the robot, m; negative: it touches an obstacle."""
+        x, y, yaw = (np.array([value], np.float32) for value in now.pose)
+        return float(now.clearance(self._circles, x, y, yaw)[0])
 
-    def command(
-        self,
-        around: Surroundings,
-        pose: PlanarPose,
-        speed: Triple,
-        goal: tuple[float, float],
-    ) -> tuple[Triple, bool]:
-        """Return the next command, and whether the robot can continue.
-
-        Args:
-            around: the surroundings of the robot.
-            pose: the robot's pose in the map.
-            speed: its velocity forward, to the left, m/s, and turning, rad/s.
-            goal: goal of the field, m.
-        """
-        now = self.clearance(around, pose)
+    def command(self, now: Situation) -> tuple[Triple, bool]:
+        """Return the next command, and whether the robot can continue."""
+        clearance = self.clearance(now)
         # In tight places, use a shorter lookahead with smaller steps.
-        careful = now < _TIGHT and max(abs(speed[0]), abs(speed[1])) <= _CAREFUL
+        careful = clearance < _TIGHT and max(map(abs, now.speed[:2])) <= _CAREFUL
         share = min(1.0, _CAREFUL / self.vehicle.forward) if careful else 1.0
         commands = np.concatenate((self._noise[self._turn], self._primitives), axis=2)
         self._turn = (self._turn + 1) % _BATCHES
         commands[:, :2] *= np.float32(share)
         commands[..., : self._noise.shape[-1]] += self._plan
-        if now < _NARROW and len(around.path) > 1:
-            commands = np.concatenate((commands, self._pursuits(around.path, pose)), axis=2)
+        if clearance < _NARROW and len(now.path) > 1:
+            commands = np.concatenate((commands, self._pursuits(now)), axis=2)
         shares = np.array([[share], [share], [1.0]], np.float32)
         np.clip(commands, self._low * shares, self._high * shares, out=commands)
-        paths, scale = self._roll_out(commands, pose, speed), self._scale(share)
-        costs, touching = self._costs(around, paths, now, goal, scale)
+        paths, scale = self._roll_out(commands, now), self._scale(share)
+        costs, touching = self._costs(now, paths, clearance, scale)
         weights = np.exp((costs.min() - costs) / np.float32(_TEMPERATURE * scale))
         weights /= weights.sum()
         best = np.argsort(costs, kind="stable")[:_TRIED]
         tried = np.concatenate(((commands @ weights)[..., None], commands[..., best]), axis=2)
-        safe = self._safe(around, tried[0], pose, speed, min(_MIN_CLEARANCE, now - 0.002))
+        safe = self._safe(now, tried[0], min(_MIN_CLEARANCE, clearance - 0.002))
         if touching[best[0]] or not safe.any():
             self._plan[:] = 0.0
             return (0.0, 0.0, 0.0), False
@@ -290,30 +279,23 @@ class LocalPlanner:
         return (forward, left, turning), True
 
     def _costs(
-        self,
-        around: Surroundings,
-        paths: _Paths,
-        now: float,
-        goal: tuple[float, float],
-        scale: float,
+        self, now: Situation, paths: _Paths, start: float, scale: float
     ) -> tuple[Singles, NDArray[np.bool_]]:
         """Return the cost of each path, and whether it touches something.
 
         Args:
-            around: the surroundings of the robot.
+            now: the robot's state and its surroundings.
             paths: the paths.
-            now: current clearance of the robot, m.
-            goal: goal of the field, m.
+            start: current clearance of the robot, m.
             scale: see ``_scale``.
         """
         dt = self._dt * self._stride
-        clearance = around.clearance(self._circles, paths.x, paths.y, paths.yaw)
-        near = self.vehicle.half_width * 0.5
-        away = np.square(paths.x - np.float32(goal[0])) + np.square(paths.y - np.float32(goal[1]))
+        clearance = now.clearance(self._circles, paths.x, paths.y, paths.yaw)
+        near, goal = self.vehicle.half_width * 0.5, np.array(now.goal, np.float32)
+        away = np.square(paths.x - goal[0]) + np.square(paths.y - goal[1])
         arrived = np.logical_or.accumulate(away < np.float32(near * near), axis=0)
-        hit = np.logical_or.accumulate(
-            (clearance < min(_MIN_CLEARANCE, now - 0.01)) & ~arrived, axis=0
-        )
+        touches = (clearance < min(_MIN_CLEARANCE, start - 0.01)) & ~arrived
+        hit = np.logical_or.accumulate(touches, axis=0)
         speeds = np.abs(paths.speeds[:, 0])
         if self.vehicle.sideways:
             speeds += np.abs(paths.speeds[:, 1])
@@ -328,47 +310,36 @@ class LocalPlanner:
         later = np.linspace(1.0, 0.0, len(hit), endpoint=False, dtype=np.float32)
         total += (later @ hit) * np.float32(20.0 * dt) + hit[-1] * np.float32(_HIT)
         x, y, yaw = paths.x[-1], paths.y[-1], paths.yaw[-1]
-        ends = around.to_go(x, y)
+        ends = now.to_go(x, y)
         if not self.vehicle.sideways:
             ahead = np.float32(_AHEAD * min(1.0, scale))
-            there = around.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
+            there = now.to_go(x + ahead * np.cos(yaw), y + ahead * np.sin(yaw))
             ends += np.float32(_HEADING) * np.minimum(there - ends, np.float32(2.0))
         total += ~arrived[-1] * ends
         total += np.abs(paths.speeds[:, 2]).mean(axis=0) * np.float32(0.02 * scale)
         total += (paths.speeds[-1, 0] < 0.0) * np.float32(0.3 * scale)
         return total, hit[-1]
 
-    def _safe(
-        self,
-        around: Surroundings,
-        commands: Singles,
-        pose: PlanarPose,
-        speed: Triple,
-        minimum: float,
-    ) -> NDArray[np.bool_]:
+    def _safe(self, now: Situation, commands: Singles, minimum: float) -> NDArray[np.bool_]:
         """Return which commands, (3, N), let the robot brake after executing them for two periods.
 
         The clearance must be at least ``minimum``, m, until it has stopped.
         """
-        times = np.arange(1, self._steps + 1, dtype=np.float32)[:, None, None] * np.float32(
-            self._dt
-        )
+        times = np.arange(1, self._steps + 1, dtype=np.float32)[:, None, None]
+        times *= np.float32(self._dt)
         obeyed = np.minimum(times, np.float32(2.0 * self._period)) * self._rates
-        start = np.array(speed, np.float32)[:, None]
+        start = np.array(now.speed, np.float32)[:, None]
         speeds = start + np.clip(commands - start, -obeyed, obeyed)
         braked = times * self._rates - obeyed
         speeds -= np.clip(speeds, -braked, braked)
-        paths = self._driven(speeds, pose)
-        clearance = around.clearance(self._circles, paths.x, paths.y, paths.yaw)
+        paths = self._driven(speeds, now.pose)
+        clearance = now.clearance(self._circles, paths.x, paths.y, paths.yaw)
         return np.asarray((clearance >= minimum).all(axis=0))
 
-    def is_safe(
-        self, around: Surroundings, command: Triple, pose: PlanarPose, speed: Triple
-    ) -> bool:
+    def is_safe(self, now: Situation, command: Triple) -> bool:
         """Return whether the robot could still brake after executing a command for two periods.
 
         The required clearance is larger than for ``command``, as the robot need not move there.
         """
-        minimum = min(3.0 * _MIN_CLEARANCE, self.clearance(around, pose) - 0.002)
-        commands = np.array([command], np.float32).T
-        return bool(self._safe(around, commands, pose, speed, minimum)[0])
+        minimum = min(3.0 * _MIN_CLEARANCE, self.clearance(now) - 0.002)
+        return bool(self._safe(now, np.array([command], np.float32).T, minimum)[0])

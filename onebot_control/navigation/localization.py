@@ -7,7 +7,6 @@ with each turn, and the ratio is learnt.
 """
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -22,16 +21,6 @@ _STILL = 0.004  # m and rad, error of each step
 _TRUSTED = 0.4  # minimum share of a scan on walls for a valid match
 _MIN_RATIO, _MAX_RATIO = 0.7, 1.6  # bounds of the actual turn relative to the odometry's
 _LEARNT = 0.15  # rad of turning between two updates of the learnt ratio
-
-
-def interpolated(start: PlanarPose, end: PlanarPose, share: float) -> PlanarPose:
-    """Return the pose at a share, 0 to 1, of the motion between two poses."""
-    turn = math.remainder(end.yaw - start.yaw, math.tau)
-    return PlanarPose(
-        start.x + share * (end.x - start.x),
-        start.y + share * (end.y - start.y),
-        start.yaw + share * turn,
-    )
 
 
 class Localizer:
@@ -56,7 +45,7 @@ class Localizer:
         minimum = np.diag([1e-4, 1e-4, 1e-4])  # no given pose is really exact
         self.covariance = minimum if covariance is None else covariance + minimum
         self.share = 1.0
-        self._history = deque[tuple[float, PlanarPose]](maxlen=_KEPT)
+        self._history = np.zeros((0, 4))  # times, s, and poses
         self._turn = 0.0
 
     def rebase(self) -> None:
@@ -95,18 +84,12 @@ class Localizer:
         error = _SLIP * distance + 0.02 * abs(yaw) + _STILL * moved
         noise = np.diag([error**2, error**2, (skid * abs(yaw) + error) ** 2])
         self.covariance = across @ self.covariance @ across.T + noise
-        self._history.append((time, self._pose))
+        self._history = np.append(self._history, [(time, *self._pose)], axis=0)[-_KEPT:]
 
     def at(self, time: float) -> PlanarPose:
         """Return the pose at an earlier time, s."""
-        later: tuple[float, PlanarPose] | None = None
-        for stamp, pose in reversed(self._history):
-            if stamp <= time:
-                if later is None or later[0] == stamp:
-                    return pose
-                return interpolated(pose, later[1], (time - stamp) / (later[0] - stamp))
-            later = stamp, pose
-        return later[1] if later else self._pose
+        times, *parts = self._history.T
+        return PlanarPose(*(float(np.interp(time, times, part)) for part in parts))
 
     def correct(self, time: float, points: Floats, walls: Walls) -> Match:
         """Match a scan to walls, and correct the pose.
@@ -125,9 +108,7 @@ class Localizer:
         correction = match.pose.compose(predicted.inverse())
         self._learn(match.pose.yaw - predicted.yaw)
         self._pose = correction.compose(self._pose)
-        self._history = deque(
-            [(stamp, correction.compose(pose)) for stamp, pose in self._history], _KEPT
-        )
+        self._history[:, 1:] = np.array(correction.compose(PlanarPose(*self._history.T[1:]))).T
         return match
 
     def _learn(self, error: float) -> None:

@@ -16,13 +16,12 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-import yaml
 from PIL import Image, UnidentifiedImageError
 
 from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError, listing
-from onebot_description.parameters import bounded_yaml
+from onebot_description.parameters.files import read_map, read_text
 from onebot_description.parameters.reader import REQUIRED, ConfigError, parameter, read
 
 _BLACK, _GREY, _WHITE = 0, 205, 254  # occupied, unknown, free
@@ -52,27 +51,18 @@ def load_map(file: str | Path) -> OccupancyGrid:
         OneBotError: a file is missing or wrong; the text names it and how to fix it.
     """
     path = Path(file)
+    content = read_map(read_text(path), str(path)).values
+    if isinstance(content.get("negate"), bool):
+        content["negate"] = int(content["negate"])
     try:
-        content = bounded_yaml.load(bounded_yaml.read_text(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise OneBotError(f"{path}: cannot be read: {_why(error)}") from None
-    except yaml.YAMLError as error:
-        raise OneBotError(f"{path}: is not YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(content, dict):
-        raise OneBotError(
-            f"{path}: does not contain a map; write image: FILE, resolution:, origin:"
-        )
-    negate = content.get("negate", 0)
-    try:
-        values = read(MapFile, {**content, "negate": int(negate) if negate in (0, 1) else negate})
+        values = read(MapFile, content)
     except ConfigError as error:
         raise OneBotError(f"{path}: {error}") from None
     if values.free_thresh >= values.occupied_thresh:
         raise OneBotError(f"{path}: free_thresh must be below occupied_thresh")
     if abs(math.remainder(values.origin[2], math.tau)) > 1e-6:
-        raise OneBotError(
-            f"{path}: origin has a yaw of {values.origin[2]:g} rad; only 0 is supported"
-        )
+        text = f"origin has a yaw of {values.origin[2]:g} rad; only 0 is supported"
+        raise OneBotError(f"{path}: {text}")
     data = _cells(_picture(path.parent / values.image), values)
     return OccupancyGrid(data[::-1].copy(), values.resolution, values.origin[:2])
 
@@ -102,8 +92,6 @@ def _why(error: Exception) -> str:
 
 def _cells(picture: Image.Image, values: MapFile) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
     """Return the values of the cells, with rows from the top."""
-    has_alpha = picture.mode in ("LA", "RGBA", "PA") or "transparency" in picture.info
-    alpha = np.asarray(picture.convert("RGBA"))[..., 3] if has_alpha else None
     shades = np.asarray(picture.convert("RGB"), float).mean(axis=2)
     if values.mode == "raw":
         return np.where(shades <= OCCUPIED, np.rint(shades), UNKNOWN).astype(np.int8)
@@ -112,8 +100,7 @@ def _cells(picture: Image.Image, values: MapFile) -> np.ndarray[tuple[int, ...],
     if values.mode == "scale":
         span = values.occupied_thresh - values.free_thresh
         between = np.rint((share - values.free_thresh) / span * 100.0)
-        if alpha is not None:
-            between[alpha < 255] = UNKNOWN
+        between[np.asarray(picture.convert("RGBA"))[..., 3] < 255] = UNKNOWN
     occupied, free = share >= values.occupied_thresh, share <= values.free_thresh
     return np.select([occupied, free], [OCCUPIED, FREE], between).astype(np.int8)
 

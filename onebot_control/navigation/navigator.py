@@ -29,7 +29,7 @@ from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, LevelScan, Window, placed
-from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
+from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.parameters import NavigationParameters
 from onebot_control.navigation.scan_matching import Walls
@@ -73,6 +73,7 @@ class Failure(Enum):
     TIMEOUT = "it took longer than allowed"
     COLLISION_AHEAD = "something is in the way"
     INVALID_PATH = "the path is empty or not finite"
+    NO_VIAPOINTS_GIVEN = "there is no pose"
 
 
 class NavigationError(OneBotError):
@@ -101,13 +102,6 @@ class _Motion(NamedTuple):
     turns: bool
 
 
-class _Recovery(NamedTuple):
-    """Backs up, or turns."""
-
-    command: Triple
-    until: float  # s
-
-
 class Navigator:
     """Drives one robot.
 
@@ -119,6 +113,8 @@ class Navigator:
         reason: one sentence about the status, or "".
         failure: why the last goal failed; None if it has not failed.
         recoveries: number of recoveries for this goal.
+        time: time of the last odometry, s.
+        speed: last velocity forward, to the left, m/s, and turning to the left, rad/s.
         traveled: distance or angle of ``drive_straight`` or ``spin`` so far, m or rad, at least 0.
     """
 
@@ -144,8 +140,13 @@ class Navigator:
         self.status, self.reason = "idle", ""
         self.failure: Failure | None = None
         self._goal: _Goal | _Motion | None = None
-        self.time, self.traveled, self.recoveries = 0.0, 0.0, 0
+        self.time, self.speed, self.traveled, self.recoveries = 0.0, _STOP, 0.0, 0
         self._odometry: PlanarPose | None = None
+        self.clear()
+
+    def use_map(self, known: OccupancyGrid) -> None:
+        """Localize in another map from now on."""
+        self._given = known
         self.clear()
 
     def clear(self) -> None:
@@ -213,23 +214,15 @@ class Navigator:
 
     # Goals ------------------------------------------------------------------------------------
 
-    def go_to(
-        self, x: float, y: float, yaw: float | None = None, *, time_allowance: float | None = None
-    ) -> None:
+    def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
         """Drive to a point in the map, m, and a heading there, rad; None: any.
-
-        Args:
-            x: x coordinate, m.
-            y: y coordinate, m.
-            yaw: heading, rad.
-            time_allowance: maximum time, s; None: the parameter time_allowance.
 
         Raises:
             ValueError: a number is not finite.
         """
         if not all(map(math.isfinite, (x, y, yaw or 0.0))):
             raise ValueError(f"the numbers of a goal must be finite, not {x}, {y}, {yaw}")
-        self._begin(_Goal(x, y, yaw), time_allowance)
+        self._begin(_Goal(x, y, yaw))
 
     def follow(self, path: Floats, yaw: float | None = None) -> None:
         """Drive along a path, around obstacles on it.
@@ -249,15 +242,13 @@ class Navigator:
         x, y = points[-1].tolist()
         self._begin(_Goal(x, y, yaw, points))
 
-    def drive_straight(
-        self, distance: float, speed: float, *, time_allowance: float | None = None
-    ) -> None:
+    def drive_straight(self, distance: float, speed: float, time_allowance: float = 0.0) -> None:
         """Drive straight ahead, or backward, and fail if something is in the way.
 
         Args:
             distance: m; negative: backward.
             speed: m/s, above 0.
-            time_allowance: maximum time, s; None: the parameter time_allowance.
+            time_allowance: maximum time, s; 0: the parameter time_allowance.
 
         Raises:
             ValueError: a number is not finite, or the speed not above 0.
@@ -267,12 +258,12 @@ class Navigator:
             raise ValueError(f"{text}, not {distance} and {speed}")
         self._begin(_Motion(distance, speed, False), time_allowance)
 
-    def spin(self, angle: float, *, time_allowance: float | None = None) -> None:
+    def spin(self, angle: float, time_allowance: float = 0.0) -> None:
         """Turn on the spot, and fail if something is in the way.
 
         Args:
             angle: rad, to the left; negative: to the right. It may be several turns.
-            time_allowance: maximum time, s; None: the parameter time_allowance.
+            time_allowance: maximum time, s; 0: the parameter time_allowance.
 
         Raises:
             ValueError: the angle is not finite, or the robot cannot turn on the spot.
@@ -283,10 +274,9 @@ class Navigator:
             raise ValueError("the robot cannot turn on the spot")
         self._begin(_Motion(angle, self.vehicle.turning, True), time_allowance)
 
-    def _begin(self, goal: _Goal | _Motion, time_allowance: float | None = None) -> None:
+    def _begin(self, goal: _Goal | _Motion, time_allowance: float = 0.0) -> None:
         self._goal = goal
-        allowance = self.parameters.time_allowance if time_allowance is None else time_allowance
-        self._allowance = allowance or math.inf
+        self._allowance = time_allowance or self.parameters.time_allowance or math.inf
         self.status, self.reason, self.failure = "driving", "", None
         self.recoveries, self.traveled = 0, 0.0
         self._field, self._is_planned, self._finishing = None, False, False
@@ -294,7 +284,7 @@ class Navigator:
         self._local_planner.reset()
         self._moved: tuple[float, PlanarPose] | None = None
         self._blocked: float | None = None
-        self._recovery: _Recovery | None = None
+        self._recovery: tuple[Triple, float] | None = None  # a command, and the time of its end
         self._since: float | None = None
         self._last: PlanarPose | None = None
 
@@ -307,9 +297,6 @@ class Navigator:
         self._goal = None
         self.status, self.reason, self.failure = status, reason, failure
         return _STOP
-
-    def _fail(self, failure: Failure) -> Triple:
-        return self._end("failed", failure.value, failure)
 
     def place(self, pose: PlanarPose, covariance: Floats | None = None) -> None:
         """Set the robot's pose in the map, m and rad, for example after a pose estimate."""
@@ -325,7 +312,6 @@ class Navigator:
         speed: Triple,
         *,
         scan: LevelScan | None = None,
-        scan_time: float | None = None,
         turn: float | None = None,
     ) -> Triple:
         """Process measurements, and return the next command.
@@ -335,7 +321,6 @@ class Navigator:
             odometry: the robot's pose in the odometry frame.
             speed: its velocity forward, to the left, m/s, and turning to the left, rad/s.
             scan: a new scan; None: there is none.
-            scan_time: time of the scan, s; None: ``time``.
             turn: turn to the left measured by an IMU since the last call, rad; None: there is no
                 IMU.
 
@@ -343,51 +328,51 @@ class Navigator:
             The velocity forward, to the left, m/s, and turning to the left, rad/s; zeros without a
             goal.
         """
-        self._notice_jump(time, odometry)
-        self.time, self._odometry = time, odometry
+        jumped = self._notice_jump(time, odometry)
+        self.time, self.speed, self._odometry = time, speed, odometry
         self.localizer.predict(time, odometry, turn)
         if scan is not None:
-            self._sense(scan, time if scan_time is None else scan_time)
-        if self._goal is None:
+            self._sense(scan, time if scan.time is None else scan.time)
+        if self._goal is None or jumped:
             return _STOP
         if self._scanned is None or time - self._scanned > _OLDEST_SCAN:
             if self.status != "blocked":
                 self.status, self.reason = "blocked", "no scan of the last 0.3 s: waiting"
             return _STOP
         self._since = time if self._since is None else self._since
-        if time - self._since > self._allowance:
-            return self._fail(Failure.TIMEOUT)
-        if isinstance(self._goal, _Motion):
-            return self._move(self._goal, self.pose, speed)
-        return self._drive(self._goal, self.pose, speed)
+        try:
+            if time - self._since > self._allowance:
+                raise NavigationError(Failure.TIMEOUT)
+            if isinstance(self._goal, _Motion):
+                return self._move(self._goal, self.pose, speed)
+            return self._drive(self._goal, self.pose, speed)
+        except NavigationError as error:
+            return self._end("failed", str(error), error.failure)
 
-    def _notice_jump(self, time: float, odometry: PlanarPose) -> None:
-        """Compare the odometry with the possible motion of the robot since the last one.
+    def _notice_jump(self, time: float, odometry: PlanarPose) -> bool:
+        """Return whether the odometry exceeds the possible motion of the robot since the last one.
 
         After a jump, the pose stays, and the robot waits for a scan. If time has gone back or the
         odometry is at its origin, the robot was reset to its start, and the goal ends.
         """
         if self._odometry is None:
             self._origin = self.pose.compose(odometry.inverse())
-            return
+            return False
         elapsed, vehicle = time - self.time, self.vehicle
         moved = self._odometry.inverse().compose(odometry)
         away, turned = math.hypot(moved.x, moved.y), abs(math.remainder(moved.yaw, math.tau))
-        if elapsed < 0.0:
-            text = "the time has gone back"
-        elif away > _JUMP + 3.0 * vehicle.forward * elapsed:
-            text = f"the odometry has jumped by {away:.2f} m"
-        elif turned > _JUMP + 3.0 * vehicle.turning * elapsed:
-            text = f"the odometry has jumped by {turned:.2f} rad"
-        else:
-            return
+        far = away > _JUMP + 3.0 * vehicle.forward * elapsed
+        if elapsed >= 0.0 and not far and turned <= _JUMP + 3.0 * vehicle.turning * elapsed:
+            return False
+        text = f"the odometry has jumped by {away:.2f} m and {turned:.2f} rad"
         self.localizer.rebase()
         self._scanned = None
         if elapsed < 0.0 or math.hypot(odometry.x, odometry.y) < _RESET:
             self.place(self._origin.compose(odometry))
-            self.cancel(f"{text}: the robot was reset")
+            self.cancel("the robot was reset")
         elif self._goal is not None:
             self.status, self.reason = "blocked", f"{text}: waiting for a scan"
+        return True
 
     def _sense(self, scan: LevelScan, time: float) -> None:
         points = scan.points
@@ -397,7 +382,12 @@ class Navigator:
             self.localizer.correct(time, points, self._walls)
         pose = self.localizer.at(time)
         self._entered = scan, points, pose
-        window = self.map.enter(*self._entered)
+        try:
+            window = self.map.enter(*self._entered)
+        except ValueError as error:
+            self._scanned = None
+            self.cancel(str(error))
+            return
         self._scanned, self._scans = time, self._scans + 1
         if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
             self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
@@ -479,13 +469,13 @@ class Navigator:
         return CostToGo(self._costmap.prices, self.map.resolution, cells[[best]])
 
     def _reach(self, goal: _Goal, pose: PlanarPose) -> bool:
-        """Extend the field to the robot; return whether it has reached it."""
+        """Extend the field to the robot; return whether it has reached it.
+
+        Raises:
+            NavigationError: there is no path.
+        """
         if self._field is None:
-            try:
-                self._field = self._new_field(pose, goal)
-            except NavigationError as error:
-                self._fail(error.failure)
-                return False
+            self._field = self._new_field(pose, goal)
             self._changed, self._repaired = None, self.time
         field, cell = self._field, self._cell(pose)
         if self._changed is not None and self.time - self._repaired >= _REPAIR_EVERY:
@@ -498,7 +488,7 @@ class Navigator:
             self._is_planned = True
             return True
         if self._waits("there is no path: waiting", _HOPELESS):
-            self._fail(Failure.NO_VALID_PATH)
+            raise NavigationError(Failure.NO_VALID_PATH)
         return False
 
     def _waits(self, text: str, limit: float) -> bool:
@@ -507,15 +497,14 @@ class Navigator:
         self.status, self.reason = "blocked", text
         return self.time - self._blocked > limit
 
-    def _around(self, pose: PlanarPose) -> Surroundings:
-        costmap, field, cell = self._costmap, self._field, self._cell(pose)
+    def _situation(self, speed: Triple, goal: tuple[float, float]) -> Situation:
+        field, cell = self._field, self._cell(self.pose)
         values, maximum, path = np.zeros((2, 2)), math.inf, np.zeros((0, 2))
         if field is not None:
             values, maximum = field.values, field.value(cell) + _BEYOND
             path = self._path(field, cell, _SOON)
-        return Surroundings(
-            costmap.fine, values, maximum, self.map.origin, self.map.resolution, path
-        )
+        costs = self._costmap.fine, values, maximum, self.map.origin, self.map.resolution
+        return Situation(self.pose, speed, goal, *costs, path)
 
     # Driving ----------------------------------------------------------------------------------
 
@@ -534,18 +523,18 @@ class Navigator:
         else:
             top = min(motion.speed, vehicle.forward if sign > 0.0 else vehicle.backward)
             command = sign * min(top, self._braking(left), 2.0 * left + 0.01), 0.0, 0.0
-        if not self._local_planner.is_safe(self._around(pose), command, pose, speed):
-            return self._fail(Failure.COLLISION_AHEAD)
+        if not self._local_planner.is_safe(self._situation(speed, pose[:2]), command):
+            raise NavigationError(Failure.COLLISION_AHEAD)
         return command
 
     def _drive(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple:
         """Return the command for driving to a pose, and end the goal there."""
         if not self._reach(goal, pose):
             return _STOP
-        around = self._around(pose)
+        now = self._situation(speed, goal[:2])
         if self._recovery is not None:
             command, until = self._recovery
-            if self.time < until and self._local_planner.is_safe(around, command, pose, speed):
+            if self.time < until and self._local_planner.is_safe(now, command):
                 return command
             self._recovery = None
             self._local_planner.reset()
@@ -553,11 +542,11 @@ class Navigator:
             last_stretch = self._finish(goal, pose, speed)
             if self._goal is None:
                 return _STOP
-            if last_stretch and self._local_planner.is_safe(around, last_stretch, pose, speed):
+            if last_stretch and self._local_planner.is_safe(now, last_stretch):
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return last_stretch
-        command, free = self._local_planner.command(around, pose, speed, (goal.x, goal.y))
+        command, free = self._local_planner.command(now)
         stuck = not self._progress(pose)
         if free:
             self._blocked = None
@@ -568,27 +557,23 @@ class Navigator:
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
         """Return the command for the last stretch, straight to the goal, and end it there."""
-        vehicle, parameters = self.vehicle, self.parameters
+        vehicle, tolerance = self.vehicle, self.parameters.xy_goal_tolerance
         x, y = goal.x - pose.x, goal.y - pose.y
         away = math.hypot(x, y)
         if vehicle.minimum_radius:
-            if away < max(parameters.xy_goal_tolerance, 2.0 * self.map.resolution):
+            if away < max(tolerance, 2.0 * self.map.resolution):
                 self._end("arrived")
             return None
-        near = 0.4 * parameters.xy_goal_tolerance
-        if away < near or (self._finishing and away < 1.6 * near):
-            self._finishing = True
-            error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
-            if abs(error) < 0.4 * parameters.yaw_goal_tolerance:
-                if max(abs(speed[0]), abs(speed[1]), abs(speed[2])) < 0.05:
-                    self._end("arrived")
-                return _STOP
-            return 0.0, 0.0, self._turning(error)
-        self._finishing = False
+        error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
+        near = 0.4 * tolerance
+        self._finishing = away < (1.6 * near if self._finishing else near)
+        if self._finishing:
+            if abs(error) > 0.4 * self.parameters.yaw_goal_tolerance:
+                return 0.0, 0.0, self._turning(error)
+            return self._end("arrived") if max(map(abs, speed)) < 0.05 else _STOP
         top = min(self._braking(away), vehicle.forward, 2.0 * away + 0.02)
         bearing = math.remainder(math.atan2(y, x) - pose.yaw, math.tau)
         if vehicle.sideways:
-            error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
             top = min(top, vehicle.sideways)
             return top * math.cos(bearing), top * math.sin(bearing), self._turning(error)
         sign = 1.0
@@ -633,14 +618,14 @@ class Navigator:
         for x, y in self.path[:: math.ceil(self._radius / self.map.resolution)][:3].tolist():
             self._visit(PlanarPose(x, y), _BARRED)
         if self.recoveries > _RECOVERIES:
-            return self._fail(Failure.FAILED_TO_MAKE_PROGRESS)
+            raise NavigationError(Failure.FAILED_TO_MAKE_PROGRESS)
         if self.recoveries % 3 == 1 and not self._given:
             self.forget_near(_CLEARED)
         vehicle = self.vehicle
         if self.recoveries % 2 == 1 and vehicle.backward > 0.0:
-            self._recovery = _Recovery((-0.5 * vehicle.backward, 0.0, 0.0), self.time + 1.5)
+            self._recovery = (-0.5 * vehicle.backward, 0.0, 0.0), self.time + 1.5
         else:
             sign = 1.0 if self.recoveries % 4 == 2 else -1.0
-            self._recovery = _Recovery((0.0, 0.0, sign * 0.4 * vehicle.turning), self.time + 2.5)
+            self._recovery = (0.0, 0.0, sign * 0.4 * vehicle.turning), self.time + 2.5
         self.status, self.reason = "recovering", "backing up and turning"
         return _STOP

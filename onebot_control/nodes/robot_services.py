@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovariance
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
@@ -89,7 +89,7 @@ class RobotServices:
         return answer
 
 
-def planar_pose(message: PoseStamped) -> PlanarPose:
+def planar_pose(message: PoseStamped | PoseWithCovariance) -> PlanarPose:
     """Return a pose seen from above; yaw is NaN if the quaternion is not normalized."""
     p, q = message.pose.position, message.pose.orientation
     norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w

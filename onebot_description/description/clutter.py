@@ -12,7 +12,6 @@ Example:
     (8.5, 0.0)
 """
 
-import heapq
 import math
 import sys
 from dataclasses import dataclass
@@ -20,6 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 import yaml
+from scipy.ndimage import convolve
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
 
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
@@ -92,13 +94,7 @@ def clutter(parameters: ClutterParameters) -> Clutter:
         generator = np.random.default_rng([parameters.seed, attempt])
         filled = generator.random((cells, cells)) < parameters.density
         for _ in range(_SMOOTHED):
-            padded = np.pad(filled, 1).astype(int)
-            around = sum(
-                padded[1 + a : 1 + a + cells, 1 + b : 1 + b + cells]
-                for a in (-1, 0, 1)
-                for b in (-1, 0, 1)
-                if a or b
-            )
+            around = convolve(filled.astype(int), np.ones((3, 3), int), mode="constant") - filled
             filled = (around >= _FILLED) | (filled & (around > _CLEARED))
         rows, columns = np.nonzero(filled)
         half = cells * _CELL / 2.0
@@ -120,36 +116,22 @@ def _shortest_path(
 ) -> tuple[float, float] | None:
     """Return length and mean clearance, m, of the shortest path from 0, 0 to the goal, if any."""
     x, y = np.arange(0.0, end + _STEP / 2.0, _STEP), np.arange(-half, half + _STEP / 2.0, _STEP)
-    free = half - np.abs(y)[:, None] + 0.0 * x
-    for a, b in cylinders:
-        away = np.hypot(x - a, y[:, None] - b) - _CELL / 2.0
-        np.minimum(free, away, out=free)
-    rows, columns = free.shape
-    start, goal = (rows // 2, 0), (rows // 2, columns - 1)
-    lengths, previous = {start: 0.0}, dict[tuple[int, int], tuple[int, int]]()
-    front = [(0.0, start)]
-    while front:
-        length, cell = heapq.heappop(front)
-        if cell == goal:
-            break
-        if length > lengths[cell]:
-            continue
-        for a in (-1, 0, 1):
-            for b in (-1, 0, 1):
-                row, column = near = cell[0] + a, cell[1] + b
-                if not (0 <= row < rows and 0 <= column < columns) or free[near] < radius:
-                    continue
-                longer = length + _STEP * math.hypot(a, b)
-                if longer < lengths.get(near, math.inf):
-                    lengths[near], previous[near] = longer, cell
-                    heapq.heappush(front, (longer, near))
-    if goal not in lengths:
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    away, _ = KDTree(cylinders).query(points)
+    free = np.minimum(half - np.abs(points[:, 1]), away - _CELL / 2.0)
+    points, free = points[free >= radius], free[free >= radius]
+    if not len(points):
         return None
-    clearances, cell = [float(free[goal])], goal
-    while cell != start:
-        cell = previous[cell]
-        clearances.append(float(free[cell]))
-    return lengths[goal], float(np.mean(clearances))
+    tree = KDTree(points)
+    neighbors = tree.sparse_distance_matrix(tree, 1.5 * _STEP, output_type="coo_matrix")
+    _, (start, goal) = tree.query([(0.0, 0.0), (end, 0.0)])
+    lengths, previous = dijkstra(neighbors, indices=start, return_predecessors=True)
+    if math.isinf(lengths[goal]):
+        return None
+    cells = [goal]
+    while cells[-1] != start:
+        cells.append(previous[cells[-1]])
+    return float(lengths[goal]), float(free[cells].mean())
 
 
 def _urdf(seed: int, cylinders: Floats, end: float, half: float) -> str:

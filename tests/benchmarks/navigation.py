@@ -25,7 +25,7 @@ from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import quartered
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import Window
-from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
+from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_description.description import Description, parse_description
 from onebot_description.description.clutter import ClutterParameters, clutter
 from onebot_description.geometry.poses import PlanarPose
@@ -143,8 +143,10 @@ def _cycle() -> Any:
     planner = LocalPlanner(vehicle, samples=_SAMPLES, steps=_STEPS)
     prices = _prices((400, 400))
     distances = quartered((distance_transform_edt(np.isfinite(prices)) * 0.05).astype(np.float32))
-    around = Surroundings(distances, _whole(prices).values, 20.0, (0.0, 0.0), 0.05)
-    return lambda: planner.command(around, PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2))
+    state = PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2)
+    costs = distances, _whole(prices).values, 20.0, (0.0, 0.0), 0.05
+    now = Situation(*state, *costs, np.zeros((0, 2)))
+    return lambda: planner.command(now)
 
 
 # Worlds -------------------------------------------------------------------------------------------

@@ -96,11 +96,14 @@ def test_a_map_grows_and_keeps_what_it_has():
     grid = entered(PlanarPose())
     before, rows = value(grid, 2.02, 0.5), grid.shape[0]
     version = grid.version
-    assert grid.cover((-20.0, -1.0), (3.0, 25.0)) and not grid.cover((-1.0, -1.0), (1.0, 1.0))
+    small, large = np.array([1.0, 1.0]), np.array([1e4, 1e4])
+    assert grid.cover(np.array([-20.0, -1.0]), np.array([3.0, 25.0])) and not grid.cover(
+        -small, small
+    )
     assert grid.shape[0] > rows and grid.version == version + 1
     assert value(grid, 2.02, 0.5) == before == OCCUPIED and value(grid, -15.0, 20.0) == UNKNOWN
     with pytest.raises(ValueError, match="too large"):
-        grid.cover((-1e4, -1e4), (1e4, 1e4))
+        grid.cover(-large, large)
 
 
 def test_windows():
@@ -157,7 +160,7 @@ def test_negated_maps(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "does not contain a map; write image"),
+        ("", "image: is missing"),
         ("image: no.pgm\nresolution: 1\norigin: [0, 0, 0]", r"no\.pgm: cannot be read: No such"),
         ("image: map.yaml\nresolution: 1\norigin: [0, 0, 0]", "is not an image; write a PGM"),
         ("image: map.png\nresolution: 0\norigin: [0, 0, 0]", "resolution: 0 is not above 0"),
@@ -167,8 +170,8 @@ def test_negated_maps(tmp_path):
         ("image: map.png\norigin: [0, 0, 0]", "resolution"),
         (COMMON + "negat: 1", 'did you mean "negate"'),
         (COMMON + "free_thresh: 0.7", "free_thresh must be below occupied_thresh"),
-        ("[", "is not YAML"),
-        ("- a", "does not contain a map"),
+        ("[", "invalid YAML"),
+        ("- a", "a list is in place of a map"),
     ],
 )
 def test_bad_files_get_one_sentence(tmp_path, text, message):

@@ -1,7 +1,6 @@
 """Footprints, prices, costs to go, and the commands that are chosen by them."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,18 +9,15 @@ from scipy.sparse.csgraph import dijkstra
 
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap, quartered
-from onebot_control.navigation.footprint import Vehicle, convex_hull, footprint_of
+from onebot_control.navigation.footprint import Vehicle, footprint_of
 from onebot_control.navigation.grid import GridMap, Window
-from onebot_control.navigation.local_planner import LocalPlanner, Surroundings
-from onebot_control.navigation.navigator import (
-    Failure,
-    NavigationError,
-    Navigator,
-)
+from onebot_control.navigation.local_planner import LocalPlanner, Situation
+from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
+from onebot_control.navigation.parameters import NavigationParameters
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.description import load_description
 from onebot_description.geometry.poses import PlanarPose
-from tests.onebot_control.test_navigation_map import room_scan
+from tests.onebot_control.test_navigation_map import ORIGIN, room_scan
 
 SQUARE = np.array([(-0.2, -0.15), (0.1, -0.15), (0.1, 0.15), (-0.2, 0.15)])
 
@@ -44,15 +40,6 @@ def test_the_footprint_of_onebot():
     assert low == pytest.approx([-0.33, -0.152], abs=0.002)
     assert high == pytest.approx([0.095, 0.152], abs=0.002)
     assert Vehicle(footprint, 1, 1, 0, 1, 1, 1).half_width == pytest.approx(0.152, abs=0.002)
-
-
-def test_a_convex_hull():
-    inner = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 2))
-    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.5, 0.5), (0.0, 1.0)])
-    hull = convex_hull(np.concatenate((inner, corners[::-1], [(0.0, -1.0)])))
-    assert sorted(map(tuple, hull)) == sorted(map(tuple, corners))
-    turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*hull, hull[0]])]
-    assert min(turns) > 0.0  # counterclockwise around the origin
 
 
 @pytest.mark.parametrize("size", [(0.3, 0.3), (0.5, 0.43), (0.8, 0.3), (0.2, 0.6)])
@@ -228,42 +215,41 @@ def test_a_start_in_a_block_is_refused():
 # Commands -----------------------------------------------------------------------------------------
 
 
-def free_ground(field=None) -> Surroundings:
-    distances = np.full((160, 160), 1.0, np.float32)
-    x = np.arange(-1.975, 2.0, 0.05)
-    values = np.tile(2.0 - x, (80, 1)) if field is None else field
-    return Surroundings(distances, values, 10.0, (-2.0, -2.0), 0.05)
+def ahead(distances=None, pose=ORIGIN, speed=(0.0, 0.0, 0.0)) -> Situation:
+    """A goal far ahead, on free ground or with given distances."""
+    distances = np.full((160, 160), 1.0, np.float32) if distances is None else distances
+    field = np.tile(5.0 - np.arange(-1.975, 2.0, 0.05), (80, 1))
+    no_path = np.zeros((0, 2))
+    return Situation(pose, speed, (5.0, 0.0), distances, field, 10.0, (-2.0, -2.0), 0.05, no_path)
 
 
 def test_it_drives_down_the_field():
-    planner, pose, speed = LocalPlanner(vehicle()), PlanarPose(-1.0), (0.0, 0.0, 0.0)
+    planner, now = LocalPlanner(vehicle()), ahead(pose=PlanarPose(-1.0))
     for _ in range(10):
-        (forward, left, turning), free = planner.command(free_ground(), pose, speed, (2.0, 0.0))
+        (forward, left, turning), free = planner.command(now)
         assert free and left == 0.0
-        speed = forward, 0.0, turning
+        now = now._replace(speed=(forward, 0.0, turning))
     assert forward > 0.4 and abs(turning) < 0.5
 
 
 def test_it_turns_when_the_way_is_behind_it():
-    planner, pose, speed = LocalPlanner(vehicle()), PlanarPose(0.0, 0.0, math.pi), (0.0, 0.0, 0.0)
+    planner, now = LocalPlanner(vehicle()), ahead(pose=PlanarPose(0.0, 0.0, math.pi))
     turned = 0.0
     for _ in range(60):
-        command, _ = planner.command(free_ground(), pose, speed, (2.0, 0.0))
-        speed = command
-        pose = pose.compose(PlanarPose(0.05 * command[0], 0.0, 0.05 * command[2]))
+        command, _ = planner.command(now)
+        pose = now.pose.compose(PlanarPose(0.05 * command[0], 0.0, 0.05 * command[2]))
+        now = now._replace(pose=pose, speed=command)
         turned += abs(0.05 * command[2])
-    assert abs(math.remainder(pose.yaw, math.tau)) < 0.7 and turned > 2.0
+    assert abs(math.remainder(now.pose.yaw, math.tau)) < 0.7 and turned > 2.0
 
 
 def test_a_car_keeps_its_radius():
     planner = LocalPlanner(vehicle(minimum_radius=0.8))
-    speed = (0.3, 0.0, 0.0)
     for yaw in (0.0, 2.0, math.pi):
-        (forward, _, turning), _ = planner.command(
-            free_ground(), PlanarPose(0.0, 0.0, yaw), speed, (2.0, 0.0)
-        )
+        now = ahead(pose=PlanarPose(0.0, 0.0, yaw), speed=(0.3, 0.0, 0.0))
+        (forward, _, turning), _ = planner.command(now)
         assert abs(turning) <= abs(forward) / 0.8 + 1.0  # the limiter clips the rest
-    paths = planner._roll_out(np.ones((20, 3, 1), np.float32), PlanarPose(), (0.0, 0.0, 0.0))
+    paths = planner._roll_out(np.ones((20, 3, 1), np.float32), ahead())
     curves = paths.speeds[:, 2] / np.maximum(paths.speeds[:, 0], 1e-6)
     assert curves.max() <= 1.0 / 0.8 + 1e-5
 
@@ -274,16 +260,14 @@ def test_it_brakes_before_a_wall():
     grid = GridMap.of(wall_map(1.0))
     costmap = Costmap(grid, 0.16)
     costmap.update(Window(0, 0, *grid.shape))
-    x = np.arange(-1.975, 2.0, 0.05)
-    around = Surroundings(costmap.fine, np.tile(5.0 - x, (80, 1)), 10.0, (-2.0, -2.0), 0.05)
-    pose, speed = PlanarPose(-1.5), 0.0
+    now, speed = ahead(costmap.fine, PlanarPose(-1.5)), 0.0
     for _ in range(120):
-        (forward, _, _), free = planner.command(around, pose, (speed, 0.0, 0.0), (5.0, 0.0))
+        (forward, _, _), free = planner.command(now)
         wanted = forward if free else 0.0
         speed += min(max(wanted - speed, -0.1), 0.1)
-        pose = PlanarPose(pose.x + 0.05 * speed)
-        assert planner.clearance(around, pose) > -0.01
-    assert pose.x > 0.3  # it came near
+        now = now._replace(pose=PlanarPose(now.pose.x + 0.05 * speed), speed=(speed, 0.0, 0.0))
+        assert planner.clearance(now) > -0.01
+    assert now.pose.x > 0.3  # it came near
 
 
 # The navigator ------------------------------------------------------------------------------------
@@ -358,8 +342,9 @@ def test_a_path_is_followed():
 
 
 def test_time_runs_out():
-    toy = Toy(Navigator(vehicle(), PlanarPose()))
-    toy.navigator.go_to(1.5, 0.0, time_allowance=1.0)
+    limited = NavigationParameters(time_allowance=1.0)
+    toy = Toy(Navigator(vehicle(), PlanarPose(), parameters=limited))
+    toy.navigator.go_to(1.5, 0.0)
     toy.run()
     assert toy.navigator.failure is Failure.TIMEOUT and 1.0 <= toy.time < 1.2
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
+from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped, TransformStamped, Twist
 from nav2_msgs.action import (
     BackUp,
     ComputePathThroughPoses,
@@ -25,9 +25,11 @@ from nav2_msgs.srv import LoadMap, ManageLifecycleNodes, SaveMap
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
+from tf2_msgs.msg import TFMessage
 
 from onebot_bringup.cli.main import main as onebot
 from onebot_control.drive.controller_limits import ControllerLimits
@@ -46,6 +48,7 @@ from tests.support import PATIENCE, wait_for
 
 BRINGUP = "onebot_bringup.launch.onebot_bringup"
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+slow = pytest.mark.slow
 
 
 # Conversions ------------------------------------------------------------------------------------
@@ -117,6 +120,97 @@ def test_the_strictest_limits_count() -> None:
     assert (unknown.forward, unknown.turning) == (0.5, 1.5)
 
 
+def pose(x: float, y: float, yaw: float = 0.0, frame: str = "map") -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.pose.position.x, message.pose.position.y = x, y
+    message.pose.orientation.z, message.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    return message
+
+
+# A robot whose sensors fail -----------------------------------------------------------------------
+
+
+class Senses:
+    """What a robot that stands in the middle of a round room measures."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        peer.node.declare_parameter("linear.x.max_velocity", 0.5)
+        self.commands = peer.hear(Twist, "velocity_controller/cmd_vel")
+        self.status = peer.hear(String, "navigator/status", LATCHED)
+        self.poses = peer.hear(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        self._odometry = peer.publisher(Odometry, "velocity_controller/odom")
+        self._scan = peer.publisher(LaserScan, "scan")
+        static = TransformStamped(child_frame_id="lidar")
+        static.header.frame_id, static.transform.rotation.w = "base_link", 1.0
+        peer.publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=[static]))
+
+    def measure(self, frame: str = "lidar", late: float = 0.0, x: float = 0.0, **scan: Any) -> None:
+        """Publish odometry and a scan, which is wrong in some way."""
+        now = self.peer.node.get_clock().now()
+        odometry = Odometry(child_frame_id="base_link")
+        odometry.header.frame_id, odometry.header.stamp = "odom", now.to_msg()
+        odometry.pose.pose.position.x, odometry.pose.pose.orientation.w = x, 1.0
+        self._odometry.publish(odometry)
+        whole = {"angle_min": -3.0, "angle_increment": 0.1, "ranges": [2.0] * 61}
+        message = LaserScan(range_min=0.1, range_max=9.0, **{**whole, **scan})
+        message.header.frame_id = frame
+        message.header.stamp = (now - Duration(seconds=late)).to_msg()
+        self._scan.publish(message)
+
+    def measures(self, status: str, **wrong: Any) -> None:
+        """Measure until the navigator has this status."""
+
+        def has_it() -> bool:
+            self.measure(**wrong)
+            return bool(self.status) and self.status[-1].data.startswith(status)
+
+        wait_for(has_it, status)
+
+
+@pytest.fixture(scope="module")
+def senses() -> Iterator[Senses]:
+    robot = "package://onebot_description/urdf/onebot.urdf.xacro"
+    with used_domain() as domain, Peer(domain) as peer:
+        with NodeProcess("onebot_control.navigator", robot, check=False):
+            senses = Senses(peer)
+            senses.measures("idle")
+            yield senses
+
+
+@slow
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"ranges": [math.nan] * 61},
+        {"ranges": []},
+        {"angle_min": math.nan},
+        {"angle_increment": 0.0},
+        {"frame": "nowhere"},
+        {"late": 1.0},
+    ],
+)
+def test_it_stands_while_scans_are_wrong_and_goes_on(senses: Senses, wrong: dict[str, Any]) -> None:
+    senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
+    senses.measures("driving")
+    senses.measures("blocked: no scan of the last 0.3 s", **wrong)
+    heard = len(senses.commands)
+    wait_for(lambda: senses.measure(**wrong) or len(senses.commands) > heard + 5, "commands")
+    assert {each.linear.x for each in senses.commands[heard + 1 :]} == {0.0}
+    senses.measures("driving")
+
+
+@slow
+def test_odometry_that_jumps_and_places_that_are_nowhere_move_nothing(senses: Senses) -> None:
+    senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
+    senses.measures("driving")
+    heard = len(senses.poses)
+    wait_for(lambda: senses.measure(x=5.0) or len(senses.poses) > heard + 1, "a pose")
+    assert senses.poses[-1].pose.pose.position.x == pytest.approx(0.0, abs=0.05)
+    assert any("the odometry has jumped by 5.00 m" in each.data for each in senses.status)
+
+
 # A robot in the maze ----------------------------------------------------------------------------
 
 
@@ -161,14 +255,6 @@ class Client:
         return abs(twist.linear.x) < 1e-3 and abs(twist.angular.z) < 1e-3
 
 
-def pose(x: float, y: float, yaw: float = 0.0, frame: str = "map") -> PoseStamped:
-    message = PoseStamped()
-    message.header.frame_id = frame
-    message.pose.position.x, message.pose.position.y = x, y
-    message.pose.orientation.z, message.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
-    return message
-
-
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
     words = "world:=maze", "y:=0.8", "sensors_enabled:=true", "navigate:=true", "viewer:=none"
@@ -177,9 +263,6 @@ def client() -> Iterator[Client]:
         poses = peer.hear(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
         wait_for(lambda: poses and client.truth, "the navigator")
         yield client
-
-
-slow = pytest.mark.slow
 
 
 @slow
@@ -225,10 +308,7 @@ def test_motions_and_plans(client: Client) -> None:
     assert math.dist(client.place, before) == pytest.approx(0.4, abs=0.05)
     goal.target.x = 0.1
     assert client.do("backup", BackUp, target=goal.target, speed=0.1)[0] == SUCCEEDED
-    goal.target.y = 1.0
-    status, result, _ = client.do("backup", BackUp, target=goal.target, speed=0.1)
-    assert (status, result.error_code) == (ABORTED, BackUp.Result.INVALID_INPUT)
-    goal.target.x, goal.target.y = 5.0, 0.0
+    goal.target.x = 5.0
     status, result, _ = client.do("drive_on_heading", DriveOnHeading, target=goal.target, speed=0.3)
     assert (status, result.error_code) == (ABORTED, DriveOnHeading.Result.COLLISION_AHEAD)
     assert client.do("wait", Wait)[0] == SUCCEEDED
@@ -260,8 +340,27 @@ def test_what_cannot_be_done_says_why(client: Client) -> None:
         assert (status, result.error_code) == (ABORTED, code) and result.error_msg, goal
         planned = client.do("compute_path_to_pose", ComputePathToPose, goal=goal)
         assert (planned[0], planned[1].error_code) == (ABORTED, code)
-    refused = {"pose": pose(0.5, 0.8), "behavior_tree": "mine.xml"}
-    assert client.send("navigate_to_pose", NavigateToPose, **refused) is None
+    far = {"pose": pose(1e5, 0.8)}
+    no_poses = ComputePathThroughPoses.Result.NO_VIAPOINTS_GIVEN
+    beyond = {"poses": [pose(0.5, 0.8)], "goal_index": 7}
+    for name, kind, words, code in (
+        ("navigate_to_pose", NavigateToPose, far, codes.GOAL_OUTSIDE_MAP),
+        ("navigate_through_poses", NavigateThroughPoses, {}, no_poses),
+        ("follow_waypoints", FollowWaypoints, beyond, FollowWaypoints.Result.UNKNOWN),
+        ("follow_path", FollowPath, {}, FollowPath.Result.INVALID_PATH),
+        ("smooth_path", SmoothPath, {}, SmoothPath.Result.INVALID_PATH),
+        ("spin", Spin, {"target_yaw": math.nan}, Spin.Result.UNKNOWN),
+        ("backup", BackUp, {"target": Point(y=1.0), "speed": 0.1}, BackUp.Result.INVALID_INPUT),
+        ("backup", BackUp, {"target": Point(x=1.0)}, BackUp.Result.INVALID_INPUT),
+    ):
+        status, result, _ = client.do(name, kind, **words)
+        assert (status, result.error_code) == (ABORTED, code) and result.error_msg, name
+    goal = {"pose": pose(0.5, 0.8)}
+    assert client.send("navigate_to_pose", NavigateToPose, **goal, behavior_tree="mine") is None
+    other = client.peer.publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED, subscribers=0)
+    wait_for(lambda: client.send("navigate_to_pose", NavigateToPose, **goal) is None, "a refusal")
+    client.peer.run(client.peer.node.destroy_publisher, other)
+    client.do("navigate_to_pose", NavigateToPose, **goal)
 
 
 @slow

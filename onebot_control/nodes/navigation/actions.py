@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.clock import ROSClock
+from rclpy.clock import Clock
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.time_source import TimeSource
 
 from onebot_control.navigation.goals import Goal, Goals
 from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
@@ -23,26 +22,15 @@ from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.timing import NS_PER_S
 
-_CODES = "ComputePathToPose", "FollowPath"  # results whose codes others pass on, too
-_CODES_OF_SEVERAL = "ComputePathThroughPoses", "FollowPath"
-_TIMERS = 4  # number of actions that share a clock
 _EASY = 0.3  # minimum share of the maximum speed in the estimate of the remaining time
 _PLUGINS = "behavior_tree", "planner_id", "controller_id", "goal_checker_id", "smoother_id"
 _DEFAULT_PLUGINS = {"", "GridBased", "FollowPath", "simple_smoother", "general_goal_checker"}
 
 
-class RequestError(OneBotError):
-    """A request cannot be executed; ``code`` is Nav2's name of the error."""
-
-    def __init__(self, text: str, code: str) -> None:
-        """Store the text and the name."""
-        super().__init__(text)
-        self.code = code
-
-
 class Context(NamedTuple):
-    """The environment of the table's rows."""
+    """The environment of the actions."""
 
+    node: Node
     goals: Goals
     maps: MapTopics
     to_map: Callable[[Any], PlanarPose]  # converts a PoseStamped; raises OneBotError
@@ -50,94 +38,71 @@ class Context(NamedTuple):
     prepare: Callable[[], None]  # raises OneBotError if the robot cannot drive now
 
 
-MakeGoal = Callable[[Context, "NavigationAction", Any], Goal]
-Answer = Callable[[Context, Any, Any], None]  # fills the result of a request without motion
-
-
 def _poses(context: Context, poses: Sequence[Any]) -> list[PlanarPose]:
     if not poses:
-        raise RequestError("there is no pose", "NO_VIAPOINTS_GIVEN")
+        raise NavigationError(Failure.NO_VIAPOINTS_GIVEN)
     return [context.to_map(pose) for pose in poses]
 
 
-def _to_pose(context: Context, action: "NavigationAction", request: Any) -> Goal:
-    return Goal(action, _poses(context, [request.pose]))
+def _to_pose(context: Context, request: Any, _: Any) -> Goal:
+    return Goal(_poses(context, [request.pose]))
 
 
-def _through_poses(context: Context, action: "NavigationAction", request: Any) -> Goal:
-    return Goal(action, _poses(context, request.poses))
+def _through_poses(context: Context, request: Any, _: Any) -> Goal:
+    return Goal(_poses(context, request.poses))
 
 
-def _waypoints(context: Context, action: "NavigationAction", request: Any) -> Goal:
-    poses = _poses(context, request.poses)
-    if request.goal_index >= len(poses):
-        raise RequestError(f"goal_index is {request.goal_index} of {len(poses)} poses", "UNKNOWN")
-    return Goal(
-        action,
-        poses,
-        stops=True,
-        stops_on_failure=action.stops_on_failure,
-        loops=int(request.number_of_loops),
-        index=int(request.goal_index),
-    )
+def _waypoints(context: Context, request: Any, _: Any) -> Goal:
+    poses, index = _poses(context, request.poses), int(request.goal_index)
+    if index >= len(poses):
+        raise ValueError(f"goal_index is {index} of {len(poses)} poses")
+    gives_up = bool(context.node.get_parameter("stop_on_failure").value)
+    loops = int(request.number_of_loops)
+    return Goal(poses, stops=True, stops_on_failure=gives_up, loops=loops, index=index)
 
 
-def _follow_path(context: Context, action: "NavigationAction", request: Any) -> Goal:
+def _follow_path(context: Context, request: Any, _: Any) -> Goal:
     points, yaw = _points(context, request.path)
-    if not len(points):
-        raise RequestError(Failure.INVALID_PATH.value, "INVALID_PATH")
-    return Goal(action, motion=lambda navigator: navigator.follow(points, yaw))
+    return Goal(motion=lambda navigator: navigator.follow(points, yaw))
 
 
 def _points(context: Context, path: Any) -> tuple[Floats, float | None]:
     """Return the points of a path, (N, 2), and the heading at its end."""
-    frame = path.header.frame_id
-    poses = []
     for stamped in path.poses:
-        stamped.header.frame_id = stamped.header.frame_id or frame
-        poses.append(context.to_map(stamped))
-    points = np.array([pose[:2] for pose in poses]).reshape(-1, 2)
-    return points, poses[-1].yaw if poses else None
+        stamped.header.frame_id = stamped.header.frame_id or path.header.frame_id
+    poses = np.array([context.to_map(stamped) for stamped in path.poses]).reshape(-1, 3)
+    return poses[:, :2], float(poses[-1, 2]) if len(poses) else None
 
 
-def _spin(_: Context, action: "NavigationAction", request: Any) -> Goal:
-    allowance = _allowance(request)
-    return Goal(
-        action,
-        motion=lambda navigator: navigator.spin(request.target_yaw, time_allowance=allowance),
-    )
+def _spin(_context: Context, request: Any, _: Any) -> Goal:
+    angle, allowance = request.target_yaw, _seconds(request.time_allowance)
+    return Goal(motion=lambda navigator: navigator.spin(angle, allowance))
 
 
-def _straight(sign: float, _: Context, action: "NavigationAction", request: Any) -> Goal:
-    target, allowance = request.target, _allowance(request)
-    if target.y or target.z:
-        raise RequestError("target has only x, the distance", "INVALID_INPUT")
-    distance, speed = sign * target.x, abs(request.speed)
-    if sign > 0.0 and target.x * request.speed < 0.0:
-        raise RequestError("target.x and speed have different signs", "INVALID_INPUT")
+def _straight(sign: float, _context: Context, request: Any, _: Any) -> Goal:
+    distance, speed = request.target.x, abs(request.speed)
+    if request.target.y or request.target.z:
+        raise ValueError("target has only x, the distance")
+    if sign > 0.0 and distance * request.speed < 0.0:
+        raise ValueError("target.x and speed have different signs")
     if sign < 0.0:  # Nav2 backs up regardless of the signs
-        distance = -abs(target.x)
-    return Goal(
-        action,
-        motion=lambda navigator: navigator.drive_straight(
-            distance, speed, time_allowance=allowance
-        ),
-    )
+        distance = -abs(distance)
+    allowance = _seconds(request.time_allowance)
+    return Goal(motion=lambda navigator: navigator.drive_straight(distance, speed, allowance))
 
 
-def _allowance(request: Any) -> float:
-    return nanoseconds(request.time_allowance) / NS_PER_S or math.inf
+def _wait(_context: Context, request: Any, _: Any) -> Goal:
+    return Goal(lasts=max(_seconds(request.time), 1e-3))
 
 
-def _wait(_: Context, action: "NavigationAction", request: Any) -> Goal:
-    return Goal(action, lasts=max(nanoseconds(request.time) / NS_PER_S, 1e-3))
+def _seconds(duration: Any) -> float:
+    return nanoseconds(duration) / NS_PER_S
 
 
 def _plan(context: Context, request: Any, result: Any) -> None:
     start = context.to_map(request.start) if request.use_start else None
-    stops = getattr(request, "goals", None) or [request.goal]
     parts = []
-    for stop in _poses(context, stops):
+    for stop in _poses(context, request.goals if hasattr(request, "goals") else [request.goal]):
         parts.append(context.navigator().plan(stop, start))
         start = stop
     result.path = context.maps.path_message(np.concatenate(parts))
@@ -146,21 +111,20 @@ def _plan(context: Context, request: Any, result: Any) -> None:
 def _smooth(context: Context, request: Any, result: Any) -> None:
     """Average neighboring points: this rounds corners and keeps the ends."""
     points, _ = _points(context, request.path)
-    if len(points) < 2:
-        raise RequestError("the path has fewer than two poses", "INVALID_PATH")
+    if not len(points):
+        raise NavigationError(Failure.INVALID_PATH)
     for _ in range(5):
         points[1:-1] = (points[:-2] + 2.0 * points[1:-1] + points[2:]) / 4.0
     result.path, result.was_completed = context.maps.path_message(points), True
 
 
 class ActionRow(NamedTuple):
-    """An action."""
+    """An action of Nav2: ``convert`` returns its goal, or fills the result if it has none."""
 
     name: str
     kind: str  # its type in nav2_msgs
-    goal: MakeGoal | None = None
-    answer: Answer | None = None
-    elapsed: str = ""  # the field of the result for the elapsed time
+    convert: Callable[[Context, Any, Any], Goal | None]
+    drives: bool = True
 
 
 ACTIONS = (
@@ -168,35 +132,26 @@ ACTIONS = (
     ActionRow("navigate_through_poses", "NavigateThroughPoses", _through_poses),
     ActionRow("follow_waypoints", "FollowWaypoints", _waypoints),
     ActionRow("follow_path", "FollowPath", _follow_path),
-    ActionRow("spin", "Spin", _spin, elapsed="total_elapsed_time"),
-    ActionRow("backup", "BackUp", partial(_straight, -1.0), elapsed="total_elapsed_time"),
-    ActionRow(
-        "drive_on_heading", "DriveOnHeading", partial(_straight, 1.0), elapsed="total_elapsed_time"
-    ),
-    ActionRow("wait", "Wait", _wait, elapsed="total_elapsed_time"),
-    ActionRow("compute_path_to_pose", "ComputePathToPose", answer=_plan, elapsed="planning_time"),
-    ActionRow(
-        "compute_path_through_poses",
-        "ComputePathThroughPoses",
-        answer=_plan,
-        elapsed="planning_time",
-    ),
-    ActionRow("smooth_path", "SmoothPath", answer=_smooth, elapsed="smoothing_duration"),
+    ActionRow("spin", "Spin", _spin),
+    ActionRow("backup", "BackUp", partial(_straight, -1.0)),
+    ActionRow("drive_on_heading", "DriveOnHeading", partial(_straight, 1.0)),
+    ActionRow("wait", "Wait", _wait),
+    ActionRow("compute_path_to_pose", "ComputePathToPose", _plan, drives=False),
+    ActionRow("compute_path_through_poses", "ComputePathThroughPoses", _plan, drives=False),
+    ActionRow("smooth_path", "SmoothPath", _smooth, drives=False),
 )
 
 
 class _WithClock:
-    """A node with its own clock, for some of the actions.
+    """A node with a clock of its own, for one action.
 
     rclpy's events executor warns about many timers on one clock, and each action has a timer.
     """
 
     def __init__(self, node: Node) -> None:
-        self._node, self._clock = node, ROSClock()
-        self._time = TimeSource(node=node)
-        self._time.attach_clock(self._clock)
+        self._node, self._clock = node, Clock()
 
-    def get_clock(self) -> ROSClock:
+    def get_clock(self) -> Clock:
         """Return its clock."""
         return self._clock
 
@@ -204,26 +159,16 @@ class _WithClock:
         return getattr(self._node, name)
 
 
-def offer_actions(node: Node, context: Context) -> "list[NavigationAction]":
-    """Offer all actions."""
-    nodes = [_WithClock(node) for _ in ACTIONS[::_TIMERS]]
-    return [
-        NavigationAction(node, nodes[number // _TIMERS], context, row)
-        for number, row in enumerate(ACTIONS)
-    ]
-
-
 class NavigationAction:
     """One of the actions."""
 
-    def __init__(self, node: Node, clocked: _WithClock, context: Context, row: ActionRow) -> None:
-        """Offer the action, with the clock of ``clocked``."""
-        self._node, self._context, self._row = node, context, row
+    def __init__(self, context: Context, row: ActionRow) -> None:
+        """Offer the action."""
+        self._context, self._row = context, row
+        self._log_error = context.node.get_logger().error
         self._type = load_interface(f"nav2_msgs/action/{row.kind}")
-        self._fields = self._type.Feedback.get_fields_and_field_types()
-        self._prepared: Goal | RequestError | None = None
         self._action = DeferredAction(
-            clocked,
+            _WithClock(context.node),
             self._type,
             row.name,
             lambda goal: self._type.Result(),
@@ -233,11 +178,6 @@ class NavigationAction:
             result_timeout=RESULT_KEPT,
         )
 
-    @property
-    def stops_on_failure(self) -> bool:
-        """The parameter of that name."""
-        return bool(self._node.get_parameter("stop_on_failure").value)
-
     def _on_goal(self, request: Any) -> GoalResponse:
         try:
             for name in _PLUGINS:
@@ -245,39 +185,47 @@ class NavigationAction:
                 if value not in _DEFAULT_PLUGINS:
                     raise OneBotError(f'there is no {name} "{value}": leave it empty')
             self._context.navigator()
-            if self._row.goal is not None:
+            if self._row.drives:
                 self._context.prepare()
         except OneBotError as error:
-            self._node.get_logger().error(f"{self._row.name}: goal rejected: {error}")
+            self._log_error(f"{self._row.name}: goal rejected: {error}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: Any) -> None:
         handle.execute()
-        row, result = self._row, self._type.Result()
+        result, began = self._type.Result(), self._context.node.get_clock().now()
         try:
-            if row.goal is None:
-                assert row.answer is not None
-                began = self._node.get_clock().now()
-                row.answer(self._context, handle.request, result)
-                setattr(result, row.elapsed, (self._node.get_clock().now() - began).to_msg())
-                self._action.finish(handle, partial(_finished, "succeed", result))
+            goal = self._row.convert(self._context, handle.request, result)
+            if goal is not None:
+                goal.client, goal.handle = self, handle
+                self._context.goals.start(goal)
                 return
-            goal = row.goal(self._context, self, handle.request)
-            goal.handle = handle
-            self._context.goals.start(goal)
+            self._finish(handle, result, self._context.node.get_clock().now() - began)
         except (OneBotError, ValueError) as error:
-            self._refuse(handle, result, error)
+            self._log_error(f"{self._row.name}: {error}")
+            code = "TF_ERROR" if isinstance(error, OneBotError) else "INVALID_INPUT"
+            if isinstance(error, NavigationError):
+                code = error.failure.name
+            result.error_code, result.error_msg = self._code(code), str(error)
+            self._finish(handle, result)
 
-    def _refuse(self, handle: Any, result: Any, error: OneBotError | ValueError) -> None:
-        self._node.get_logger().error(f"{self._row.name}: {error}")
-        name = "TF_ERROR" if isinstance(error, OneBotError) else "INVALID_INPUT"
-        if isinstance(error, NavigationError):
-            name = error.failure.name
-        elif isinstance(error, RequestError):
-            name = error.code
-        result.error_code, result.error_msg = self._code(name), str(error)
-        self._action.finish(handle, partial(_finished, "abort", result))
+    def _finish(self, handle: Any, result: Any, elapsed: Duration | None = None) -> None:
+        """Send a result, with the elapsed time if it has a field for it."""
+        for name, kind in self._type.Result.get_fields_and_field_types().items():
+            if elapsed is not None and kind == "builtin_interfaces/Duration":
+                setattr(result, name, elapsed.to_msg())
+
+        def end(handle: Any) -> Any:
+            if handle.is_cancel_requested:
+                handle.canceled()
+            elif result.error_code:
+                handle.abort()
+            else:
+                handle.succeed()
+            return result
+
+        self._action.finish(handle, end)
 
     def _on_cancel(self, _: Any) -> CancelResponse:
         self._context.goals.cancel("the client cancelled it", self)
@@ -285,22 +233,22 @@ class NavigationAction:
 
     def _code(self, name: str) -> int:
         """Return Nav2's code of an error, of this action or of the server that it would call."""
-        several = self._row.kind == "NavigateThroughPoses"
-        for kind in (self._row.kind, *(_CODES_OF_SEVERAL if several else _CODES)):
-            result = load_interface(f"nav2_msgs/action/{kind}").Result
-            if (value := getattr(result, name, None)) is not None:
-                return int(value)
-        return int(getattr(self._type.Result, "UNKNOWN", 0))
+        planner = "ThroughPoses" if self._row.kind == "NavigateThroughPoses" else "ToPose"
+        kinds = self._row.kind, f"ComputePath{planner}", "FollowPath"
+        results = [load_interface(f"nav2_msgs/action/{kind}").Result for kind in kinds]
+        codes = [getattr(result, key, 0) for key in (name, "UNKNOWN") for result in results]
+        return int(next(filter(None, codes)))
 
     def feed(self, goal: Goal, navigator: Navigator) -> None:
         """Send feedback."""
         feedback, remaining = self._type.Feedback(), navigator.distance_remaining
         elapsed = navigator.time - goal.began
-        speed = max(goal.driven / elapsed if elapsed else 0.0, _EASY * navigator.vehicle.forward)
+        speed = math.hypot(*navigator.speed[:2])
+        seconds = remaining / max(speed, _EASY * navigator.vehicle.forward)
         values = {
             "current_pose": self._context.maps.pose_stamped(navigator.pose),
             "navigation_time": Duration(seconds=elapsed).to_msg(),
-            "estimated_time_remaining": Duration(seconds=remaining / speed).to_msg(),
+            "estimated_time_remaining": Duration(seconds=seconds).to_msg(),
             "number_of_recoveries": navigator.recoveries,
             "distance_remaining": remaining,
             "distance_to_goal": remaining,
@@ -311,33 +259,20 @@ class NavigationAction:
             "distance_traveled": navigator.traveled,
             "time_left": Duration(seconds=max(0.0, goal.lasts - elapsed)).to_msg(),
         }
-        for name in self._fields:
+        for name in feedback.get_fields_and_field_types():
             setattr(feedback, name, values[name])
         goal.handle.publish_feedback(feedback)
 
     def ended(self, goal: Goal, reason: str, failure: Failure | None) -> None:
         """Send the result to the client."""
-        handle, result = goal.handle, self._type.Result()
-        if goal.missed:
-            missed = load_interface("nav2_msgs/msg/MissedWaypoint")
-            result.missed_waypoints = [
-                missed(
-                    index=index,
-                    goal=self._context.maps.pose_stamped(goal.poses[index]),
-                    error_code=self._code(waypoint.name),
-                )
-                for index, waypoint in goal.missed
-            ]
-        if self._row.elapsed:
-            elapsed = self._context.navigator().time - goal.began
-            setattr(result, self._row.elapsed, Duration(seconds=elapsed).to_msg())
-        if reason and hasattr(result, "error_msg"):
+        result = self._type.Result()
+        for index, missed in goal.missed:
+            waypoint = load_interface("nav2_msgs/msg/MissedWaypoint")(index=index)
+            waypoint.goal = self._context.maps.pose_stamped(goal.poses[index])
+            waypoint.error_code = self._code(missed.name)
+            result.missed_waypoints.append(waypoint)
+        if reason:
             result.error_code = self._code(failure.name if failure else "UNKNOWN")
             result.error_msg = reason
-        self._action.finish(handle, partial(_finished, "abort" if reason else "succeed", result))
-
-
-def _finished(state: str, result: Any, handle: Any) -> Any:
-    """Set the state of a goal, and return its result; it may have been cancelled meanwhile."""
-    getattr(handle, "canceled" if handle.is_cancel_requested else state)()
-    return result
+        elapsed = self._context.navigator().time - goal.began
+        self._finish(goal.handle, result, Duration(seconds=elapsed))

@@ -3,6 +3,8 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,10 +15,11 @@ from std_msgs.msg import Bool
 
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.navigation.grid import LevelScan, is_level
+from onebot_control.nodes.robot_services import planar_pose
 from onebot_control.nodes.velocity_messages import VELOCITY_TYPES, twist_of, velocity_message
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
+from onebot_description.geometry.poses import PlanarPose, Triple
 from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, LATCHED, make_qos
 from onebot_description.ros.transform_buffer import TransformException
@@ -33,13 +36,6 @@ _SCANS = 10  # maximum number of scans that wait for the odometry
 _KEPT = 50  # number of remembered own commands
 
 
-class TimedScan(NamedTuple):
-    """A scan with its stamp."""
-
-    stamp_ns: int
-    scan: LevelScan
-
-
 class TimedOdometry(NamedTuple):
     """The robot's odometry with its stamp."""
 
@@ -49,42 +45,10 @@ class TimedOdometry(NamedTuple):
     pose: PlanarPose
     speed: Triple  # forward, to the left, m/s; to the left, rad/s
 
-
-class Transforms:
-    """The TF tree from /tf and /tf_static."""
-
-    def __init__(self, node: Node) -> None:
-        """Subscribe."""
-        self.tree = FrameTree()
-        for topic, latched in (("/tf", False), ("/tf_static", True)):
-            node.create_subscription(
-                TFMessage,
-                topic,
-                lambda data, static=latched: self._on_tf(data, static),
-                make_qos(_TF_DEPTH, reliable=True, latched=latched),
-                raw=True,
-            )
-
-    def _on_tf(self, data: bytes, static: bool) -> None:
-        try:
-            message = tf_arrays(data)
-        except BAD_MESSAGE:
-            return
-        if message.children:
-            self.tree.add(message, static=static)
-
-    def pose(self, target: str, source: str) -> Floats:
-        """Return the latest pose (4, 4) of frame ``source`` in frame ``target``.
-
-        Raises:
-            OneBotError: there is none.
-        """
-        if target == source:
-            return np.eye(4)
-        try:
-            return self.tree.lookup(target, source).matrix
-        except TransformException as error:
-            raise OneBotError(str(error)) from None
+    @property
+    def time(self) -> float:
+        """Its stamp, s."""
+        return self.stamp_ns / NS_PER_S
 
 
 class Measurements:
@@ -92,67 +56,74 @@ class Measurements:
 
     Attributes:
         motion: the latest odometry; None until there is one.
-        transforms: the TF tree.
         locked: whether the robot is locked, so that it ignores commands.
     """
 
     def __init__(self, node: Node, overruled: Callable[[str], None]) -> None:
         """Subscribe; ``overruled`` is called with a reason when the robot is locked."""
         self._overruled = overruled
-        self.transforms = Transforms(node)
+        self._tree = FrameTree()
         self.motion: TimedOdometry | None = None
         self.locked = False
-        self._scans = deque[TimedScan](maxlen=_SCANS)
+        self._scans = deque[LevelScan](maxlen=_SCANS)
         self._turned: float | None = None
-        self._last_turn: tuple[int, float] | None = None  # stamp and rate of the latest IMU message
+        self._last_turn = 0, 0.0  # stamp and rate of the latest IMU message
         self._warn = Throttled(lambda text: node.get_logger().warning(text))
-        node.create_subscription(
-            LaserScan, "scan", self._on_scan, make_qos(1, reliable=False, latched=False)
-        )
+        latest = make_qos(1, reliable=False, latched=False)
+        node.create_subscription(LaserScan, "scan", self._on_scan, latest)
         node.create_subscription(Odometry, _ODOMETRY_TOPIC, self._on_odometry, ANY_PUBLISHER)
         node.create_subscription(Imu, "imu", self._on_imu, ANY_PUBLISHER)
         command = node.resolve_topic_name(COMMAND_TOPIC)
         node.create_subscription(Bool, f"{command}_locked", self._on_lock, LATCHED)
+        for topic, static in (("/tf", False), ("/tf_static", True)):
+            qos = make_qos(_TF_DEPTH, reliable=True, latched=static)
+            receive = partial(self._on_tf, static)
+            node.create_subscription(TFMessage, topic, receive, qos, raw=True)
 
-    def take_scan(self) -> TimedScan | None:
+    def _on_tf(self, static: bool, data: bytes) -> None:
+        with suppress(*BAD_MESSAGE):
+            if (message := tf_arrays(data)).children:
+                self._tree.add(message, static=static)
+
+    def pose(self, target: str, source: str) -> Floats:
+        """Return the latest pose (4, 4) of frame ``source`` in frame ``target``.
+
+        Raises:
+            OneBotError: there is none.
+        """
+        try:
+            return self._tree.lookup(target, source).matrix
+        except TransformException as error:
+            raise OneBotError(str(error)) from None
+
+    def take_scan(self) -> LevelScan | None:
         """Return the latest scan not later than the odometry, if it is new."""
         scan = None
-        while self._scans and self.motion and self._scans[0].stamp_ns <= self.motion.stamp_ns:
+        while self._scans and self.motion and (self._scans[0].time or 0.0) <= self.motion.time:
             scan = self._scans.popleft()
         return scan
 
     def take_turn(self) -> float | None:
         """Return the turn measured by the IMU since the last call, rad; None without an IMU."""
-        turned = self._turned
-        if turned is not None:
-            self._turned = 0.0
+        turned, self._turned = self._turned, None if self._turned is None else 0.0
         return turned
 
     def _on_scan(self, message: LaserScan) -> None:
-        motion = self.motion
-        if motion is None or message.angle_increment == 0.0 or not len(message.ranges):
+        if self.motion is None:
             return
         try:
-            mount = self.transforms.pose(motion.base_frame, message.header.frame_id)
+            mount = self.pose(self.motion.base_frame, message.header.frame_id)
+            if not is_level(mount):
+                raise OneBotError("the lidar is not level")
+            self._scans.append(scan_of(message, mount))
         except OneBotError as error:
-            self._warn("frame", f"scans are ignored: {error}")
-            return
-        if not is_level(mount):
-            self._warn("level", "scans are ignored: the lidar is not level")
-            return
-        scan = scan_of(message, mount)
-        if np.isnan(scan.ranges).all():
-            self._warn("nan", "a scan is ignored: all ranges are NaN")
-            return
-        self._scans.append(TimedScan(nanoseconds(message.header.stamp), scan))
+            self._warn("scan", f"scans are ignored: {error}")
 
     def _on_odometry(self, message: Odometry) -> None:
-        at, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist
-        pose = PlanarPose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
-        linear, angular = twist.twist.linear, twist.twist.angular
-        speed = linear.x, linear.y, angular.z
+        pose, twist = planar_pose(message.pose), message.twist.twist
+        speed = twist.linear.x, twist.linear.y, twist.angular.z
         if not all(map(math.isfinite, (*pose, *speed))):
-            self._warn("odometry", "odometry is ignored: it is not finite")
+            self._warn("odometry", "odometry is ignored: it is not finite, or not normalized")
             return
         stamp, header = nanoseconds(message.header.stamp), message.header
         if self.motion is not None and stamp < self.motion.stamp_ns:
@@ -160,20 +131,16 @@ class Measurements:
         self.motion = TimedOdometry(stamp, header.frame_id, message.child_frame_id, pose, speed)
 
     def _on_imu(self, message: Imu) -> None:
-        motion, stamp = self.motion, nanoseconds(message.header.stamp)
-        if motion is None:
-            return
-        try:
-            axes = self.transforms.pose(motion.base_frame, message.header.frame_id)
-        except OneBotError:
-            return
-        rates = message.angular_velocity
-        rate = float(axes[2, :3] @ (rates.x, rates.y, rates.z))
-        last, self._last_turn = self._last_turn, (stamp, rate)
-        if not math.isfinite(rate) or last is None or not 0 < stamp - last[0] < NS_PER_S:
-            return
-        turn = (last[1] + rate) / 2.0 * (stamp - last[0]) / NS_PER_S
-        self._turned = (self._turned or 0.0) + turn
+        rates, stamp = message.angular_velocity, nanoseconds(message.header.stamp)
+        with suppress(OneBotError):  # its frame is not in TF yet
+            if self.motion is not None:
+                axes = self.pose(self.motion.base_frame, message.header.frame_id)
+                rate, (before, last) = axes[2, :3] @ (rates.x, rates.y, rates.z), self._last_turn
+                if math.isfinite(rate):
+                    self._last_turn = stamp, float(rate)
+                    if 0 < (elapsed := stamp - before) < NS_PER_S:
+                        turn = (last + float(rate)) / 2.0 * elapsed / NS_PER_S
+                        self._turned = (self._turned or 0.0) + turn
 
     def _on_lock(self, message: Bool) -> None:
         self.locked = message.data
@@ -182,13 +149,20 @@ class Measurements:
 
 
 def scan_of(message: LaserScan, mount: Floats) -> LevelScan:
-    """Convert a LaserScan of a lidar whose pose in the robot's frame is ``mount`` (4, 4)."""
+    """Convert a LaserScan of a lidar whose pose in the robot's frame is ``mount`` (4, 4).
+
+    Raises:
+        OneBotError: it has no ranges or angles.
+    """
     ranges = np.asarray(message.ranges, np.float32)
+    first_angle, step = float(message.angle_min), float(message.angle_increment)
+    if np.isnan(ranges).all() or not step or not math.isfinite(first_angle + step):
+        raise OneBotError("all ranges are NaN, there are none, or the angles are not finite")
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < message.range_min, -np.inf, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
-    first_angle, step = float(message.angle_min), float(message.angle_increment)
-    return LevelScan.mounted(ranges, first_angle, step, float(message.range_max), mount)
+    scan = LevelScan.mounted(ranges, first_angle, step, float(message.range_max), mount)
+    return scan._replace(time=nanoseconds(message.header.stamp) / NS_PER_S)
 
 
 class Commands:

@@ -1,7 +1,6 @@
 """The navigator's node: it passes measurements to the navigator, and publishes the results."""
 
 import math
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,9 +15,9 @@ from onebot_control.navigation.map_files import load_map
 from onebot_control.navigation.navigator import Navigator
 from onebot_control.navigation.parameters import NavigatorParameters
 from onebot_control.nodes.command_controllers import Controllers
-from onebot_control.nodes.navigation.actions import Context, offer_actions
+from onebot_control.nodes.navigation.actions import ACTIONS, Context, NavigationAction
 from onebot_control.nodes.navigation.lifecycle import offer_lifecycle
-from onebot_control.nodes.navigation.maps import MapTopics
+from onebot_control.nodes.navigation.maps import PLANAR, MapTopics
 from onebot_control.nodes.navigation.measurements import (
     COMMAND_TOPIC,
     Commands,
@@ -26,7 +25,6 @@ from onebot_control.nodes.navigation.measurements import (
     TimedOdometry,
 )
 from onebot_control.nodes.robot_services import planar_pose
-from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.description import Description, load_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import to_planar
@@ -40,7 +38,6 @@ from onebot_description.ros.run_node import ends_node, steady_timer
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.ros.wire.messages import time_message, transforms_message
-from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled
 
 _POLL = 0.5  # s between polls for controllers
@@ -66,28 +63,25 @@ class NavigatorNode(Node):
         values = declare(self, NavigatorParameters)
         self._settings = read(NavigatorParameters, values)
         map_file = self._settings.yaml_filename
-        self._known: OccupancyGrid | None = load_map(Path(map_file)) if map_file else None
+        self._known = load_map(Path(map_file)) if map_file else None
         self._description: Description | None = load_description(file) if file else None
         self._navigator: Navigator | None = None
         self._vehicle: Vehicle | None = None
         self._told, self._line = -math.inf, ""
         self._warn = Throttled(lambda text: self.get_logger().warning(text))
-        self._robot_since = math.inf  # time since which there have been subscribers to commands
+        self._polls = 0  # number of polls since there have been subscribers to commands
         self._measured = Measurements(self, self._stop)
         self._commands = Commands(self, self._stop)
-        self._controllers = Controllers(self, self._on_limits)
+        self._controllers = Controllers(self, self._find_vehicle)
         self._tf = self.create_publisher(TFMessage, "/tf", DEPTH)
         self._status = self.create_publisher(String, "~/status", LATCHED)
-        frame = self._settings.global_frame
-        logger = self.get_logger()
-        self._goals = Goals(self._ready, self._prepare, logger.info, logger.warning)
-        self._maps = MapTopics(self, frame, self._ready, self._use_map)
-        context = Context(self._goals, self._maps, self._in_map, self._ready, self._prepare)
-        self._actions = offer_actions(self, context)
+        self._goals = Goals(self._ready, self._prepare, self.get_logger())
+        self._maps = MapTopics(self, self._ready, self._stop)
+        context = Context(self, self._goals, self._maps, self._in_map, self._ready, self._prepare)
+        self._actions = [NavigationAction(context, row) for row in ACTIONS]
         self.create_subscription(PoseStamped, "goal_pose", self._on_goal, DEPTH)
-        self.create_subscription(
-            PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, DEPTH
-        )
+        estimate = PoseWithCovarianceStamped
+        self.create_subscription(estimate, "initialpose", self._on_initial_pose, DEPTH)
         DescriptionTopic(self, lambda: self._description, self._on_description)
         offer_lifecycle(self, lambda: self._navigator is not None)
         self.create_timer(1.0 / self._settings.controller_frequency, ends_node(self._update))
@@ -109,35 +103,28 @@ class NavigatorNode(Node):
 
     def _on_description(self, description: Description) -> None:
         footprint_of(description)  # raises OneBotError
-        self._description, self._vehicle = description, None
+        self._description = description
         self._find_vehicle()
 
     def _look_for_controllers(self) -> None:
         names = {node_name(end) for end in self._commands.subscribers()}
         names -= {"", self.get_fully_qualified_name()}
         self._controllers.update(names)
-        if not names:
-            self._robot_since = math.inf
-        elif math.isinf(self._robot_since):
-            self._robot_since = time.monotonic()
-        self._find_vehicle()
-
-    def _on_limits(self) -> None:
-        self._vehicle = None
-        self._find_vehicle()
+        self._polls = self._polls + 1 if names else 0
+        if self._vehicle is None:
+            self._find_vehicle()
 
     def _find_vehicle(self) -> None:
         """Combine footprint and limits once both are known; they may change later."""
         limits = self._controllers.known
-        waited = time.monotonic() - self._robot_since > _PATIENCE
-        if self._vehicle is not None or self._description is None or not (limits or waited):
+        waited = self._polls * _POLL > _PATIENCE
+        if self._description is None or not (limits or waited):
             return
         self._vehicle = vehicle = vehicle_of(self._description, limits)
+        speeds = f"{vehicle.forward:g} m/s and {vehicle.turning:g} rad/s"
         if not limits:
-            self.get_logger().warning(
-                "no controller with velocity limits subscribes to the commands: using the limits "
-                f"{vehicle.forward:g} m/s and {vehicle.turning:g} rad/s"
-            )
+            text = "no controller with velocity limits subscribes to the commands: using the limits"
+            self.get_logger().warning(f"{text} {speeds}")
         if self._navigator is not None:
             self._navigator.use_vehicle(vehicle)
 
@@ -165,15 +152,8 @@ class NavigatorNode(Node):
         if self._navigator is None:
             self._start(motion)
         navigator = self._ready()
-        scan = self._measured.take_scan()
-        command = navigator.update(
-            motion.stamp_ns / NS_PER_S,
-            motion.pose,
-            motion.speed,
-            scan=scan.scan if scan else None,
-            scan_time=scan.stamp_ns / NS_PER_S if scan else None,
-            turn=self._measured.take_turn(),
-        )
+        scan, turn = self._measured.take_scan(), self._measured.take_turn()
+        command = navigator.update(motion.time, motion.pose, motion.speed, scan=scan, turn=turn)
         self._publish_transform(navigator, motion)
         if self._goals.active:
             self._commands.publish(command)
@@ -210,39 +190,27 @@ class NavigatorNode(Node):
         if self._measured.locked:
             raise OneBotError("the robot is locked: unlock it first from where it was stopped")
         if self.count_publishers("amcl_pose") > 1:
-            raise OneBotError(
-                "another node also navigates or localizes this robot: stop one of them"
-            )
+            raise OneBotError("another node navigates or localizes this robot, too: stop one")
         self._commands.prepare()
 
     def _stop(self, reason: str) -> None:
         self._goals.cancel(reason)
 
-    def _use_map(self, grid: OccupancyGrid) -> None:
-        motion = self._measured.motion
-        pose = self._ready().pose
-        assert motion is not None
-        self._stop("another map was loaded")
-        self._known = grid
-        self._start(motion)
-        self._ready().place(pose)
-
     def _on_goal(self, message: PoseStamped) -> None:
         try:
-            self._goals.start(Goal(None, [self._in_map(message)]))
+            self._goals.start(Goal([self._in_map(message)]))
         except OneBotError as error:
             self.get_logger().error(f"goal_pose is rejected: {error}")
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         stamped = PoseStamped(header=message.header, pose=message.pose.pose)
-        covariance = np.asarray(message.pose.covariance, float).reshape(6, 6)
-        rows = (0, 1, 5)
+        covariance = np.asarray(message.pose.covariance, float).reshape(6, 6)[PLANAR]
         try:
             navigator, pose = self._ready(), self._in_map(stamped)
             if not np.isfinite(covariance).all():
                 raise OneBotError("the covariance is not finite")
             self._stop("the robot was placed in the map")
-            navigator.place(pose, covariance[np.ix_(rows, rows)])
+            navigator.place(pose, covariance)
             self._maps.publish_pose(navigator)
         except OneBotError as error:
             self.get_logger().error(f"initialpose is rejected: {error}")
@@ -255,13 +223,11 @@ class NavigatorNode(Node):
         """
         pose = planar_pose(message)
         if not all(map(math.isfinite, pose)):
-            text = "the pose is not finite, or its quaternion is not normalized"
-            raise OneBotError(text)
+            raise OneBotError("the pose is not finite, or its quaternion is not normalized")
         frame = message.header.frame_id.removeprefix("/")
         if frame in ("", self._settings.global_frame):
             return pose
-        matrix = self._measured.transforms.pose(self._settings.global_frame, frame)
-        return to_planar(matrix).compose(pose)
+        return to_planar(self._measured.pose(self._settings.global_frame, frame)).compose(pose)
 
     def destroy_node(self) -> None:
         """Stop the robot, then destroy the node."""
