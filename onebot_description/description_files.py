@@ -1,4 +1,4 @@
-"""Watches the files of a description, and loads it again in the background after an edit."""
+"""The files of a description, to load it again in the background after an edit."""
 
 from __future__ import annotations
 
@@ -30,6 +30,11 @@ class Source(NamedTuple):
         content = json.loads(text)
         return cls(**{**content, "files": tuple(content["files"])})
 
+    def reloader(self) -> Reloader[Description]:
+        """Return what loads the description again after an edit of its files."""
+        files = map(Path, self.files)
+        return Reloader(lambda: load_description(self.model, self.arguments), files, self.read_ns)
+
 
 def load_followed(
     model: str, arguments: Mapping[str, str] | None = None
@@ -39,24 +44,3 @@ def load_followed(
     description = load_description(model, arguments)
     files = tuple(map(str, description.files))
     return description, Source(model, arguments or {}, files, read_ns)
-
-
-class DescriptionFiles(Reloader[Description]):
-    """Loads a description in the background whenever one of its files was edited."""
-
-    def __init__(self, source: Source) -> None:
-        def load() -> Description:
-            return load_description(source.model, source.arguments)
-
-        super().__init__(load, map(Path, source.files), source.read_ns)
-
-    def poll(self) -> Description | None:
-        """Return the edited description once it is loaded; call it several times a second.
-
-        Raises:
-            OneBotError: the files in their current state cannot be used.
-        """
-        description = super().poll()
-        if description is not None:
-            self.watched.watch(description.files)
-        return description

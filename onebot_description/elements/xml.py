@@ -21,7 +21,7 @@ XACRO_NAMESPACES = (
     "http://wiki.ros.org/xacro",
     "https://www.ros.org/wiki/xacro",
 )
-_GAZEBO_PREFIXES, _GAZEBO_NAMESPACE = ("gz", "ignition"), "http://gazebosim.org/schema"
+_GAZEBO_NAMESPACE = "http://gazebosim.org/schema"
 _SEPARATOR = "\1"  # between namespace, name and prefix; no document can contain it
 # A comment, with its text, or a CDATA section, which may contain text like a comment. The end of
 # the document ends either, so that the time stays linear.
@@ -92,8 +92,8 @@ def _choices(folder: Path, name: str) -> str:
 def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
     """Repair what urdfdom accepts but XML forbids; elements stay on their lines.
 
-    Blank lines before an XML declaration are moved behind it, comments with "--" inside are
-    emptied, and prefixes of Gazebo's namespace are declared.
+    Blank lines before an XML declaration are moved behind it, and comments with "--" inside are
+    emptied.
 
     Returns:
         The document, and a warning for each change.
@@ -110,28 +110,7 @@ def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
         text = '"--" inside a comment, which some programs reject: delete it'
         warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
-    for prefix in filter(lambda prefix: f"{prefix}:".encode() in data, _GAZEBO_PREFIXES):
-        data, fault = _with_prefix(data, prefix)
-        warnings += [f"{shown}:{fault}"] if fault else []
     return data, tuple(warnings)
-
-
-def _with_prefix(data: bytes, prefix: str) -> tuple[bytes, str]:
-    """Declare a prefix of Gazebo's namespace in <robot> if the document uses it undeclared.
-
-    Returns:
-        The document, and the line and text of a warning, "" if nothing was changed.
-    """
-    bare = _COMMENT.sub(_emptied, data)  # its length is the same
-    used = re.search(rb"<(?:[^<>]*\s)?%s:\w" % prefix.encode(), bare)
-    root = re.search(rb"<robot(?=[\s/>])", bare)
-    if not used or not root or f"xmlns:{prefix}".encode() in bare:
-        return data, ""
-    declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
-    text = f"the prefix {prefix} is not declared, which some programs reject: write {declared} ...>"
-    data = data[: root.start()] + declared.encode() + data[root.end() :]
-    line = bare.count(b"\n", 0, used.end()) + 1
-    return data, f"{line}: {text}"
 
 
 def _emptied(comment: re.Match[bytes]) -> bytes:

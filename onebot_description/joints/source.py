@@ -5,7 +5,7 @@ planned motions of the joints.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,14 +32,14 @@ class ReceivedJointStates:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._index = {name: number for number, name in enumerate(names)}
-        self._values = np.full((3, len(names)), math.nan)
-        # Each (N,): rad or m, rad/s or m/s, N m or N.
-        self.position, self.velocity, self.effort = self._values
+        self.values = np.full((3, len(names)), math.nan)
+        # (3, N), and each (N,): rad or m, rad/s or m/s, N m or N.
+        self.position, self.velocity, self.effort = self.values
 
     @property
     def kinds(self) -> tuple[bool, bool, bool]:
         """Whether the position, the velocity and the effort of any joint were received."""
-        position, velocity, effort = (~np.isnan(self._values)).any(axis=1).tolist()
+        position, velocity, effort = (~np.isnan(self.values)).any(axis=1).tolist()
         return position, velocity, effort
 
     def receive(
@@ -58,17 +58,12 @@ class ReceivedJointStates:
         for what, values in zip(("position", "velocity", "effort"), lists, strict=True):
             if len(values) not in (0, len(names)):
                 return f"{len(names)} names but {len(values)} values of {what}"
-        for row, values in zip(self._values, lists, strict=True):
+        for row, values in zip(self.values, lists, strict=True):
             for name, value in zip(names, values, strict=False):
                 number = self._index.get(name)
                 if number is not None and abs(value) <= LARGEST:
                     row[number] = value
         return None
-
-    def copy_from(self, previous: "ReceivedJointStates", pairs: Iterable[tuple[int, int]]) -> None:
-        """Copy what ``previous`` received; pairs are (index here, index in it)."""
-        for mine, theirs in pairs:
-            self._values[:, mine] = previous._values[:, theirs]
 
 
 class JointStateSource:
@@ -226,7 +221,7 @@ class JointStateSource:
             self._position[mine] = previous._position[theirs]
             self._origins[mine] = previous._origins[theirs]
             self._begun[mine] = previous._begun[theirs]
-        self.received.copy_from(previous.received, pairs)
+            self.received.values[:, mine] = previous.received.values[:, theirs]
 
 
 def wrapped(angle: Floats) -> Floats:
