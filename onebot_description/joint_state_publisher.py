@@ -257,6 +257,7 @@ class JointStatePublisher(Node):
             OneBotError: the description or a parameter cannot be used.
         """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
+        self._places: Mapping[str, str] = {}  # of parameters in the files that are being applied
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
         self._settings = JointStateParameters(self, arguments)
@@ -265,7 +266,7 @@ class JointStatePublisher(Node):
         self._sources: dict[str, Subscription] = {}  # topics whose values override all motions
         self._files = JointFiles(self, self._settings.live)
         self._start(description_file)
-        follow_changes(self, self._check, self._accept)
+        follow_changes(self, self._check, lambda _: self._apply(self._next))
 
     def _start(self, description_file: str | None) -> None:
         """Apply the description that is already at hand, or wait for one on the topic."""
@@ -281,16 +282,16 @@ class JointStatePublisher(Node):
     # Parameters ------------------------------------------------------------------------------
 
     def _check(self, parameters: Sequence[Parameter]) -> None:
-        self._next = self._prepare(parameters)
-
-    def _prepare(self, parameters: Sequence[Parameter]) -> JointsState:
         """Check parameters against each other, the files and the robot; change nothing."""
         old = self.state
-        values, config = self._settings.changed(old.values, parameters)
-        text, new = values.get("robot_description"), None
-        if text and text != old.values.get("robot_description"):
-            new = parse_description(text, "robot_description")
-        return old.with_parameters(values, config, new)
+        try:
+            values, config = self._settings.changed(old.values, parameters)
+            text, new = values.get("robot_description"), None
+            if text and text != old.values.get("robot_description"):
+                new = parse_description(text, "robot_description")
+            self._next = old.with_parameters(values, config, new)
+        except ConfigError as error:
+            raise error.located(self._places) from None
 
     def set_all(self, changes: Mapping[str, Any], places: Mapping[str, str]) -> None:
         """Set all ``changes`` or none.
@@ -304,17 +305,12 @@ class JointStatePublisher(Node):
         """
         if not changes:
             return
+        self._places = places
         parameters = [ros_parameter(name, value) for name, value in changes.items()]
-        try:
-            self._prepare(parameters)  # rclpy's errors name no line
-        except ConfigError as error:
-            raise error.located(places) from None
         result = self.set_parameters_atomically(parameters)
+        self._places = {}
         if not result.successful:
             raise OneBotError(result.reason)
-
-    def _accept(self, _: Sequence[Parameter]) -> None:
-        self._apply(self._next)
 
     # Applying parameters and descriptions ----------------------------------------------------
 
@@ -333,10 +329,7 @@ class JointStatePublisher(Node):
         self._apply(self.state.describing(description, tolerant=True))
 
     def _apply(self, state: JointsState) -> None:
-        self._change(state)
-        self._report()
-
-    def _change(self, state: JointsState) -> None:
+        """Use ``state`` from now on; log which parameters exceed limits or do not match."""
         old, self.state = self.state, state
         if state.source is not None:
             if state.plan is not None:
@@ -350,18 +343,12 @@ class JointStatePublisher(Node):
                 joints = f"joints: {moved or 'no joint moves, nothing to publish'}"
                 self.get_logger().info(f"robot description applied; {joints}")
             self._output.use(state.source, state.config)
+            places = self._settings.live.places(state.values)
+            for problem in state.source.reports:
+                if problem not in self._reported:
+                    self.get_logger().warning(problem.message(places))
+            self._reported = set(state.source.reports)
         self._subscribe(state.config.source_list)
-
-    def _report(self) -> None:
-        """Log once which parameters exceed limits or do not match the robot."""
-        state = self.state
-        if state.source is None:
-            return
-        places = self._settings.live.places(state.values)
-        for problem in state.source.reports:
-            if problem not in self._reported:
-                self.get_logger().warning(problem.message(places))
-        self._reported = set(state.source.reports)
 
     # Messages --------------------------------------------------------------------------------
 
