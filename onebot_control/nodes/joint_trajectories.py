@@ -48,9 +48,7 @@ class JointTrajectories:
         node = place.node
         names = place.slot.robot.followers[place.controller.name].names
         single = _single(names)
-        known = {*defaults(TrajectoryConfig), *single}
-        given = {name: v for name, v in place.controller.values.items() if name in known}
-        values = {**single, **given}
+        values = {**single, **place.controller.values}
         declared = declare(node, TrajectoryConfig, values, fixed={"joints": list(names)})
         self._host = host = ControllerNode[TrajectoryFollower](
             place, declared, partial(_own_values, place, single)

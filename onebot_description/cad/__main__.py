@@ -2,6 +2,8 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import yaml
 
@@ -12,7 +14,6 @@ from onebot_description.model.rigid_bodies import Body
 try:
     from onebot_description.cad.base import make_base
     from onebot_description.cad.collada import to_collada
-    from onebot_description.cad.dimensions import Section, read_dimensions
     from onebot_description.cad.solids import Part
     from onebot_description.cad.wheels import make_caster_wheel, make_fork, make_wheel
 except ModuleNotFoundError as error:
@@ -27,7 +28,20 @@ _HEADER = """\
 """
 
 
-def make_parts(dimensions: Section) -> tuple[Part, ...]:
+def read_dimensions(path: Path) -> SimpleNamespace:
+    """Read config/dimensions.yaml: m, kg, kg/m3; colors are sRGB, 0 to 1."""
+    dimensions: SimpleNamespace = _attributes(yaml.safe_load(path.read_text()))
+    return dimensions
+
+
+def _attributes(value: Any) -> Any:
+    """Return a map with its keys as attributes, and other values as they are."""
+    if not isinstance(value, dict):
+        return value
+    return SimpleNamespace(**{key: _attributes(item) for key, item in value.items()})
+
+
+def make_parts(dimensions: SimpleNamespace) -> tuple[Part, ...]:
     """Return the robot's parts."""
     makers = (make_base, make_wheel, make_fork, make_caster_wheel)
     return tuple(make(dimensions) for make in makers)
@@ -62,10 +76,11 @@ def _as_mapping(body: Body) -> dict[str, object]:
 def main() -> int:
     """Run the command and return its exit code."""
     share = package_share("onebot_description")
+    file = share / "config/dimensions.yaml"
     try:
-        write_robot(share / "config/dimensions.yaml", share)
-    except OneBotError as error:
-        print(error, file=sys.stderr)
+        write_robot(file, share)
+    except (AttributeError, OneBotError) as error:
+        print(f"{file}: {error}", file=sys.stderr)
         return 1
     return 0
 

@@ -1,12 +1,12 @@
 """The base: a swept shell in two tones, with bumper, face, sensor dome, deck, handle and lights."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 from manifold3d import CrossSection, Manifold
 
 from onebot_description.arrays import Floats
-from onebot_description.cad.dimensions import Section
 from onebot_description.cad.solids import (
     Part,
     Points,
@@ -40,7 +40,7 @@ _RING = ((0.7, 0.26), (0.87, 0.26), (0.87, 0.32), (0.7, 0.32))
 _INSIDE = ((0, -0.3), (0.76, -0.3), (0.76, 0.9), (0, 0.9))
 
 
-def hull(base: Section, grown: float = 0.0) -> Manifold:
+def hull(base: SimpleNamespace, grown: float = 0.0) -> Manifold:
     """Return the hull's solid, its skin moved outwards by ``grown`` meters (inwards if < 0)."""
     tail, nose = base.rear - grown, base.front - base.bumper + grown
 
@@ -73,7 +73,7 @@ def hull(base: Section, grown: float = 0.0) -> Manifold:
     return Manifold.extrude(section, 1.0, n_divisions=_STATIONS - 2).warp_batch(place)
 
 
-def make_base(dimensions: Section) -> Part:
+def make_base(dimensions: SimpleNamespace) -> Part:
     """Return the part "base_link"."""
     base, half_seam = dimensions.base, dimensions.base.seam_width / 2
     skin, set_back = hull(base), hull(base, -0.0012)
@@ -100,7 +100,7 @@ def make_base(dimensions: Section) -> Part:
     return Part("base_link", seen, inertial)
 
 
-def _hollow(base: Section, seen: dict[str, Manifold]) -> list[tuple[str, Manifold]]:
+def _hollow(base: SimpleNamespace, seen: dict[str, Manifold]) -> list[tuple[str, Manifold]]:
     """Return walls and motors; where two solids overlap, the later one displaces the earlier."""
     end = base.width / 2 - base.wall
     motors = rod_y(base.motor.radius, 2 * end) - rod_y(_FAR, 2 * (end - base.motor.length))
@@ -112,7 +112,7 @@ def _hollow(base: Section, seen: dict[str, Manifold]) -> list[tuple[str, Manifol
     return bodies
 
 
-def add_ballast(dimensions: Section, body: Body) -> None:
+def add_ballast(dimensions: SimpleNamespace, body: Body) -> None:
     """Add a block that gives a body the wanted mass and center of mass.
 
     Raises OneBotError if its mass would be negative.
@@ -129,12 +129,12 @@ def add_ballast(dimensions: Section, body: Body) -> None:
     body.add_mass(mass, center, np.diag(mass * (size @ size - size**2) / 12))
 
 
-def _above_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
+def _above_seam(base: SimpleNamespace, solid: Manifold, shift: float) -> Manifold:
     """Cut off everything below the plane ``shift`` meters above the seam's middle."""
     return solid.trim_by_plane((-base.seam_slope, 0.0, 1.0), base.seam_height + shift)
 
 
-def _below_seam(base: Section, solid: Manifold, shift: float) -> Manifold:
+def _below_seam(base: SimpleNamespace, solid: Manifold, shift: float) -> Manifold:
     """Cut off everything above the plane ``shift`` meters above the seam's middle."""
     return solid.trim_by_plane((base.seam_slope, 0.0, -1.0), -base.seam_height - shift)
 
@@ -144,13 +144,13 @@ def _window(width: float, height: float, radius: float, middle: tuple[float, flo
     return prism_x(round_rectangle(width, height, radius).translate(middle), 0.0, _FAR)
 
 
-def _dome(base: Section, profile: Points) -> Manifold:
+def _dome(base: SimpleNamespace, profile: Points) -> Manifold:
     """Turn a profile about the sensor's axis."""
     solid = lathe(base.sensor.radius, base.sensor.height, profile, 36)
     return solid.translate((base.sensor.x, 0.0, base.deck))
 
 
-def _mounts(dimensions: Section) -> Manifold:
+def _mounts(dimensions: SimpleNamespace) -> Manifold:
     """Return the stubs that carry the wheels and the caster's mount."""
     base, caster = dimensions.base, dimensions.caster
     low = caster.mount_height - dimensions.wheel.radius
@@ -158,13 +158,13 @@ def _mounts(dimensions: Section) -> Manifold:
     return rod_y(base.axle_radius, base.axle_length) + plinth
 
 
-def _deck(base: Section, margin: float) -> Manifold:
+def _deck(base: SimpleNamespace, margin: float) -> Manifold:
     """Return the space of the payload plate."""
     shape = round_rectangle(0.165 + 2 * margin, 0.15 + 2 * margin, 0.018 + margin)
     return Manifold.extrude(shape, 0.058).translate((-0.165, 0.0, base.deck - 0.008))
 
 
-def _holes(base: Section) -> Manifold:
+def _holes(base: SimpleNamespace) -> Manifold:
     """Return a grid of threaded holes in the deck."""
     hole = Manifold.cylinder(0.02, 0.0026, circular_segments=8).translate((0, 0, base.deck - 0.004))
     return union(
@@ -172,14 +172,14 @@ def _holes(base: Section) -> Manifold:
     )
 
 
-def _vents(base: Section) -> Manifold:
+def _vents(base: SimpleNamespace) -> Manifold:
     """Return slanted slots in both sides, behind the wheels."""
     slot = Manifold.cube((0.004, _FAR, 0.022), True).rotate((0.0, 24.0, 0.0))
     slots = [slot.translate((-0.1435 - 0.0095 * index, 0.0, 0.025)) for index in range(6)]
     return union(slots) - hull(base, -0.004)
 
 
-def _handle(base: Section) -> Manifold:
+def _handle(base: SimpleNamespace) -> Manifold:
     """Return the carrying handle, an arch that leans backwards."""
     ball = Manifold.sphere(0.004, 12).scale((2.0, 1.0, 1.0))
     turn = np.linspace(0.0, np.pi, 13)

@@ -8,6 +8,7 @@ bytes: the date is fixed.
 import datetime
 import io
 import math
+from types import SimpleNamespace
 
 import collada
 import numpy as np
@@ -17,7 +18,6 @@ from collada.scene import GeometryNode, MaterialNode, Node, Scene
 from collada.source import FloatSource, InputList
 from manifold3d import Manifold
 
-from onebot_description.cad.dimensions import Section
 from onebot_description.cad.solids import Part, skin
 
 _EDGE = math.radians(38.0)  # surfaces are shaded smoothly up to this angle between faces
@@ -28,7 +28,7 @@ _NORMAL_DIGITS = 3
 _DATE = datetime.datetime(2025, 1, 1, tzinfo=datetime.timezone.utc)
 
 
-def to_collada(part: Part, colors: Section) -> bytes:
+def to_collada(part: Part, colors: SimpleNamespace) -> bytes:
     """Return the file's content."""
     document = collada.Collada()
     document.assetInfo.created = document.assetInfo.modified = _DATE

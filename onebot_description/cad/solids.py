@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import trimesh
 from manifold3d import CrossSection, FillRule, JoinType, Manifold, OpType
 
-from onebot_description.cad.dimensions import Section
 from onebot_description.geometry.poses import Triple
 from onebot_description.model.rigid_bodies import Body
 
@@ -23,7 +23,7 @@ class Part:
     inertial: Body
 
 
-def weigh(solids: Iterable[tuple[str, Manifold]], densities: Section) -> Body:
+def weigh(solids: Iterable[tuple[str, Manifold]], densities: SimpleNamespace) -> Body:
     """Return the total mass, center and inertia of solids, each with its material's density."""
     body = Body("")
     for material, solid in solids:

@@ -5,11 +5,11 @@ turned. The fork's frame is where the swivel axis meets the base.
 """
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 
 import numpy as np
 from manifold3d import CrossSection, Manifold
 
-from onebot_description.cad.dimensions import Section
 from onebot_description.cad.solids import Part, around, box, lathe, prism_x, ring, rod_y, weigh
 from onebot_description.geometry.poses import Triple
 
@@ -26,7 +26,7 @@ _CASTER_STRIPE = ((0.8, 0.5), (0.92, 0.86), (0.84, 0.86))  # on either side of t
 _BEARING = ((0, 1), (0.72, 1), (0.8, 0.62), (0.8, 0.4), (1, 0.34), (1, 0), (0, 0))
 
 
-def make_wheel(dimensions: Section) -> Part:
+def make_wheel(dimensions: SimpleNamespace) -> Part:
     """Return the part "wheel"."""
     wheel = dimensions.wheel
     half, edge = wheel.width / 2, wheel.rim_radius
@@ -39,7 +39,7 @@ def make_wheel(dimensions: Section) -> Part:
     return _upright("wheel", seen, dimensions)
 
 
-def _grooves(wheel: Section) -> Manifold:
+def _grooves(wheel: SimpleNamespace) -> Manifold:
     """Return the slanted grooves of both shoulders, half a block apart."""
     pitch = 2 * np.pi * wheel.radius / wheel.tread_blocks
     inner, outer = wheel.width * 0.13, wheel.width * 0.6
@@ -52,7 +52,7 @@ def _grooves(wheel: Section) -> Manifold:
     return around(upper, wheel.tread_blocks) + around(lower, wheel.tread_blocks, 0.5)
 
 
-def _spokes(wheel: Section) -> Manifold:
+def _spokes(wheel: SimpleNamespace) -> Manifold:
     """Return forked spokes that bulge from the rim to the hub's face."""
     half, hub, rim = wheel.width / 2, wheel.hub_radius * 0.8, wheel.rim_radius - 0.003
     near = box((hub, -0.0035, half * 0.42), (hub + 0.003, 0.0035, half * 0.86))
@@ -61,7 +61,7 @@ def _spokes(wheel: Section) -> Manifold:
     return around(prong + prong.mirror((0.0, 1.0, 0.0)), wheel.spokes)
 
 
-def make_caster_wheel(dimensions: Section) -> Part:
+def make_caster_wheel(dimensions: SimpleNamespace) -> Part:
     """Return the part "caswheel"."""
     wheel = dimensions.caster.wheel
     half, edge = wheel.width / 2, wheel.rim_radius
@@ -76,7 +76,7 @@ def make_caster_wheel(dimensions: Section) -> Part:
     return _upright("caswheel", seen, dimensions)
 
 
-def make_fork(dimensions: Section) -> Part:
+def make_fork(dimensions: SimpleNamespace) -> Part:
     """Return the part "caster_base2"."""
     caster = dimensions.caster
     # The legs are drawn about the wheel's axle: inner and outer face, lower and upper crown end.
@@ -100,12 +100,12 @@ def make_fork(dimensions: Section) -> Part:
     return Part("caster_base2", seen, weigh(seen.items(), dimensions.densities))
 
 
-def axle_position(caster: Section) -> Triple:
+def axle_position(caster: SimpleNamespace) -> Triple:
     """Return the position of the wheel's axle in the fork's frame, with the wheel on the ground."""
     return (-caster.trail, 0.0, caster.wheel.radius - caster.mount_height)
 
 
-def _upright(name: str, seen: Mapping[str, Manifold], dimensions: Section) -> Part:
+def _upright(name: str, seen: Mapping[str, Manifold], dimensions: SimpleNamespace) -> Part:
     """Return a part that is drawn about z, with its axle along y."""
     upright = {material: solid.rotate((-90.0, 0.0, 0.0)) for material, solid in seen.items()}
     return Part(name, upright, weigh(upright.items(), dimensions.densities))
