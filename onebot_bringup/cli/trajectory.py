@@ -186,13 +186,14 @@ class _Motion:
         return ", ".join(f"{joint} {_shown(positions[joint])}" for joint in self._joints)
 
     def _conclude(self, status: int, result: Any, interrupted: bool) -> None:
-        from action_msgs.msg import GoalStatus
+        from onebot_description.ros.wire.interfaces import load_interface
 
-        if status == GoalStatus.STATUS_SUCCEEDED:
+        statuses = load_interface("action_msgs/msg/GoalStatus")
+        if status == statuses.STATUS_SUCCEEDED:
             self._report_success(result.error_string)
-        elif status == GoalStatus.STATUS_CANCELED and interrupted:
+        elif status == statuses.STATUS_CANCELED and interrupted:
             print("CANCELED: the joints hold where they are")
-        elif status == GoalStatus.STATUS_CANCELED:
+        elif status == statuses.STATUS_CANCELED:
             raise OneBotError("CANCELED by another client: the joints hold where they are")
         else:
             raise self._failure(f"ABORTED ({result.error_code}): {result.error_string}")
