@@ -15,13 +15,13 @@ from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rosidl_runtime_py import message_to_csv, message_to_yaml
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from yarl import URL
 
 from onebot_bringup.bags.bag_recorder import BagRecorder
-from onebot_bringup.introspection.interfaces import installed, message_class
-from onebot_bringup.introspection.message_text import Style, to_csv, to_yaml
+from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.steering.steering_page import SteeringPage
 from onebot_bringup.viewer.displays import DRAWING_BY_TYPE
 from onebot_bringup.viewer.rerun_viewer import RerunViewer
@@ -31,6 +31,7 @@ from onebot_description.description import load_description, parse_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.robot_state_publisher import RobotStatePublisher
 from onebot_description.ros.command_line import RosArguments
+from onebot_description.ros.wire.interface_text import installed_interfaces
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.any_message import broken, messages, received, serialized
 from tests.support import wait_for
@@ -53,7 +54,7 @@ class Published:
         if isinstance(message, bytes):
             message = deserialize_message(message, publisher.msg_type)
         self.count += 1
-        shown = to_csv(message)
+        shown = message_to_csv(message, truncate_length=128)
         if re.search(r"(^|,)-?(nan|inf)(,|$)", shown):
             self.not_finite.append(f"{publisher.topic_name}: {shown}")
         publish(message)
@@ -167,7 +168,7 @@ def test_velocity_controller(start_node: Callable[..., Node], kind: str) -> None
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """All displays, without a warning of numpy's in the node's output."""
-    types = sorted(DRAWING_BY_TYPE.keys() & set(installed("msg")))
+    types = sorted(DRAWING_BY_TYPE.keys() & set(installed_interfaces("msg")))
     offered = {f"/any{number}": kind for number, kind in enumerate(types)}
     node = start_node(
         RerunViewer,
@@ -186,7 +187,7 @@ def test_rerun_viewer(start_node: Callable[..., Node], tmp_path: Path) -> None:
         (name, kind.name)
         for name, topic in view.topics.items()
         for kind in topic.types
-        if kind.name in installed("msg")
+        if kind.name in installed_interfaces("msg")
     ]
     assert {kind for _, kind in chosen} >= {*types, "tf2_msgs/msg/TFMessage"}
 
@@ -225,10 +226,12 @@ def test_text(kind: Any) -> None:
     @given(messages(kind, NAMES))
     def any_messages(message: Any) -> None:
         message = deserialize_message(serialized(message), kind)
-        for style in (Style(), Style(longest=None), Style(flow=True, arrays=False)):
-            assert to_yaml(message, style).encode()
-            assert isinstance(to_csv(message, style).encode(), bytes)
-        assert list(yaml.safe_load(to_yaml(message))) == list(kind.get_fields_and_field_types())
+        for options in ({"truncate_length": 9}, {}, {"no_arr": True}):
+            assert message_to_yaml(message, flow_style=not options, **options).encode()
+            assert isinstance(message_to_csv(message, **options).encode(), bytes)
+        assert list(yaml.safe_load(message_to_yaml(message))) == list(
+            kind.get_fields_and_field_types()
+        )
 
     any_messages()
 

@@ -87,9 +87,9 @@ def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callabl
 
 
 def _types(parser: argparse.ArgumentParser, **_: object) -> list[str]:
-    from onebot_bringup.introspection.interfaces import installed
+    from onebot_description.ros.wire.interface_text import installed_interfaces
 
-    return list(installed("srv" if parser.prog.startswith("onebot service") else "msg"))
+    return list(installed_interfaces("srv" if parser.prog.startswith("onebot service") else "msg"))
 
 
 def _discover(session: Session) -> Session:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from onebot_bringup.cli.options import Subcommand, flag, positional
-from onebot_bringup.introspection.interfaces import full_name, installed
+from onebot_bringup.introspection.interfaces import full_name
 from onebot_description.elements.packages import package_name
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.packages import origin
@@ -17,6 +17,7 @@ from onebot_description.ros.wire.interface_text import (
     ADDED,
     KINDS,
     definitions,
+    installed_interfaces,
     interface_text,
     own_packages,
 )
@@ -30,7 +31,7 @@ def list_types(_: Namespace) -> None:
     """List the types."""
     for title, kind in _TITLES:
         print(f"{title}:")
-        print("".join(f"    {name}\n" for name in installed(kind)), end="")
+        print("".join(f"    {name}\n" for name in installed_interfaces(kind)), end="")
 
 
 def show(args: Namespace) -> None:
@@ -45,7 +46,7 @@ def _find(name: str) -> str:
             return full_name(name, kind)
         except OneBotError:
             continue
-    types = [full for _, kind in _TITLES for full in installed(kind)]
+    types = [full for _, kind in _TITLES for full in installed_interfaces(kind)]
     raise OneBotError(f'no type "{name}"{did_you_mean(name, types, "installed")}')
 
 
@@ -72,7 +73,7 @@ def _nested(line: str, package: str) -> str | None:
     full = name if "/" in name else f"{package}/{name}"
     parts = full.split("/")
     full = f"{parts[0]}/msg/{parts[-1]}"
-    return full if full in installed("msg") else None
+    return full if full in installed_interfaces("msg") else None
 
 
 # ---- The user's own packages ----
@@ -80,7 +81,7 @@ def _nested(line: str, package: str) -> str | None:
 
 def list_packages(_: Namespace) -> None:
     """List the packages with interfaces, and the folders of those made from definitions."""
-    names = {name.partition("/")[0] for kind in KINDS for name in installed(kind)}
+    names = {name.partition("/")[0] for kind in KINDS for name in installed_interfaces(kind)}
     own = own_packages()
     for name in sorted(names):
         print(f"{name} ({own[name]})" if name in own else name)

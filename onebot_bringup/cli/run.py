@@ -64,7 +64,8 @@ def run(argv: Sequence[str]) -> int:
 def run_file(file: Path, arguments: Sequence[str]) -> int:
     """Run a node from its file as ``__main__``, and its function ``main`` if it does not call that.
 
-    A file of a Python package is run as its module, so it may import its neighbors.
+    A file of a Python package is run as its module, so it may import its neighbors. A file with
+    relative imports is in a package, even if that lacks ``__init__.py``.
     """
     if not file.is_file():
         raise UsageError(f"there is no file {file}")
@@ -74,9 +75,10 @@ def run_file(file: Path, arguments: Sequence[str]) -> int:
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.argv[:] = [str(file), *arguments]
-    top = file.resolve().parent
-    names = [file.stem]
-    while (top / "__init__.py").is_file():
+    tree = ast.parse(file.read_bytes(), file)
+    imports = [node.level for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    top, names = file.resolve().parent, [file.stem]
+    while len(names) <= max(imports, default=0) or (top / "__init__.py").is_file():
         names.insert(0, top.name)
         top = top.parent
     sys.path.insert(0, str(top))
@@ -85,7 +87,7 @@ def run_file(file: Path, arguments: Sequence[str]) -> int:
             members = runpy.run_module(".".join(names), run_name="__main__", alter_sys=True)
         else:
             members = runpy.run_path(str(file), run_name="__main__")
-        if "main" in members and not _calls_main(file):  # setup.py names it as an entry point
+        if "main" in members and not _calls_main(tree):  # setup.py names it as an entry point
             return int(members["main"]() or 0)
     except OneBotError:
         raise
@@ -96,11 +98,11 @@ def run_file(file: Path, arguments: Sequence[str]) -> int:
     return 0
 
 
-def _calls_main(file: Path) -> bool:
+def _calls_main(tree: ast.Module) -> bool:
     """Whether the file itself calls its function ``main``, as below ``if __name__ == ...``."""
     return any(
         isinstance(node, ast.Name) and node.id == "main"
-        for statement in ast.parse(file.read_bytes()).body
+        for statement in tree.body
         if isinstance(statement, (ast.If, ast.Expr, ast.Try))
         for node in ast.walk(statement)
     )

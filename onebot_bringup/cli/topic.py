@@ -73,13 +73,14 @@ def _await_class(
 @in_session
 def echo(session: Session, args: Namespace) -> None:
     """Print the messages of a topic."""
-    from onebot_bringup.introspection.message_text import Style, is_message, pick, to_csv, to_yaml
-
-    style = Style(
-        longest=None if args.full_length else args.truncate_length,
-        arrays=not args.no_arr,
-        flow=args.flow_style,
+    from onebot_bringup.introspection.message_text import is_message, pick
+    from onebot_description.ros.packages.rosidl_runtime_py.convert import (
+        message_to_csv,
+        message_to_yaml,
     )
+
+    longest = None if args.full_length else args.truncate_length
+    options: dict[str, Any] = {"truncate_length": longest, "no_arr": args.no_arr}
     printed = 0
 
     def on_message(message: Any) -> None:
@@ -89,9 +90,10 @@ def echo(session: Session, args: Namespace) -> None:
             return
         printed += 1
         if args.csv:
-            print(to_csv(part, style))
+            print(message_to_csv(part, **options))
         elif is_message(part):
-            print(to_yaml(part, style), end="---\n")
+            text = message_to_yaml(part, flow_style=args.flow_style, **options)
+            print(text, end="---\n")
         else:
             print(part, end="\n---\n")
 

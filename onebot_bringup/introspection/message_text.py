@@ -1,15 +1,13 @@
-"""Converts messages to YAML and back, as ``ros2 topic echo`` prints and ``pub`` reads them.
+"""Reads messages from YAML, as in ``ros2 topic pub``; rosidl_runtime_py writes them.
 
-Printed values may be truncated. Parsing is strict: a value that does not fit its field is an error
-that names the field, and nothing is rounded or truncated.
+Reading is strict: a value that does not fit its field is an error that names the field, and nothing
+is rounded or truncated.
 """
 
 import array
 import math
 import re
-import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -17,15 +15,14 @@ import yaml
 from rosidl_parser.definition import (
     AbstractGenericString,
     AbstractNestedType,
-    AbstractWString,
     Array,
-    BasicType,
     BoundedSequence,
     NamespacedType,
 )
 
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.parameters import bounded_yaml
+from onebot_description.ros.packages.rosidl_runtime_py.convert import slot_name
 from onebot_description.ros.wire.definition import type_name
 from onebot_description.ros.wire.message_class import class_of
 from onebot_description.timing import NS_PER_S
@@ -35,107 +32,11 @@ _HEADER = ("std_msgs", "msg", "Header")
 _TRUE = ("true", "yes", "on", "1")
 _FALSE = ("false", "no", "off", "0")
 _LARGEST_FLOAT32 = 3.4028235677973366e38  # the smallest number that rounds to infinity
-_LISTS = (list, tuple, array.array, np.ndarray)
-
-
-@dataclass(frozen=True)
-class Style:
-    """How messages are printed."""
-
-    longest: int | None = 128  # truncate lists, bytes and strings after this many; None: never
-    arrays: bool = True  # print the items of lists; otherwise their type and length
-    flow: bool = False  # YAML on one line, with braces
-
-
-def to_yaml(message: Any, style: Style | None = None) -> str:
-    """Return a message as YAML, ending with a newline."""
-    style = style or Style()
-    return yaml.dump(
-        _plain_fields(message, style),
-        Dumper=_Dumper,
-        allow_unicode=True,
-        width=sys.maxsize,
-        sort_keys=False,
-        default_flow_style=style.flow,
-    )
-
-
-def to_csv(message: Any, style: Style | None = None) -> str:
-    """Return all values in a message (or a part of it), in order, separated by commas.
-
-    An empty list is one empty value, so that later values stay in their columns.
-    """
-    return ",".join(_flat(_plain(message, None, style or Style())))
-
-
-def _flat(value: Any) -> Iterator[str]:
-    if isinstance(value, (dict, list)):
-        for item in value.values() if isinstance(value, dict) else value or [""]:
-            yield from _flat(item)
-    else:
-        yield str(value)
 
 
 def is_message(value: Any) -> bool:
     """Whether ``value`` is a message, not a plain value of a field."""
     return hasattr(value, "get_fields_and_field_types")
-
-
-class _Dumper(yaml.SafeDumper):
-    def ignore_aliases(self, data: Any) -> bool:
-        """Write repeated objects in full, without YAML aliases."""
-        return True
-
-
-# Bytes are printed as characters.
-_Dumper.add_representer(bytes, lambda dumper, data: dumper.represent_str(data.decode("latin-1")))
-
-
-def _plain_fields(message: Any, style: Style) -> dict[str, Any]:
-    """Return a message as a dictionary of plain values, with the fields in order."""
-    fields = message.get_fields_and_field_types()
-    return {
-        name: _plain(getattr(message, name), slot, style)
-        for name, slot in zip(fields, message.SLOT_TYPES, strict=True)
-    }
-
-
-def _plain(value: Any, slot: Any, style: Style) -> Any:
-    if isinstance(value, str):
-        return _cut(value, style)
-    if isinstance(value, _LISTS):
-        if not style.arrays and isinstance(slot, AbstractNestedType):
-            return _summary(value, slot)
-        return _plain_list(value, style)
-    if isinstance(value, np.generic):
-        return value.item()
-    return _plain_fields(value, style) if is_message(value) else value
-
-
-def _plain_list(values: Any, style: Style) -> list[Any]:
-    items = [_plain(value, None, style) for value in values[: style.longest]]
-    return items if len(items) == len(values) else [*items, "..."]
-
-
-def _cut(text: str, style: Style) -> str:
-    if style.longest is None or len(text) <= style.longest:
-        return text
-    return text[: style.longest] + "..."
-
-
-def _summary(values: Any, slot: Any) -> str:
-    """Return the type and length of a list whose items are not printed."""
-    kind = _type_of(slot.value_type)
-    return f"<sequence type: {kind}, length: {len(values)}>"
-
-
-def _type_of(slot: Any) -> str:
-    """Return the type of a field, as in a .msg file."""
-    if isinstance(slot, BasicType):
-        return str(slot.typename)
-    if isinstance(slot, NamespacedType):
-        return "/".join(slot.namespaced_name())
-    return "wstring" if isinstance(slot, AbstractWString) else "string"
 
 
 def pick(message: Any, path: str) -> Any:
@@ -220,7 +121,7 @@ class _Filler:
             return self._message(slot, value, path, current)
         if not isinstance(value, str):
             kind = "list" if isinstance(value, list) else "dictionary"
-            raise OneBotError(f"{path} is one value ({_type_of(slot)}), not a {kind}")
+            raise OneBotError(f"{path} is one value ({slot_name(slot)}), not a {kind}")
         if isinstance(slot, AbstractGenericString):
             return value
         try:
@@ -250,7 +151,7 @@ class _Filler:
         if values == "":
             values = []
         if not isinstance(values, list):
-            raise OneBotError(f"{path} is a list of {_type_of(slot.value_type)}, written as [...]")
+            raise OneBotError(f"{path} is a list of {slot_name(slot.value_type)}, written as [...]")
         if isinstance(slot, Array) and len(values) != slot.size:
             raise OneBotError(f"{path} has {slot.size} values, not {len(values)}")
         if isinstance(slot, BoundedSequence) and len(values) > slot.maximum_size:

@@ -9,7 +9,6 @@
 #include <string.h>
 
 #define EXPORT __attribute__((visibility("default")))
-#define EPSILON 2.2204460492503131e-16
 
 enum { POSE = 7 };                /* translation x y z, m; rotation x y z w */
 enum { DEEPEST = 1000 };          /* frames above each other; more are a loop */
@@ -45,14 +44,9 @@ struct row {
   double pose[POSE];
 };
 
-struct transform {
-  double basis[3][3], origin[3];
-};
-
 struct result {
   int64_t stamp, edge; /* the time used or requested; the stamp that it lies beyond */
   double pose[POSE];
-  struct transform transform;
 };
 
 /* ---- Rotations, in the order of operations of tf2: the sign of a result depends on rounding ---- */
@@ -106,22 +100,6 @@ static void to_quaternion(double m[3][3], double q[4]) {
   q[3] = (m[k][j] - m[j][k]) * s;
   q[j] = (m[j][i] + m[i][j]) * s;
   q[k] = (m[k][i] + m[i][k]) * s;
-}
-
-static double dot(const double a[3], const double b[3]) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void apply(double m[3][3], const double v[3], double out[3]) {
-  const double rotated[3] = {dot(m[0], v), dot(m[1], v), dot(m[2], v)};
-  memcpy(out, rotated, sizeof rotated);
-}
-
-static void product(double a[3][3], double b[3][3], double out[3][3]) {
-  for (int row = 0; row < 3; row++)
-    for (int column = 0; column < 3; column++)
-      out[row][column] = b[0][column] * a[row][0] + b[1][column] * a[row][1] +
-                         b[2][column] * a[row][2];
 }
 
 /* From `first` to `second` by `part`, along the shorter arc. */
@@ -440,36 +418,13 @@ EXPORT int onebot_buffer_lookup(const struct buffer *buffer, int64_t target, int
                                 int64_t stamp, int64_t limit, struct result *out) {
   const int failure = find_pose(buffer, target, source, stamp, limit, out);
   if (failure) return failure;
-  to_basis(out->pose + 3, out->transform.basis);
-  memcpy(out->transform.origin, out->pose, sizeof out->transform.origin);
-  to_quaternion(out->transform.basis, out->pose + 3);
+  onebot_buffer_unit(out->pose + 3);
   return OK;
-}
-
-/* Make `inner`, a result in the frame of `outer`, one in the frame that `outer` is in. */
-EXPORT void onebot_buffer_compose(struct result *outer, struct result *inner) {
-  struct transform *a = &outer->transform;
-  struct transform *b = &inner->transform;
-  double basis[3][3];
-  product(a->basis, b->basis, basis);
-  memcpy(b->basis, basis, sizeof basis);
-  apply(a->basis, b->origin, b->origin);
-  for (int i = 0; i < 3; i++) b->origin[i] += a->origin[i];
-  memcpy(inner->pose, b->origin, sizeof b->origin);
-  to_quaternion(b->basis, inner->pose + 3);
 }
 
 EXPORT int onebot_buffer_common_time(const struct buffer *buffer, int64_t target, int64_t source,
                                      int64_t *stamp) {
   return common_time(buffer, target, source, stamp);
-}
-
-/* The parent of a frame at a time; 0 if it has none. */
-EXPORT int64_t onebot_buffer_parent(const struct buffer *buffer, int64_t number, int64_t stamp) {
-  struct sample sample;
-  int64_t edge;
-  const struct frame *frame = frame_of(buffer, number);
-  return frame && sample_at(frame, stamp, 0, &sample, &edge) == OK ? sample.parent : 0;
 }
 
 /* The time up to which all transforms between a frame and `top`, above it, are known. */
@@ -494,42 +449,5 @@ EXPORT void onebot_buffer_states(const struct buffer *buffer, int64_t first, int
                             latest_stamp(frame)};
     memcpy(states, row, sizeof row);
     if (frame->count) memcpy(poses, frame->first[frame->count - 1].pose, POSE * sizeof *poses);
-  }
-}
-
-/* The velocities, linear then angular, between two poses of a body `seconds` apart, in the axes of
- * `reference`, of the point that is at `delta` from the body's origin. */
-EXPORT void onebot_buffer_velocity(struct result *start, struct result *end,
-                                   struct result *reference, double seconds,
-                                   const double *delta, double *out) {
-  double (*m)[3] = start->transform.basis;
-  double cofactors[3][3], turn[3][3], q[4], axis[3] = {1.0, 0.0, 0.0}, linear[3], angular[3];
-  for (int row = 0; row < 3; row++)
-    for (int column = 0; column < 3; column++) {
-      const int r = (column + 1) % 3, s = (column + 2) % 3, c = (row + 1) % 3, d = (row + 2) % 3;
-      cofactors[row][column] = m[r][c] * m[s][d] - m[r][d] * m[s][c];
-    }
-  const double first[3] = {cofactors[0][0], cofactors[1][0], cofactors[2][0]};
-  const double scale = 1.0 / dot(m[0], first);
-  for (int i = 0; i < 9; i++) (&cofactors[0][0])[i] *= scale;
-  product(cofactors, end->transform.basis, turn);
-  to_quaternion(turn, q);
-  const double squared = 1.0 - q[3] * q[3];
-  if (squared >= 10.0 * EPSILON)
-    for (int i = 0; i < 3; i++) axis[i] = q[i] / sqrt(squared);
-  const double angle = 2.0 * acos(q[3] > 1.0 ? 1.0 : q[3] < -1.0 ? -1.0 : q[3]);
-  apply(m, axis, angular);
-  for (int i = 0; i < 3; i++) {
-    linear[i] = (end->transform.origin[i] - start->transform.origin[i]) / seconds;
-    angular[i] *= angle / seconds;
-  }
-  const double *at = reference->transform.origin;
-  apply(reference->transform.basis, linear, linear);
-  apply(reference->transform.basis, angular, angular);
-  for (int i = 0; i < 3; i++) {
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    /* tf2 multiplies by the distance component by component, where a cross product is meant. */
-    out[i] = linear[i] + (at[j] * angular[k] - at[k] * angular[j]) + angular[i] * delta[i];
-    out[i + 3] = angular[i];
   }
 }

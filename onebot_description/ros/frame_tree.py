@@ -13,12 +13,10 @@ import numpy as np
 from onebot_description.arrays import Floats
 from onebot_description.errors import did_you_mean
 from onebot_description.geometry.matrices import of_transform
-from onebot_description.geometry.poses import Transform
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
 from onebot_description.ros.transform_buffer import (
     CACHE_NS,
     ROW,
-    Found,
     LookupException,
     TransformBuffer,
 )
@@ -197,7 +195,7 @@ class FrameTree:
             return None
         if frame == fixed:
             return np.eye(4)
-        return _matrix(self._buffer.find(fixed, frame, time_ns, top))
+        return of_transform(self._buffer.find(fixed, frame, time_ns, top).transform)
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
         """Return the latest poses (4, 4) in ``fixed`` of all ``frames`` connected to it."""
@@ -231,13 +229,8 @@ class FrameTree:
                 )
         if self.top(target) != self.top(source):
             raise self._buffer.unconnected(target, source)
-        transform = self._buffer.find(target, source, 0)
-        return StampedPose(transform.stamp_ns, _matrix(transform))
-
-
-def _matrix(found: Found) -> Floats:
-    x, y, z, *turn = found.pose
-    return of_transform(Transform((x, y, z), (turn[0], turn[1], turn[2], turn[3])))
+        found = self._buffer.find(target, source, 0)
+        return StampedPose(found.stamp_ns, of_transform(found.transform))
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from onebot_description.compiled.library import load_library
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.poses import Transform
 from onebot_description.timing import NS_PER_S
 
 CACHE_NS = 10 * NS_PER_S
@@ -63,23 +64,24 @@ class Found(ctypes.Structure):
     Attributes:
         stamp_ns: its time, nanoseconds.
         pose: x y z in m, and the quaternion x y z w of the source frame in the target frame.
-        basis, origin: the same, as the rows of the rotation matrix, and x y z in m.
     """
 
     if TYPE_CHECKING:
         stamp_ns: int
         edge_ns: int  # the stamp beyond which the time is, if the lookup failed for that reason
         pose: Sequence[float]
-        basis: Sequence[float]
-        origin: Sequence[float]
 
     _fields_ = (
         ("stamp_ns", ctypes.c_int64),
         ("edge_ns", ctypes.c_int64),
         ("pose", ctypes.c_double * 7),
-        ("basis", ctypes.c_double * 9),
-        ("origin", ctypes.c_double * 3),
     )
+
+    @property
+    def transform(self) -> Transform:
+        """The pose as a transform."""
+        x, y, z, a, b, c, w = self.pose
+        return Transform((x, y, z), (a, b, c, w))
 
 
 class FrameState(NamedTuple):
@@ -112,12 +114,9 @@ def _functions() -> ctypes.PyDLL:
         ("unit", None, (pointer,)),
         ("add", number, (pointer, pointer, number, number)),
         ("lookup", ctypes.c_int, (pointer, *[number] * 4, result)),
-        ("compose", None, (result, result)),
         ("common_time", ctypes.c_int, (pointer, number, number, ctypes.POINTER(number))),
-        ("parent", number, (pointer, number, number)),
         ("known_until", number, (pointer, number, number)),
         ("states", None, (pointer, number, number, pointer, pointer)),
-        ("velocity", None, (*[result] * 3, ctypes.c_double, pointer, pointer)),
     ):
         function = getattr(library, f"onebot_buffer_{name}")
         function.restype, function.argtypes = kind, arguments
@@ -232,28 +231,6 @@ class TransformBuffer:
             raise self._explain(failure, found, target, source)
         return found
 
-    def compose(self, outer: Found, inner: Found) -> None:
-        """Transform ``inner`` from the frame of ``outer`` to the parent frame of ``outer``."""
-        self._library.onebot_buffer_compose(outer, inner)
-
-    def velocity(
-        self, start: Found, end: Found, reference: Found, seconds: float, delta: Sequence[float]
-    ) -> list[float]:
-        """Return linear, m/s, then angular velocity, rad/s, between two transforms of a body.
-
-        Args:
-            start: the transform of the body before.
-            end: the transform of the body after.
-            reference: its transform in the frame whose axes are used.
-            seconds: the time between start and end.
-            delta: the moving point relative to the body's origin, m.
-        """
-        velocity = (ctypes.c_double * 6)()
-        self._library.onebot_buffer_velocity(
-            start, end, reference, seconds, (ctypes.c_double * 3)(*delta), velocity
-        )
-        return velocity[:]
-
     def common_time(self, target: str, source: str) -> int:
         """Return the latest time, ns, at which two frames are connected; 0 if all is static.
 
@@ -267,12 +244,6 @@ class TransformBuffer:
         if failure:
             raise self._explain(failure, Found(), target, source)
         return stamp.value
-
-    def parent_at(self, name: str, time_ns: int) -> str:
-        """Return the parent of a frame at a time, "NO_PARENT" if there is none."""
-        number = self.numbers.get(name, 0)
-        parent: int = self._library.onebot_buffer_parent(self._buffer, number, time_ns)
-        return self.frames[parent]
 
     def states(self) -> dict[str, FrameState]:
         """Return the state of each frame that was the child of a transform, in order of arrival."""

@@ -8,21 +8,20 @@ from geometry_msgs.msg import PoseWithCovariance, Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterValue
+from rosidl_runtime_py import message_to_csv, message_to_yaml
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Bool, ByteMultiArray, Int8, String
 
-from onebot_bringup.introspection.interfaces import installed, message_class
+from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.message_text import (
-    Style,
     fill,
     pick,
     read_scalar,
     stamp,
-    to_csv,
-    to_yaml,
 )
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interface_text import installed_interfaces
 
 
 def joint_state() -> JointState:
@@ -32,39 +31,25 @@ def joint_state() -> JointState:
     return state
 
 
-def test_yaml() -> None:
-    """Block style: fields in their order, lists as items, empty ones as []."""
-    assert to_yaml(joint_state()) == (
+def test_what_is_written() -> None:
+    """Lists as items, empty ones as []; without their items; cut; and as columns."""
+    assert message_to_yaml(joint_state()) == (
         "header:\n  stamp:\n    sec: 3\n    nanosec: 0\n  frame_id: base\n"
         "name:\n- a\n- b\nposition:\n- 0.5\n- -1.0\nvelocity: []\neffort: []\n"
     )
-
-
-def test_without_the_items_of_lists() -> None:
-    """--no-arr shows type and length."""
-    text = to_yaml(joint_state(), Style(arrays=False))
+    text = message_to_yaml(joint_state(), no_arr=True)
     assert "name: '<sequence type: string, length: 2>'\n" in text
     assert "position: '<sequence type: double, length: 2>'\n" in text
-    status = DiagnosticStatus(values=[KeyValue()])
-    assert "<sequence type: diagnostic_msgs/msg/KeyValue, length: 1>" in to_yaml(
-        status, Style(arrays=False)
-    )
-
-
-def test_long_values_are_cut() -> None:
-    """128 items or characters, and dots; all of them on request."""
+    status = message_to_yaml(DiagnosticStatus(values=[KeyValue()]), no_arr=True)
+    assert "<sequence type: diagnostic_msgs/msg/KeyValue, length: 1>" in status
     state = JointState(position=[1.0] * 200)
-    assert to_yaml(state).count("- 1.0\n") == 128 and "- '...'\n" in to_yaml(state)
-    assert to_yaml(state, Style(longest=None)).count("- 1.0\n") == 200
-    assert to_yaml(String(data="x" * 200)) == f"data: {'x' * 128}...\n"
-
-
-def test_csv() -> None:
-    """All values in order, separated by commas; an empty list is an empty value."""
-    assert to_csv(joint_state()) == "3,0,base,a,b,0.5,-1.0,,"
-    assert to_csv(joint_state(), Style(arrays=False)).endswith("<sequence type: double, length: 0>")
-    assert to_csv(JointState(position=[1.0] * 3), Style(longest=2)) == "0,0,,,1.0,1.0,...,,"
-    assert to_csv(2.5) == "2.5"
+    text = message_to_yaml(state, truncate_length=128)
+    assert text.count("- 1.0\n") == 128 and "- '...'\n" in text
+    assert message_to_yaml(String(data="x" * 9), truncate_length=3) == "data: xxx...\n"
+    assert message_to_csv(joint_state()) == "3,0,base,a,b,0.5,-1.0,,"
+    assert message_to_csv(joint_state(), no_arr=True).endswith("<sequence type: double, length: 0>")
+    assert message_to_csv(state, truncate_length=2) == "0,0,,,1.0,1.0,...,,"
+    assert message_to_csv(2.5) == "2.5"
 
 
 def test_pick() -> None:
@@ -105,7 +90,7 @@ def refusal(message: object, text: str) -> str:
 
 def test_nested_fields_in_flow_and_block_style() -> None:
     """Both styles of YAML fill the same message; what is left out keeps its default."""
-    assert to_yaml(Twist(), Style(flow=True)) == (
+    assert message_to_yaml(Twist(), flow_style=True) == (
         "{linear: {x: 0.0, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 0.0}}\n"
     )
     flow = filled(Twist(), "{linear: {x: 0.2}, angular: {z: -1}}")
@@ -193,16 +178,16 @@ def test_printed_and_read_back(data: tuple[list[str], list[float]]) -> None:
     state = JointState(name=data[0], position=data[1])
     state.header.frame_id = "".join(data[0])
     for flow in (False, True):
-        text = to_yaml(state, Style(longest=None, flow=flow))
+        text = message_to_yaml(state, flow_style=flow)
         assert filled(JointState(), text) == state
 
 
 def test_every_installed_message_is_printed_and_read_back() -> None:
     """No type of message is left out: the default of each survives the round trip."""
-    assert len(installed("msg")) > 100
-    for name in installed("msg"):
+    assert len(installed_interfaces("msg")) > 100
+    for name in installed_interfaces("msg"):
         message = message_class(name)()
-        assert filled(message_class(name)(), to_yaml(message, Style(longest=None))) == message
+        assert filled(message_class(name)(), message_to_yaml(message)) == message
 
 
 @pytest.mark.parametrize("bits", [8, 16, 32, 64])

@@ -112,8 +112,8 @@ def test_added_interfaces(added: str) -> None:
     assert python(USE) == "my_interfaces.srv.Sum_Request(terms=[])"
     stub = Path(sysconfig.get_path("purelib"), "my_interfaces-stubs/srv/__init__.pyi")
     assert "Sum_Request = Sum.Request" in stub.read_text()
-    assert "my_interfaces/action/Count" in python(
-        "from onebot_bringup.introspection.interfaces import installed; print(installed('action'))"
+    assert "'my_interfaces': ['action/Count']" in python(
+        "from rosidl_runtime_py import get_action_interfaces as get; print(get(['my_interfaces']))"
     )
     Path("my_interfaces/msg/Term.msg").write_text("float64 weight\n")
     assert python(f"{USE}; print(Term())").splitlines()[1:] == [
@@ -228,13 +228,15 @@ ENDS = {
     "a guard": f"{MAIN}if __name__ == '__main__':\n    sys.exit(main())\n",
     "a call": f"{MAIN}sys.exit(main())\n",
     "no main": "print(__name__, sys.argv)\nraise SystemExit(3)\n",
+    "a relative import": f"from .neighbor import VALUE\n{MAIN.replace('3', 'VALUE')}",
 }
 
 
 @pytest.mark.parametrize("end", ENDS.values(), ids=ENDS.keys())
 def test_a_file_is_run_once(tmp_path: Path, end: str) -> None:
-    """Whichever way it begins."""
+    """Whichever way it begins; a package may lack __init__.py."""
     file = tmp_path / "node.py"
+    (tmp_path / "neighbor.py").write_text("VALUE = 3\n")
     file.write_text(f"import sys\n{end}")
     done = run_to_end([sys.executable, "-m", "onebot_bringup.cli.main", "run", str(file), "x"])
     assert (done.returncode, done.stdout) == (3, f"__main__ ['{file}', 'x']\n"), done.stderr

@@ -56,7 +56,7 @@ def test_a_look_up_that_waits() -> None:
     found = buffer.lookup_transform("a", "b", at(1.5), timeout=Duration(seconds=30))
     assert found.transform.translation.x == 2.0 == future.result().transform.translation.x
     assert buffer.wait_for_transform_async("a", "b", at(1.0)).result() == stamped("a", "b", 1.0)
-    assert not buffer._new_data_callbacks
+    assert not buffer._waiting
     known, why = buffer.can_transform("a", "b", at(9.0), Duration(nanoseconds=1), True)
     assert not known and "extrapolation into the future" in why
     with pytest.raises(tf2_ros.ExtrapolationException):

@@ -24,21 +24,9 @@ if TYPE_CHECKING:
 
 # The imported packages of ROS that its wheels have.
 ROS_PACKAGES = (
-    "builtin_interfaces",
-    "diagnostic_msgs",
-    "geometry_msgs",
-    "lifecycle_msgs",
-    "nav_msgs",
-    "rcl_interfaces",
-    "rclpy",
-    "rosgraph_msgs",
-    "rosidl_adapter",
-    "rosidl_parser",
-    "sensor_msgs",
-    "std_msgs",
-    "std_srvs",
-    "trajectory_msgs",
-)
+    "builtin_interfaces diagnostic_msgs geometry_msgs lifecycle_msgs nav_msgs rcl_interfaces rclpy "
+    "rosgraph_msgs rosidl_adapter rosidl_parser sensor_msgs std_msgs std_srvs trajectory_msgs"
+).split()
 _COMPILED = "rclpy._rclpy_pybind11"
 _ROS = "share/ament_index/resource_index/packages/rclpy"  # below the prefix of a ROS
 
@@ -76,13 +64,10 @@ def install() -> None:
     sys.meta_path.append(PackageFinder)
 
 
-def _later_spec(
-    name: str, path: "Sequence[str] | None", target: "ModuleType | None"
-) -> "ModuleSpec | None":
+def _later_spec(*query: "Any") -> "ModuleSpec | None":
     """Return a spec from finders that were installed after this one: they take precedence."""
     for finder in sys.meta_path[sys.meta_path.index(PackageFinder) + 1 :]:
-        find_spec = getattr(finder, "find_spec", None)
-        if find_spec and (spec := find_spec(name, path, target)):
+        if (find_spec := getattr(finder, "find_spec", None)) and (spec := find_spec(*query)):
             later: ModuleSpec = spec
             return later
     return None

@@ -8,6 +8,7 @@ from itertools import product
 from types import ModuleType
 from typing import Any
 
+from onebot_description.ros.packages.late_attributes import provide
 from onebot_description.ros.wire.interface_text import definitions, own_package
 from onebot_description.ros.wire.interfaces import own_interface
 from onebot_description.ros.wire.message_class import made_class, module_name
@@ -40,13 +41,9 @@ def fill(module: ModuleType) -> None:
     homes = {name.rpartition("/")[2] + part: name for name in types for part in parts}
 
     def find(short: str) -> Any:
-        if short not in homes:
-            problem = f"module '{module.__name__}' has no attribute '{short}'"
-            raise AttributeError(problem, name=short, obj=module)
         own_interface(homes[short])
-        message_class = made_class(f"{package}/{kind}/{short}")
-        setattr(module, short, message_class)
-        return message_class
+        return made_class(f"{package}/{kind}/{short}")
 
     names = sorted(homes)
-    module.__dict__.update(__getattr__=find, __all__=names, __dir__=lambda: names)
+    provide(module.__name__, names, find)
+    module.__dict__.update(__all__=names, __dir__=lambda: names)

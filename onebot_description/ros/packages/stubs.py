@@ -5,6 +5,7 @@ Their classes are made at run time, where editors cannot see them. The build of 
 imports nothing from ROS, and only what the build has.
 """
 
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -51,10 +52,8 @@ def write_stubs(package: str, folder: Path, target: Path) -> Path | None:
 
 
 def _module(package: str, kind: str, texts: dict[str, str]) -> str:
-    classes = [
-        line for name, text in texts.items() for line in _interface(package, kind, name, text)
-    ]
-    body = "".join(classes)
+    classes = (_interface(package, kind, name, text) for name, text in texts.items())
+    body = "".join(itertools.chain.from_iterable(classes))
     imported = sorted(set(re.findall(r"\b(\w+)\.msg\.\w", body)))
     return "\n".join([_HEAD + "".join(f"import {name}.msg\n" for name in imported), body])
 
@@ -83,9 +82,8 @@ def _message(package: str, name: str, text: str, indent: str) -> Iterator[str]:
         if field["is"]:
             yield f"{inner}{field['name']}: ClassVar[{kind}]\n"
             continue
-        arguments.append(
-            f"{field['name']}: {f'Iterable[{kind}]' if field['array'] else kind} = ..."
-        )
+        accepted = f"Iterable[{kind}]" if field["array"] else kind
+        arguments.append(f"{field['name']}: {accepted} = ...")
         if field["array"]:
             yield _PROPERTY.format(inner, field["name"], kind)
         else:

@@ -11,7 +11,7 @@ section 15.3).
 
 import struct
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any
 
 from onebot_description.timing import NS_PER_S
 
@@ -31,14 +31,7 @@ class WireError(ValueError):
     """The bytes are not plain little-endian CDR."""
 
 
-class Stamp(Protocol):
-    """A builtin_interfaces/Time."""
-
-    sec: int
-    nanosec: int
-
-
-def nanoseconds(stamp: Stamp) -> int:
+def nanoseconds(stamp: Any) -> int:
     """Return builtin_interfaces/Time as nanoseconds."""
     return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 

@@ -22,7 +22,8 @@ from rosidl_parser.definition import (
 )
 
 from onebot_description.ros.wire.definition import section
-from onebot_description.ros.wire.message_class import NUMBERS, class_of, full_name, item_of
+from onebot_description.ros.wire.field_checks import NUMBERS
+from onebot_description.ros.wire.message_class import class_of, full_name, item_of
 from onebot_description.ros.wire.schema import Schema
 
 # Appends the CDR of a message, or of a field's value, to a body.

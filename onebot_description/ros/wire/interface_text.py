@@ -8,6 +8,7 @@ packages that are needed to draw a description without ROS.
 """
 
 import functools
+import importlib.util
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,7 @@ from onebot_description.ros.wire.definition import NUMBERS, STRINGS, fields, sec
 KINDS = ("msg", "srv", "action")  # folders of a package, and their files' suffixes
 ADDED = Path(sys.prefix, "share/onebot_interfaces")  # has a link to each package that was added
 _HERE = Path(__file__).parents[1] / "packages"
+_INDEX = "ament_index/resource_index/rosidl_interfaces"  # below a share folder
 _COMMON = Path(__file__).with_name("common_definitions")
 
 
@@ -54,6 +56,19 @@ def own_interfaces(kind: str) -> tuple[str, ...]:
         for package, folder in own_packages().items()
         for file in definitions(folder, [kind])
     )
+
+
+@functools.cache
+def installed_interfaces(kind: str) -> tuple[str, ...]:
+    """Return the full names of all interfaces of a kind (msg, srv, action), sorted."""
+    entries = [file for share in share_folders() for file in (share / _INDEX).glob("*")]
+    packages = {file.name: file for file in reversed(entries)}
+    names = {*own_interfaces(kind)}
+    for package, file in packages.items():
+        if importlib.util.find_spec(package):  # some are for C++ only
+            lines = map(Path, file.read_text(encoding="utf-8").split())
+            names |= {f"{package}/{kind}/{line.stem}" for line in lines if line.parts[0] == kind}
+    return tuple(sorted(names))
 
 
 def interface_text(name: str) -> str:

@@ -27,14 +27,8 @@ from rosidl_parser.definition import (
     NamespacedType,
 )
 
-from onebot_description.ros.wire.field_checks import check_of
+from onebot_description.ros.wire.field_checks import NUMBERS, check_of
 
-# Types whose lists are arrays, by rosidl's names: letters that ``array``, ``struct`` and NumPy
-# share.
-NUMBERS = {
-    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
-    **{"int64": "q", "uint64": "Q", "float": "f", "double": "d"},
-}
 _DEFAULTS = {"boolean": False, "octet": b"\0", "float": 0.0, "double": 0.0}  # 0 for others
 _IS_CHECKED = os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1"
 _CAPSULES = (
@@ -172,7 +166,7 @@ def make_message_class(
 
     types = {field.name: _type_name(field.type) for field in fields}
     attributes = {
-        "__doc__": _document(short, constants),
+        "__doc__": f"Message class '{short}'.",
         "__module__": module_name(name),
         "__slots__": [*(f"_{field}" for field in names), "_check_fields"],
         "__hash__": None,
@@ -185,14 +179,6 @@ def make_message_class(
     }
     message_class = make_metaclass(short, load, constants)(short, (), attributes)
     return keep_class(name, message_class)
-
-
-def _document(short: str, constants: Mapping[str, Any]) -> str:
-    names = [name for name in constants if not name.endswith("__DEFAULT")]
-    if not names:
-        return f"Message class '{short}'."
-    lines = "".join(f"\n      {name}" for name in names)
-    return f"\n    Message class '{short}'.\n\n    Constants:{lines}\n    "
 
 
 def _default_constants(fields: Sequence[MessageField]) -> dict[str, Any]:

@@ -23,8 +23,7 @@ def shortest_angular_distance(from_angle: float, to_angle: float) -> float:
 
 def two_pi_complement(angle: float) -> float:
     """Return the turn to the same direction the other way round, from -2 pi to 2 pi."""
-    if not -_TURN <= angle <= _TURN:
-        angle = fmod(angle, _TURN)
+    angle = angle if -_TURN <= angle <= _TURN else fmod(angle, _TURN)
     return angle - _TURN if angle > 0 else angle + _TURN
 
 
@@ -69,9 +68,7 @@ def shortest_angular_distance_with_large_limits(
     return False, turns[0]
 
 
-def _find_min_max_delta(
-    from_angle: float, left_limit: float, right_limit: float
-) -> tuple[bool, float, float]:
+def _find_min_max_delta(from_angle, left_limit, right_limit) -> tuple[bool, float, float]:
     """Return whether an angle is within limits, and the turns from it to both of them."""
     left = shortest_angular_distance(from_angle, left_limit)
     right = shortest_angular_distance(from_angle, right_limit)

@@ -8,6 +8,9 @@ Picture = Any  # an array (height, width) or (height, width, channels)
 
 _GRAY = np.array([9798, 19235, 3735])  # weights of red, green, blue, in 2^-15
 _YUV = np.array([[0, 1673527], [-409993, -852492], [2116026, 0]])  # rows for u and v, in 2^-20
+# In a Bayer mosaic, weights of a color's neighbors, in 2^-2; half of the pixels are green.
+_GREEN_WEIGHTS = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]])
+_OTHER_WEIGHTS = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]])
 _LUMA = 1220542  # factor of y, in 2^-20
 
 
@@ -48,28 +51,15 @@ def _from_yuv(image: Picture) -> Picture:
 
 def _from_bayer(image: Picture, pattern: str) -> Picture:
     """Return red, green, blue of a Bayer mosaic by bilinear interpolation."""
-    wide = np.pad(image.astype(np.int64), 1, mode="reflect")
-    rows, columns = image.shape
+    from scipy.ndimage import convolve  # slow to import
 
-    def near(down: int, right: int) -> Picture:
-        return wide[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
-
-    beside, above = near(0, -1) + near(0, 1), near(-1, 0) + near(1, 0)
-    corners = near(-1, -1) + near(-1, 1) + near(1, -1) + near(1, 1)
-    rgb = np.empty((rows, columns, 3), image.dtype)
-    for y, x in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        places = slice(y, None, 2), slice(x, None, 2)
-        own_channel, side, under = (pattern[i] for i in (2 * y + x, 2 * y + 1 - x, 2 * (1 - y) + x))
-        values = {own_channel: near(0, 0), side: (beside + 1) >> 1, under: (above + 1) >> 1}
-        if own_channel != "g":
-            other_channel = "b" if own_channel == "r" else "r"
-            values = {
-                own_channel: near(0, 0),
-                "g": (beside + above + 2) >> 2,
-                other_channel: (corners + 2) >> 2,
-            }
-        for color, value in values.items():
-            rgb[..., "rgb".index(color)][places] = value[places]
+    rows, columns = np.indices(image.shape) % 2
+    colors = np.array(list(pattern))[2 * rows + columns]
+    rgb = np.empty((*image.shape, 3), image.dtype)
+    for channel, color in enumerate("rgb"):
+        mosaic = np.where(colors == color, image, 0).astype(np.int64)
+        weights = _GREEN_WEIGHTS if color == "g" else _OTHER_WEIGHTS
+        rgb[..., channel] = (convolve(mosaic, weights, mode="mirror") + 2) >> 2
     rgb[:, [0, -1]] = rgb[:, [1, -2]]  # OpenCV repeats the pixels beside the edges
     rgb[[0, -1]] = rgb[[1, -2]]
     return rgb

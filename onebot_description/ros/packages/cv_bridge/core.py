@@ -6,7 +6,6 @@ red unless a function says otherwise. Pillow reads and writes compressed images.
 
 import io
 import re
-import sys
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,8 @@ import sensor_msgs.msg
 from cv_bridge import colors
 from cv_bridge.colors import Picture
 
-_DEPTHS = {  # OpenCV's names, in the order of its numbers
-    "8U": "uint8",
-    "8S": "int8",
-    "16U": "uint16",
-    "16S": "int16",
-    "32S": "int32",
-    "32F": "float32",
-    "64F": "float64",
-}
-_NAMES = {dtype: depth for depth, dtype in _DEPTHS.items()}
+_DEPTHS = "8U 8S 16U 16S 32S 32F 64F".split()  # OpenCV's names, in the order of its numbers
+_DTYPES = "uint8 int8 uint16 int16 int32 float32 float64".split()
 _GENERIC = re.compile("(8U|8S|16U|16S|32S|32F|64F)(?:C([0-9]+))?")
 _COLOR = re.compile("(rgb|bgr|rgba|bgra|mono|bayer_rggb|bayer_bggr|bayer_gbrg|bayer_grbg)(8|16)")
 _CHANNELS = {"rgb": 3, "bgr": 3, "rgba": 4, "bgra": 4, "yuv422": 2, "yuv422_yuy2": 2}
@@ -37,24 +28,15 @@ class CvBridgeError(TypeError):
 class CvBridge:
     """Converts messages to arrays, and back."""
 
-    def __init__(self) -> None:
-        self.cvtype_to_name = {
-            number + ((channels - 1) << 3): f"{depth}C{channels}"
-            for number, depth in enumerate(_DEPTHS)
-            for channels in range(1, 5)
-        }
-        self.cvdepth_to_numpy_depth = dict(enumerate(_DEPTHS.values()))
-        self.numpy_type_to_cvtype = {**_NAMES, **_DEPTHS}
-
     def dtype_with_channels_to_cvtype2(self, dtype: Any, n_channels: int) -> str:
         """Return the encoding of an array, such as 8UC3."""
-        if dtype.name not in _NAMES:
+        if dtype.name not in _DTYPES:
             raise CvBridgeError(f"no encoding has numbers of the type {dtype.name}")
-        return f"{_NAMES[dtype.name]}C{n_channels}"
+        return f"{_DEPTHS[_DTYPES.index(dtype.name)]}C{n_channels}"
 
     def cvtype2_to_dtype_with_channels(self, cvtype: int) -> tuple[str, int]:
         """Return the numpy type and the number of channels of a type of OpenCV."""
-        return self.cvdepth_to_numpy_depth[cvtype & 7], (cvtype >> 3) + 1
+        return _DTYPES[cvtype & 7], (cvtype >> 3) + 1
 
     def encoding_to_cvtype2(self, encoding: str) -> int:
         """Return OpenCV's type for an encoding."""
@@ -77,19 +59,14 @@ class CvBridge:
         name, channels = self.encoding_to_dtype_with_channels(img_msg.encoding)
         dtype = np.dtype(name).newbyteorder(">" if img_msg.is_bigendian else "<")
         data = img_msg.data
-        if isinstance(data, list):
-            data = bytes(data)
         size = dtype.itemsize * channels
         if img_msg.step < img_msg.width * size or len(data) < img_msg.height * img_msg.step:
-            raise CvBridgeError(
-                f"Image is wrongly formed: {img_msg.width} x {img_msg.height} pixels of {size} "
-                f"bytes, in {len(data)} bytes with a step of {img_msg.step}"
-            )
+            rows = f"{img_msg.height} rows of {img_msg.width} pixels, with a step of {img_msg.step}"
+            raise CvBridgeError(f"Image is wrongly formed: {len(data)} bytes for {rows} bytes")
         shape = img_msg.height, img_msg.width, channels
         strides = img_msg.step, size, dtype.itemsize
         image: Picture = np.ndarray(shape, dtype, data, strides=strides)
-        image = np.ascontiguousarray(image[:, :, 0] if channels == 1 else image)
-        image = image.astype(dtype.newbyteorder("="), copy=False)
+        image = np.ascontiguousarray(image[:, :, 0] if channels == 1 else image, np.dtype(name))
         if desired_encoding == "passthrough":
             return image
         return convert(image, img_msg.encoding, desired_encoding)
@@ -108,19 +85,16 @@ class CvBridge:
             CvBridgeError: an array of this type has another encoding.
         """
         kind = self._kind(cvim)
-        if encoding != "passthrough":
-            name, channels = self.encoding_to_dtype_with_channels(encoding)
-            if kind != f"{_NAMES[name]}C{channels}":
-                raise CvBridgeError(
-                    f"encoding specified as {encoding}, but image has incompatible type {kind}"
-                )
+        if encoding != "passthrough" and self.encoding_to_cvtype2(kind) != getCvType(encoding):
+            raise CvBridgeError(
+                f"encoding specified as {encoding}, but image has incompatible type {kind}"
+            )
         message = sensor_msgs.msg.Image()
         message.height, message.width = cvim.shape[:2]
         message.encoding = kind if encoding == "passthrough" else encoding
         if header is not None:
             message.header = header
-        is_native = cvim.dtype.byteorder in "=|"
-        message.is_bigendian = cvim.dtype.byteorder == ">" or is_native and sys.byteorder == "big"
+        message.is_bigendian = cvim.dtype.byteorder == ">"
         message.data.frombytes(cvim.tobytes())
         message.step = len(message.data) // message.height if message.height else 0
         return message
@@ -145,12 +119,9 @@ class CvBridge:
             raise CvBridgeError(f"not a picture: {error}") from error
         if desired_encoding == "passthrough":
             return image
-        encodings = {2: "mono16" if image.dtype == np.uint16 else "mono8"}
-        return convert(
-            image,
-            encodings.get(image.ndim, f"bgr{'a' * (image.shape[-1] == 4)}8"),
-            desired_encoding,
-        )
+        gray = "mono16" if image.dtype == np.uint16 else "mono8"
+        source = {1: gray, 3: "bgr8", 4: "bgra8"}[1 if image.ndim == 2 else image.shape[2]]
+        return convert(image, source, desired_encoding)
 
     def cv2_to_compressed_imgmsg(self, cvim: Picture, dst_format: str = "jpg") -> Any:
         """Return a CompressedImage message.
@@ -170,9 +141,8 @@ class CvBridge:
         stream = io.BytesIO()
         try:
             if pixels.ndim == 3:
-                pixels = pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
-            if kind == "JPEG":
-                pixels = pixels[..., :3] if pixels.ndim == 3 else pixels
+                order = [2, 1, 0] if kind == "JPEG" else [2, 1, 0, 3][: pixels.shape[2]]
+                pixels = pixels[..., order]
             Image.fromarray(np.ascontiguousarray(pixels)).save(stream, kind, quality=_QUALITY)
         except (OSError, KeyError, ValueError, IndexError, TypeError, AttributeError) as error:
             raise CvBridgeError(
@@ -197,7 +167,7 @@ def getCvType(encoding: str) -> int:  # noqa: N802
         CvBridgeError: the encoding is not known.
     """
     _, depth, channels = _parsed(encoding)
-    return list(_DEPTHS).index(depth) + ((channels - 1) << 3)
+    return _DEPTHS.index(depth) + ((channels - 1) << 3)
 
 
 def convert(image: Picture, source: str, target: str) -> Picture:
@@ -206,28 +176,12 @@ def convert(image: Picture, source: str, target: str) -> Picture:
     Raises:
         CvBridgeError: there is no such conversion.
     """
-    if source == target:
-        return image.copy()
-    (layout, depth, channels), (new_layout, new_depth, new_channels) = (
-        _parsed(source),
-        _parsed(target),
-    )
-    if not layout and new_layout:
-        raise CvBridgeError(
-            f"[{source}] is not a color format. but [{target}] is. The conversion does not make "
-            "sense"
-        )
-    if not new_layout and channels != new_channels:
-        raise CvBridgeError(
-            f"[{source}] is a color format but [{target}] is not so they must have the same OpenCV "
-            "type, CV_8UC3, CV16UC1 ...."
-            if layout
-            else f"[{source}] and [{target}] do not have the same number of channel"
-        )
-    if new_layout and layout != new_layout:
-        if new_layout not in ("mono", "rgb", "bgr", "rgba", "bgra"):
-            raise CvBridgeError(f"Unsupported conversion from [{source}] to [{target}]")
+    layout, depth, channels = _parsed(source)
+    new_layout, new_depth, new_channels = _parsed(target)
+    if layout and layout != new_layout and new_layout in ("mono", "rgb", "bgr", "rgba", "bgra"):
         image = colors.converted(image, layout, new_layout)
+    elif layout != new_layout if new_layout else channels != new_channels:
+        raise CvBridgeError(f"Unsupported conversion from [{source}] to [{target}]")
     return _with_depth(image, depth, new_depth)
 
 
@@ -237,7 +191,7 @@ def _with_depth(image: Picture, depth: str, new_depth: str) -> Picture:
         return image.copy()
     bits = depth[:-1], new_depth[:-1]
     scaled = image * {("8", "16"): 257.0, ("16", "8"): 1.0 / 257.0}.get(bits, 1.0)
-    dtype = np.dtype(_DEPTHS[new_depth])
+    dtype = np.dtype(_DTYPES[_DEPTHS.index(new_depth)])
     if dtype.kind != "f":
         limits = np.iinfo(dtype)
         scaled = np.clip(np.rint(scaled), limits.min, limits.max)

@@ -11,7 +11,7 @@ from typing import Any
 
 from rclpy.clock import ROSClock
 from rclpy.duration import Duration
-from rclpy.logging import LoggingSeverity, get_logger
+from rclpy.logging import get_logger
 from rclpy.time import Time
 
 
@@ -55,9 +55,7 @@ class Subscriber(SimpleFilter):
 
     def __getattr__(self, key: str) -> Any:
         """Return an attribute of the subscription."""
-        if key == "sub":
-            raise AttributeError(key)
-        return getattr(self.sub, key)
+        return getattr(vars(self)["sub"], key)
 
 
 class Cache(SimpleFilter):
@@ -69,9 +67,7 @@ class Cache(SimpleFilter):
         allow_headerless: keep messages without a stamp, at the time of their arrival.
     """
 
-    def __init__(
-        self, f: SimpleFilter, cache_size: int = 1, allow_headerless: bool = False
-    ) -> None:
+    def __init__(self, f, cache_size=1, allow_headerless=False) -> None:
         super().__init__()
         self.cache_size, self.allow_headerless = cache_size, allow_headerless
         self.cache_msgs: list[Any] = []
@@ -84,7 +80,7 @@ class Cache(SimpleFilter):
 
     def add(self, msg: Any) -> None:
         """Keep a message, and pass it on."""
-        stamp = _stamp(msg, self.allow_headerless, "message_filters_cache")
+        stamp = _stamp(msg, self.allow_headerless)
         if stamp is None:
             return
         self.cache_times.append(stamp)
@@ -115,8 +111,7 @@ class Cache(SimpleFilter):
 
     def getLast(self) -> Any:  # noqa: N802
         """Return the first message that is not older than the last one; None if there is none."""
-        latest = self.getLastestTime()
-        return None if latest is None else self.getElemAfterTime(latest)
+        return self.getElemAfterTime(self.cache_times[-1]) if self.cache_times else None
 
     def _select(self, is_wanted: Callable[[Time], bool]) -> list[Any]:
         pairs = zip(self.cache_msgs, self.cache_times, strict=True)
@@ -177,52 +172,36 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
         allow_headerless: take messages without a stamp, at the time of their arrival.
     """
 
-    def __init__(
-        self,
-        fs: Sequence[SimpleFilter],
-        queue_size: int,
-        slop: float,
-        allow_headerless: bool = False,
-    ) -> None:
+    def __init__(self, fs, queue_size, slop, allow_headerless=False) -> None:
         super().__init__(fs, queue_size)
         self.slop, self.allow_headerless = Duration(seconds=slop), allow_headerless
 
     def add(self, msg: Any, my_queue: dict[int, Any], my_queue_index: int | None = None) -> None:
         """Add a message to a queue, and pass on the first set that is near enough to it."""
-        time = _stamp(msg, self.allow_headerless, "message_filters_approx")
+        time = _stamp(msg, self.allow_headerless)
         if time is None:
             return
         stamp, slop = time.nanoseconds, self.slop.nanoseconds
         with self.lock:
             self._enqueue(msg, my_queue, stamp)
-            candidates = []  # stamps of each other queue, the nearest first
-            for index, queue in enumerate(self.queues):
-                if index != my_queue_index:
-                    near = [other for other in queue if abs(other - stamp) <= slop]
-                    candidates.append(sorted(near, key=lambda other: abs(other - stamp)))
-            for other_stamps in itertools.product(*candidates):
-                stamps = list(other_stamps)
-                if my_queue_index is not None:
-                    stamps.insert(my_queue_index, stamp)
-                if max(stamps) - min(stamps) < slop and all(
-                    nearest in queue for nearest, queue in zip(stamps, self.queues, strict=True)
-                ):
+            candidates = []  # stamps of each queue, the nearest first
+            for queue in self.queues:
+                reach = 0 if queue is my_queue else slop
+                near = [other for other in queue if abs(other - stamp) <= reach]
+                candidates.append(sorted(near, key=lambda other: abs(other - stamp)))
+            for stamps in itertools.product(*candidates):
+                if max(stamps) - min(stamps) < slop:
                     self._pass_on(stamps)
                     break
 
 
-def _stamp(msg: Any, allow_headerless: bool, logger: str) -> Time | None:
+def _stamp(msg: Any, allow_headerless: bool) -> Time | None:
     """Return the stamp of a message; None, with a warning, if it has none but needs it."""
     stamp = getattr(getattr(msg, "header", None), "stamp", None)
     if stamp is not None:
         return stamp if hasattr(stamp, "nanoseconds") else Time.from_msg(stamp)
     if allow_headerless:
         return ROSClock().now()
-    log = get_logger(logger)
-    log.set_level(LoggingSeverity.INFO)
-    log.warning(
-        "can not use message filters for messages without timestamp infomation when "
-        "'allow_headerless' is disabled. auto assign ROSTIME to headerless messages once enabling "
-        "constructor option of 'allow_headerless'."
-    )
+    text = f"a {type(msg).__name__} without a stamp is ignored; allow_headerless=True accepts it"
+    get_logger("message_filters").warning(text)
     return None

@@ -11,12 +11,7 @@ from rosidl_runtime_py.convert import get_message_slot_types
 from rosidl_runtime_py.import_message import import_message_from_namespaced_type
 
 
-def set_message_fields(
-    msg: Any,
-    values: Mapping[str, Any],
-    expand_header_auto: bool = False,
-    expand_time_now: bool = False,
-) -> list[Any]:
+def set_message_fields(msg, values, expand_header_auto=False, expand_time_now=False) -> list[Any]:
     """Set fields of a message, and of the messages in it.
 
     Args:
@@ -34,40 +29,36 @@ def set_message_fields(
     """
     setters: list[Any] = []
 
-    def fill(message: Any, values: Any) -> None:
+    def filled(message: Any, values: Any) -> Any:
+        if isinstance(values, type(message)):
+            return values
         if not isinstance(values, Mapping):
             kind = type(values).__name__
             raise TypeError(f"Value '{values}' is expected to be a dictionary but is a {kind}")
+        slots = get_message_slot_types(message)
         for name, value in values.items():
             field = getattr(message, name)
-            kind = f"{type(field).__module__.partition('.')[0]}/{type(field).__name__}"
-            if expand_header_auto and value == "auto" and kind == "std_msgs/Header":
+            kind = type(field).__name__
+            if expand_header_auto and value == "auto" and kind == "Header":
                 setters.append(partial(setattr, field, "stamp"))
-            elif expand_time_now and value == "now" and kind == "builtin_interfaces/Time":
+            elif expand_time_now and value == "now" and kind == "Time":
                 setters.append(partial(setattr, message, name))
             else:
-                setattr(message, name, converted(message, name, field, value))
+                setattr(message, name, converted(slots[name], field, value))
+        return message
 
-    def converted(message: Any, name: str, field: Any, value: Any) -> Any:
+    def converted(slot: Any, field: Any, value: Any) -> Any:
         if isinstance(field, array):
             return array(field.typecode, value)
         if isinstance(field, np.ndarray):
             return np.array(value, field.dtype)
-        slot = get_message_slot_types(message)[name]
-        if isinstance(slot, AbstractNestedType) and isinstance(slot.value_type, NamespacedType):
-            return [
-                filled(import_message_from_namespaced_type(slot.value_type), item) for item in value
-            ]
         if isinstance(slot, NamespacedType):
-            return value if type(value) is type(field) else filled(type(field), value)
+            return filled(type(field)(), value)
+        item = slot.value_type if isinstance(slot, AbstractNestedType) else None
+        if isinstance(item, NamespacedType):
+            make = import_message_from_namespaced_type(item)
+            return [filled(make(), part) for part in value]
         return value if type(value) is type(field) else type(field)(value)
 
-    def filled(kind: Any, values: Any) -> Any:
-        if isinstance(values, kind):
-            return values
-        message = kind()
-        fill(message, values)
-        return message
-
-    fill(msg, values)
+    filled(msg, values)
     return setters

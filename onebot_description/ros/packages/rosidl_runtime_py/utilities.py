@@ -17,38 +17,39 @@ def get_message(identifier: str) -> Any:
     Raises:
         ValueError: it is another kind of interface.
     """
-    return _get(identifier, get_message_namespaced_type, is_message, "a message")
+    return _checked(identifier, get_message_namespaced_type(identifier), is_message, "a message")
 
 
 def get_service(identifier: str) -> Any:
     """Return the class of a service; its name may leave out ``srv/``."""
-    return _get(identifier, get_service_namespaced_type, is_service, "a service")
+    return _checked(identifier, get_service_namespaced_type(identifier), is_service, "a service")
 
 
 def get_action(identifier: str) -> Any:
     """Return the class of an action; its name may leave out ``action/``."""
-    return _get(identifier, get_action_namespaced_type, is_action, "an action")
+    return _checked(identifier, get_action_namespaced_type(identifier), is_action, "an action")
 
 
-def get_namespaced_type(identifier: str) -> NamespacedType:
-    """Return a full name as a type of rosidl_parser."""
+def get_namespaced_type(identifier: str, kind: str = "") -> NamespacedType:
+    """Return a name as a type of rosidl_parser; ``kind`` is the folder that it may leave out."""
     *namespaces, name = identifier.split("/")
-    return NamespacedType(namespaces, name)
+    left_out = [kind] if kind and len(namespaces) == 1 else []
+    return NamespacedType([*namespaces, *left_out], name)
 
 
 def get_message_namespaced_type(identifier: str) -> NamespacedType:
     """Return the name of a message as a type of rosidl_parser."""
-    return _full(identifier, "msg")
+    return get_namespaced_type(identifier, "msg")
 
 
 def get_service_namespaced_type(identifier: str) -> NamespacedType:
     """Return the name of a service as a type of rosidl_parser."""
-    return _full(identifier, "srv")
+    return get_namespaced_type(identifier, "srv")
 
 
 def get_action_namespaced_type(identifier: str) -> NamespacedType:
     """Return the name of an action as a type of rosidl_parser."""
-    return _full(identifier, "action")
+    return get_namespaced_type(identifier, "action")
 
 
 def is_message(interface: Any) -> bool:
@@ -66,13 +67,8 @@ def is_action(interface: Any) -> bool:
     return all(hasattr(interface, name) for name in ("Goal", "Result", "Feedback"))
 
 
-def _full(identifier: str, kind: str) -> NamespacedType:
-    package, *inner = identifier.split("/")
-    return get_namespaced_type("/".join([package, *([kind] * (len(inner) == 1)), *inner]))
-
-
-def _get(identifier: str, full: Any, is_kind: Any, kind: str) -> Any:
-    interface = import_message_from_namespaced_type(full(identifier))
+def _checked(identifier: str, full: NamespacedType, is_kind: Any, kind: str) -> Any:
+    interface = import_message_from_namespaced_type(full)
     if not is_kind(interface):
         raise ValueError(f"Expected the full name of {kind}, got '{identifier}'")
     return interface

@@ -6,7 +6,7 @@ The array of ``read_points`` is a view of the message, so nothing is copied.
 import array
 import sys
 from collections import namedtuple
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,25 +17,13 @@ from std_msgs.msg import Header
 
 DUMMY_FIELD_PREFIX = "unnamed_field"
 
-_DATATYPES: dict[int, np.dtype[Any]] = {
-    PointField.INT8: np.dtype(np.int8),
-    PointField.UINT8: np.dtype(np.uint8),
-    PointField.INT16: np.dtype(np.int16),
-    PointField.UINT16: np.dtype(np.uint16),
-    PointField.INT32: np.dtype(np.int32),
-    PointField.UINT32: np.dtype(np.uint32),
-    PointField.FLOAT32: np.dtype(np.float32),
-    PointField.FLOAT64: np.dtype(np.float64),
-}
+# Constants of PointField, from INT8 to FLOAT64.
+_DATATYPES: dict[int, np.dtype[Any]] = dict(enumerate(map(np.dtype, "bBhHiIfd"), 1))
 _IS_LITTLE = sys.byteorder == "little"
 
 
 def read_points(
-    cloud: PointCloud2,
-    field_names: Sequence[str] | None = None,
-    skip_nans: bool = False,
-    uvs: Iterable[int] | None = None,
-    reshape_organized_cloud: bool = False,
+    cloud, field_names=None, skip_nans=False, uvs=None, reshape_organized_cloud=False
 ) -> NDArray[Any]:
     """Return the points of a cloud as a structured array, with a name for each field.
 
@@ -67,38 +55,22 @@ def read_points(
 
 
 def read_points_numpy(
-    cloud: PointCloud2,
-    field_names: Sequence[str] | None = None,
-    skip_nans: bool = False,
-    uvs: Iterable[int] | None = None,
-    reshape_organized_cloud: bool = False,
+    cloud, field_names=None, skip_nans=False, uvs=None, reshape_organized_cloud=False
 ) -> NDArray[Any]:
     """Return fields of one type as an array with a column each; see ``read_points``."""
-    types = {
-        field.datatype
-        for index, field in enumerate(cloud.fields)
-        if field_names is None or field.name in field_names or index == 0
-    }
+    points = read_points(cloud, field_names, skip_nans, uvs, reshape_organized_cloud)
+    types = {points.dtype[name] for name in points.dtype.names or ()}
     assert len(types) <= 1, (
         "All fields need to have the same datatype. Use `read_points()` otherwise."
     )
-    return structured_to_unstructured(
-        read_points(cloud, field_names, skip_nans, uvs, reshape_organized_cloud)
-    )
+    return structured_to_unstructured(points)
 
 
-def read_points_list(
-    cloud: PointCloud2,
-    field_names: Sequence[str] | None = None,
-    skip_nans: bool = False,
-    uvs: Iterable[int] | None = None,
-) -> list[Any]:
+def read_points_list(cloud, field_names=None, skip_nans=False, uvs=None) -> list[Any]:
     """Return the points as a list of named tuples; see ``read_points``, which is much faster."""
-    assert isinstance(cloud, PointCloud2), "cloud is not a sensor_msgs.msg.PointCloud2"
-    if field_names is None:
-        field_names = [field.name for field in cloud.fields]
-    point = namedtuple("Point", field_names)  # type: ignore[misc] # noqa: PYI024
-    return [point._make(values) for values in read_points(cloud, field_names, skip_nans, uvs)]
+    points = read_points(cloud, field_names, skip_nans, uvs)
+    point = namedtuple("Point", points.dtype.names or ())  # type: ignore[misc] # noqa: PYI024
+    return [point._make(values) for values in points]
 
 
 def dtype_from_fields(fields: Iterable[PointField], point_step: int | None = None) -> np.dtype[Any]:
@@ -125,9 +97,7 @@ def dtype_from_fields(fields: Iterable[PointField], point_step: int | None = Non
     return dtype
 
 
-def create_cloud(
-    header: Header, fields: Sequence[PointField], points: Any, point_step: int | None = None
-) -> PointCloud2:
+def create_cloud(header, fields, points, point_step=None) -> PointCloud2:
     """Return a cloud of points.
 
     Args:

@@ -3,6 +3,7 @@
 The header of a result is that of the transform.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from geometry_msgs.msg import (
 from numpy.typing import NDArray
 
 from onebot_description.geometry import poses as _poses
+from onebot_description.geometry import quaternions as _quaternions
 
 
 def to_msg_msg(msg: Any) -> Any:
@@ -30,14 +32,12 @@ def to_msg_msg(msg: Any) -> Any:
     return msg
 
 
-def from_msg_msg(msg: Any) -> Any:
-    """Return the message unchanged."""
-    return msg
+from_msg_msg = to_msg_msg
 
 
 def transform_covariance(cov_in: Any, transform: TransformStamped) -> NDArray[np.float64]:
     """Return the covariance (36,) of a pose in the axes of the transform's frame."""
-    turn = np.array(_poses.rows_of(_rotation(transform.transform.rotation)))
+    turn = _quaternions.to_matrix(_pose(transform).rotation)
     blocks = np.asarray(cov_in, float).reshape(2, 3, 2, 3).transpose(0, 2, 1, 3)
     turned = turn @ blocks @ turn.T
     covariance: NDArray[np.float64] = turned.transpose(0, 2, 1, 3).reshape(36)
@@ -46,21 +46,20 @@ def transform_covariance(cov_in: Any, transform: TransformStamped) -> NDArray[np
 
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
     """Return a point in the transform's frame."""
-    x, y, z = _moved(point.point, transform)
+    x, y, z = _pose(transform).at(_triple(point.point))
     return PointStamped(header=transform.header, point=Point(x=x, y=y, z=z))
 
 
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
     """Return a vector in the transform's axes; it is only rotated."""
-    turn = _rotation(transform.transform.rotation)
-    x, y, z = _poses.rotate(turn, _triple(vector3.vector))
+    x, y, z = _poses.rotate(_pose(transform).rotation, _triple(vector3.vector))
     return Vector3Stamped(header=transform.header, vector=Vector3(x=x, y=y, z=z))
 
 
 def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
     """Return a pose in the transform's frame; its quaternion has w >= 0."""
-    x, y, z = _moved(pose.position, transform)
-    turn = _poses.multiply(_rotation(transform.transform.rotation), _rotation(pose.orientation))
+    inner = _poses.Transform(_triple(pose.position), _rotation(pose.orientation))
+    (x, y, z), turn = _poses.compose(_pose(transform), inner)
     a, b, c, w = turn if turn[3] >= 0.0 else (-part for part in turn)
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=a, y=b, z=c, w=w))
 
@@ -84,9 +83,9 @@ def do_transform_polygon_stamped(
     polygon: PolygonStamped, transform: TransformStamped
 ) -> PolygonStamped:
     """Return a polygon in the transform's frame."""
-    result = PolygonStamped(header=transform.header)
+    result, pose = PolygonStamped(header=transform.header), _pose(transform)
     for point in polygon.polygon.points:
-        x, y, z = _moved(point, transform)
+        x, y, z = pose.at(_triple(point))
         result.polygon.points.append(Point32(x=x, y=y, z=z))
     return result
 
@@ -97,18 +96,14 @@ def _triple(vector: Any) -> _poses.Triple:
 
 def _rotation(quaternion: Any) -> _poses.Quaternion:
     """Return a unit quaternion; the identity for a quaternion of length 0."""
-    parts = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    squared = sum(part * part for part in parts)
-    if squared < np.finfo(float).eps:
-        return 0.0, 0.0, 0.0, 1.0
-    x, y, z, w = parts if squared == 1.0 else (part / squared**0.5 for part in parts)
-    return x, y, z, w
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    length = math.hypot(x, y, z, w)
+    return (x / length, y / length, z / length, w / length) if length else (0.0, 0.0, 0.0, 1.0)
 
 
-def _moved(point: Any, transform: TransformStamped) -> _poses.Triple:
-    pose = transform.transform
-    x, y, z = _poses.rotate(_rotation(pose.rotation), _triple(point))
-    return x + pose.translation.x, y + pose.translation.y, z + pose.translation.z
+def _pose(stamped: TransformStamped) -> _poses.Transform:
+    transform = stamped.transform
+    return _poses.Transform(_triple(transform.translation), _rotation(transform.rotation))
 
 
 for _type in (Vector3Stamped, PoseStamped, PointStamped):

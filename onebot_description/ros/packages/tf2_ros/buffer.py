@@ -1,25 +1,21 @@
 """``Buffer``: the transforms received, for nodes of rclpy."""
 
 import threading
+import time
 from collections.abc import Callable
-from time import sleep
+from functools import partial
 from typing import Any
 
-import rclpy
-import rclpy.clock
 import rclpy.logging
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.time import Time
 from tf2_py import BufferCore
-from tf2_ros.buffer_interface import BufferInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
-_NO_TIMEOUT = Duration()
 _POLL = 0.02  # s
-_LONGEST_JUMP = Duration(seconds=3.0)  # backwards, during which waiting continues
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -35,8 +31,8 @@ class Buffer(BufferCore, BufferInterface):
     def __init__(self, cache_time: Duration | None = None, node: Node | None = None) -> None:
         BufferCore.__init__(self, cache_time)
         BufferInterface.__init__(self)
-        self._callbacks_lock = threading.RLock()
-        self._new_data_callbacks: list[Callable[[], None]] = []
+        self._waiting_lock = threading.RLock()
+        self._waiting: list[Callable[[], bool]] = []  # for transforms; return whether they are done
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             from tf2_msgs.srv import FrameGraph  # slow to import
@@ -59,20 +55,16 @@ class Buffer(BufferCore, BufferInterface):
         logger.warning("Detected jump back in time. Clearing tf buffer.")
         self.clear()
 
-    def set_transform(self, transform: TransformStamped, authority: str) -> None:
-        """Add a transform at its time."""
-        super().set_transform(transform, authority)
-        self._call_new_data_callbacks()
-
-    def set_transform_static(self, transform: TransformStamped, authority: str) -> None:
-        """Add a transform that holds for all times."""
-        super().set_transform_static(transform, authority)
-        self._call_new_data_callbacks()
+    def _set(self, transform: TransformStamped, authority: str, static: bool) -> None:
+        super()._set(transform, authority, static)
+        with self._waiting_lock:
+            waiting, self._waiting = self._waiting, []
+            self._waiting += [is_done for is_done in waiting if not is_done()]
 
     # --- now ------------------------------------------------------------------------------------
 
     def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration = _NO_TIMEOUT
+        self, target_frame, source_frame, time, timeout=NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform from the source frame to the target frame.
 
@@ -89,7 +81,7 @@ class Buffer(BufferCore, BufferInterface):
         return self.lookup_transform_core(target_frame, source_frame, time)
 
     def lookup_transform_full(
-        self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout=_NO_TIMEOUT
+        self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout=NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform between two times, through a frame that is fixed in between."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
@@ -97,19 +89,11 @@ class Buffer(BufferCore, BufferInterface):
         return self.lookup_transform_full_core(*arguments)
 
     def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = _NO_TIMEOUT,
-        return_debug_tuple: bool = False,
+        self, target_frame, source_frame, time, timeout=NO_TIMEOUT, return_debug_tuple=False
     ) -> Any:
         """Return whether there is a transform, or with ``return_debug_tuple`` also why not."""
-        return _await(
-            lambda: self.can_transform_core(target_frame, source_frame, time),
-            timeout,
-            return_debug_tuple,
-        )
+        is_known = partial(self.can_transform_core, target_frame, source_frame, time)
+        return _await(is_known, timeout, return_debug_tuple)
 
     def can_transform_full(
         self,
@@ -118,88 +102,60 @@ class Buffer(BufferCore, BufferInterface):
         source_frame,
         source_time,
         fixed_frame,
-        timeout=_NO_TIMEOUT,
+        timeout=NO_TIMEOUT,
         return_debug_tuple=False,
     ) -> Any:
         """Return whether there is a transform between two times; see ``can_transform``."""
         arguments = target_frame, target_time, source_frame, source_time, fixed_frame
-        return _await(lambda: self.can_transform_full_core(*arguments), timeout, return_debug_tuple)
+        is_known = partial(self.can_transform_full_core, *arguments)
+        return _await(is_known, timeout, return_debug_tuple)
 
     # --- later ----------------------------------------------------------------------------------
 
-    async def lookup_transform_async(
-        self, target_frame: str, source_frame: str, time: Time
-    ) -> TransformStamped:
+    async def lookup_transform_async(self, *args: Any, **kwargs: Any) -> TransformStamped:
         """Return the transform from the source frame to the target frame, once it is known."""
-        await self.wait_for_transform_async(target_frame, source_frame, time)
-        return self.lookup_transform_core(target_frame, source_frame, time)
+        return await self.wait_for_transform_async(*args, **kwargs)
 
-    async def lookup_transform_full_async(
-        self, target_frame, target_time, source_frame, source_time, fixed_frame
-    ) -> TransformStamped:
+    async def lookup_transform_full_async(self, *args: Any, **kwargs: Any) -> TransformStamped:
         """Return the transform between two times, once it is known."""
-        arguments = target_frame, target_time, source_frame, source_time, fixed_frame
-        await self.wait_for_transform_full_async(*arguments)
-        return self.lookup_transform_full_core(*arguments)
+        return await self.wait_for_transform_full_async(*args, **kwargs)
 
-    def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time) -> Future:
-        """Return a future whose result is the transform, once it is known."""
-        return self._future(
-            lambda: self.can_transform_core(target_frame, source_frame, time),
-            lambda: self.lookup_transform(target_frame, source_frame, time),
-        )
+    def wait_for_transform_async(self, *args: Any, **kwargs: Any) -> Future:
+        """Return a future whose result is the transform, once it is known.
 
-    def wait_for_transform_full_async(
-        self, target_frame, target_time, source_frame, source_time, fixed_frame
-    ) -> Future:
+        The arguments are those of lookup_transform, without the timeout.
+        """
+        is_known = partial(self.can_transform_core, *args, **kwargs)
+        return self._future(is_known, partial(self.lookup_transform_core, *args, **kwargs))
+
+    def wait_for_transform_full_async(self, *args: Any, **kwargs: Any) -> Future:
         """Return a future whose result is the transform between two times, once it is known."""
-        arguments = target_frame, target_time, source_frame, source_time, fixed_frame
-        return self._future(
-            lambda: self.can_transform_full_core(*arguments),
-            lambda: self.lookup_transform_full_core(*arguments),
-        )
+        is_known = partial(self.can_transform_full_core, *args, **kwargs)
+        return self._future(is_known, partial(self.lookup_transform_full_core, *args, **kwargs))
 
-    def _future(
-        self, is_known: Callable[[], tuple[int, str]], lookup: Callable[[], TransformStamped]
-    ) -> Future:
+    def _future(self, is_known: Callable[[], tuple[int, str]], lookup: Callable[[], Any]) -> Future:
         future = Future()
 
-        def try_now() -> None:
+        def is_done() -> bool:
             try:
                 if not future.done() and is_known()[0]:
                     future.set_result(lookup())
             except BaseException as error:  # it is raised where the future is awaited
                 future.set_exception(error)
+            return bool(future.done())
 
-        with self._callbacks_lock:  # no transform may arrive in between
-            try_now()
-            if not future.done():
-                self._new_data_callbacks.append(try_now)
-                future.add_done_callback(lambda _: self._remove_callback(try_now))
+        with self._waiting_lock:  # no transform may arrive in between
+            if not is_done():
+                self._waiting.append(is_done)
         return future
-
-    def _call_new_data_callbacks(self) -> None:
-        with self._callbacks_lock:
-            for callback in list(self._new_data_callbacks):
-                callback()
-
-    def _remove_callback(self, callback: Callable[[], None]) -> None:
-        with self._callbacks_lock:
-            if callback in self._new_data_callbacks:
-                self._new_data_callbacks.remove(callback)
 
 
 def _await(
     is_known: Callable[[], tuple[int, str]], timeout: Duration, return_debug_tuple: bool
 ) -> Any:
     """Return whether a transform is known, after waiting for it in wall-clock time."""
-    result = is_known()
-    if timeout != _NO_TIMEOUT:
-        clock = rclpy.clock.Clock()
-        start = clock.now()
-        while not result[0] and start <= clock.now() + _LONGEST_JUMP:
-            if clock.now() >= start + timeout:
-                break
-            sleep(_POLL)
-            result = is_known()
+    result, end = is_known(), time.monotonic() + timeout.nanoseconds / 1e9
+    while not result[0] and time.monotonic() < end:
+        time.sleep(_POLL)
+        result = is_known()
     return result if return_debug_tuple else result[0]

@@ -1,14 +1,13 @@
 """``BufferClient``: queries the buffer of another node through an action."""
 
 import threading
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
-import builtin_interfaces.msg
 from geometry_msgs.msg import TransformStamped
 from rclpy.action.client import ActionClient
 from rclpy.duration import Duration
-from rclpy.node import Node
-from rclpy.time import Time
 from tf2_msgs.action import LookupTransform
 from tf2_py import (
     ConnectivityException,
@@ -18,7 +17,7 @@ from tf2_py import (
     TimeoutException,
     TransformException,
 )
-from tf2_ros.buffer_interface import BufferInterface
+from tf2_ros.buffer_interface import NO_TIMEOUT, BufferInterface
 
 _EXCEPTIONS = {  # constants of tf2_msgs/msg/TF2Error
     1: LookupException,
@@ -27,6 +26,7 @@ _EXCEPTIONS = {  # constants of tf2_msgs/msg/TF2Error
     4: InvalidArgumentException,
     5: TimeoutException,
 }
+_PADDING = Duration(seconds=2.0)
 _SUSPECT = "Something is likely wrong with the server."
 
 
@@ -42,13 +42,7 @@ class BufferClient(BufferInterface):
         timeout_padding: how long to wait for an answer beyond the timeout of the look-up.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        ns: str,
-        check_frequency: float = 10.0,
-        timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008
-    ) -> None:
+    def __init__(self, node, ns, check_frequency=10.0, timeout_padding=_PADDING) -> None:
         super().__init__()
         self.node = node
         self.action_client = ActionClient(node, LookupTransform, action_name=ns)
@@ -56,64 +50,29 @@ class BufferClient(BufferInterface):
         self.timeout_padding = timeout_padding
 
     def lookup_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = Duration(),  # noqa: B008
+        self, target_frame, source_frame, time, timeout=NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform from the source frame to the target frame."""
-        goal = LookupTransform.Goal()
-        goal.target_frame, goal.source_frame = target_frame, source_frame
+        goal = LookupTransform.Goal(target_frame=target_frame, source_frame=source_frame)
         goal.source_time, goal.timeout = _message(time), timeout.to_msg()
         return self._ask(goal)
 
     def lookup_transform_full(
-        self,
-        target_frame,
-        target_time,
-        source_frame,
-        source_time,
-        fixed_frame,
-        timeout=Duration(),  # noqa: B008
+        self, target_frame, target_time, source_frame, source_time, fixed_frame, timeout=NO_TIMEOUT
     ) -> TransformStamped:
         """Return the transform between two times, through a frame that is fixed in between."""
-        goal = LookupTransform.Goal()
-        goal.target_frame, goal.source_frame = target_frame, source_frame
+        goal = LookupTransform.Goal(target_frame=target_frame, source_frame=source_frame)
         goal.target_time, goal.source_time = _message(target_time), _message(source_time)
         goal.fixed_frame, goal.timeout, goal.advanced = fixed_frame, timeout.to_msg(), True
         return self._ask(goal)
 
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = Duration(),  # noqa: B008
-    ) -> bool:
-        """Return whether there is a transform."""
-        try:
-            self.lookup_transform(target_frame, source_frame, time, timeout)
-        except TransformException:
-            return False
-        return True
+    def can_transform(self, *args: Any, **kwargs: Any) -> bool:
+        """Return whether there is a transform; the arguments are those of lookup_transform."""
+        return _succeeds(self.lookup_transform, *args, **kwargs)
 
-    def can_transform_full(
-        self,
-        target_frame,
-        target_time,
-        source_frame,
-        source_time,
-        fixed_frame,
-        timeout=Duration(),  # noqa: B008
-    ) -> bool:
-        """Return whether there is a transform between two times."""
-        arguments = target_frame, target_time, source_frame, source_time, fixed_frame
-        try:
-            self.lookup_transform_full(*arguments, timeout)
-        except TransformException:
-            return False
-        return True
+    def can_transform_full(self, *args: Any, **kwargs: Any) -> bool:
+        """Return whether there is a transform between two times; see lookup_transform_full."""
+        return _succeeds(self.lookup_transform_full, *args, **kwargs)
 
     def _ask(self, goal: Any) -> TransformStamped:
         if not self.action_client.server_is_ready():
@@ -142,9 +101,12 @@ class BufferClient(BufferInterface):
         self.action_client.destroy()
 
 
+def _succeeds(lookup: Callable[..., Any], *args: Any, **kwargs: Any) -> bool:
+    with suppress(TransformException):
+        lookup(*args, **kwargs)
+        return True
+    return False
+
+
 def _message(time: Any) -> Any:
-    if isinstance(time, builtin_interfaces.msg.Time):  # the stamp of the data is a message, too
-        return time
-    if isinstance(time, Time):
-        return time.to_msg()
-    raise TypeError("Must pass a rclpy.time.Time object.")
+    return time.to_msg() if hasattr(time, "to_msg") else time  # the stamp of the data is a message

@@ -5,7 +5,7 @@ A package such as tf2_geometry_msgs registers its types with ``TransformRegistra
 
 from collections.abc import Callable
 from copy import deepcopy
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import (  # noqa: F401  (tf2_ros has these names)
     PointStamped,
@@ -15,10 +15,10 @@ from geometry_msgs.msg import (  # noqa: F401  (tf2_ros has these names)
     Vector3Stamped,
 )
 from rclpy.duration import Duration
-from rclpy.time import Time
+from rclpy.time import Time  # noqa: F401
 from std_msgs.msg import Header
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
+NO_TIMEOUT = Duration()
 
 
 class TypeException(Exception):
@@ -38,18 +38,15 @@ class NotImplementedException(Exception):
 
 
 class BufferInterface:
-    """A source of transforms, which also transforms data of registered types."""
+    """A source of transforms, which also transforms data of registered types.
+
+    Subclasses have ``lookup_transform``, ``can_transform``, and both with ``_full``.
+    """
 
     def __init__(self) -> None:
         self.registration = TransformRegistration()
 
-    def transform(
-        self,
-        object_stamped: Any,
-        target_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
-        new_type: Any = None,
-    ) -> Any:
+    def transform(self, object_stamped, target_frame, timeout=NO_TIMEOUT, new_type=None) -> Any:
         """Return data with a header in another frame, at its own time.
 
         Args:
@@ -62,85 +59,36 @@ class BufferInterface:
             TypeException: no package has registered the type.
             TransformException: there is no such transform.
         """
-        return self._transformed(
-            object_stamped,
-            lambda header: self.lookup_transform(
-                target_frame, header.frame_id, header.stamp, timeout
-            ),
-            new_type,
-        )
+        header, do_transform = object_stamped.header, self.registration.get(type(object_stamped))
+        found = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+        result = do_transform(object_stamped, found)
+        return result if new_type is None else convert(result, new_type)
 
     def transform_full(
         self,
-        object_stamped: Any,
-        target_frame: str,
-        target_time: Time,
-        fixed_frame: str,
-        timeout: Duration = Duration(),  # noqa: B008
-        new_type: Any = None,
+        object_stamped,
+        target_frame,
+        target_time,
+        fixed_frame,
+        timeout=NO_TIMEOUT,
+        new_type=None,
     ) -> Any:
         """Return data with a header in another frame at another time.
 
         ``fixed_frame`` does not move between the two times; see ``transform``.
         """
-        return self._transformed(
-            object_stamped,
-            lambda header: self.lookup_transform_full(
-                target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
-            ),
-            new_type,
+        header, do_transform = object_stamped.header, self.registration.get(type(object_stamped))
+        found = self.lookup_transform_full(
+            target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
         )
-
-    def _transformed(
-        self, object_stamped: Any, lookup: Callable[[Header], TransformStamped], new_type: Any
-    ) -> Any:
-        do_transform = self.registration.get(type(object_stamped))
-        result = do_transform(object_stamped, lookup(object_stamped.header))
+        result = do_transform(object_stamped, found)
         return result if new_type is None else convert(result, new_type)
 
-    def lookup_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = Duration(),  # noqa: B008
-    ) -> TransformStamped:
-        """Return the transform from the source frame to the target frame."""
+    def lookup_transform(self, *args: Any, **kwargs: Any) -> TransformStamped:
+        """Return the transform from one frame to another; the subclass has its arguments."""
         raise NotImplementedException()
 
-    def lookup_transform_full(
-        self,
-        target_frame,
-        target_time,
-        source_frame,
-        source_time,
-        fixed_frame,
-        timeout=Duration(),  # noqa: B008
-    ) -> TransformStamped:
-        """Return the transform between two times."""
-        raise NotImplementedException()
-
-    def can_transform(
-        self,
-        target_frame: str,
-        source_frame: str,
-        time: Time,
-        timeout: Duration = Duration(),  # noqa: B008
-    ) -> Any:
-        """Return whether there is a transform."""
-        raise NotImplementedException()
-
-    def can_transform_full(
-        self,
-        target_frame,
-        target_time,
-        source_frame,
-        source_time,
-        fixed_frame,
-        timeout=Duration(),  # noqa: B008
-    ) -> Any:
-        """Return whether there is a transform between two times."""
-        raise NotImplementedException()
+    lookup_transform_full = can_transform = can_transform_full = lookup_transform
 
 
 def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:  # noqa: N802
@@ -149,64 +97,63 @@ def Stamped(obj: Any, stamp: Any, frame_id: str) -> Any:  # noqa: N802
     return obj
 
 
+class _Functions(dict[Any, Callable[..., Any]]):
+    """Functions by the types of data that they are for."""
+
+    def __missing__(self, key: Any) -> Any:
+        raise TypeException(f"Type {key} is not loaded or supported")
+
+
 class TransformRegistration:
     """The functions that transform data, by its type; one table for all instances."""
 
-    _functions: ClassVar[dict[Any, Callable[[Any, TransformStamped], Any]]] = {}
+    _functions: ClassVar = _Functions()
 
     def print_me(self) -> None:
         """Print the table."""
         print(self._functions)
 
-    def add(self, key: Any, callback: Callable[[Any, TransformStamped], Any]) -> None:
+    def add(self, key: Any, callback: Callable[..., Any]) -> None:
         """Register the function for a type."""
         self._functions[key] = callback
 
-    def get(self, key: Any) -> Callable[[Any, TransformStamped], Any]:
+    def get(self, key: Any) -> Callable[..., Any]:
         """Return the function for a type.
 
         Raises:
             TypeException: there is none.
         """
-        return _registered(self._functions, key)
+        return self._functions[key]
 
 
 class ConvertRegistration:
     """The functions that convert data, by types; one table for all instances."""
 
-    _to_msg: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
-    _from_msg: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
-    _convert: ClassVar[dict[Any, Callable[[Any], Any]]] = {}
+    _to_msg, _from_msg, _convert = _Functions(), _Functions(), _Functions()
 
-    def add_from_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
+    def add_from_msg(self, key: Any, callback: Callable[..., Any]) -> None:
         """Register the function that converts a message to a type."""
         self._from_msg[key] = callback
 
-    def add_to_msg(self, key: Any, callback: Callable[[Any], Any]) -> None:
+    def add_to_msg(self, key: Any, callback: Callable[..., Any]) -> None:
         """Register the function that converts a type to a message."""
         self._to_msg[key] = callback
 
-    def add_convert(self, key: tuple[Any, Any], callback: Callable[[Any], Any]) -> None:
+    def add_convert(self, key: tuple[Any, Any], callback: Callable[..., Any]) -> None:
         """Register the function that converts the first type to the second."""
         self._convert[key] = callback
 
-    def get_from_msg(self, key: Any) -> Callable[[Any], Any]:
+    def get_from_msg(self, key: Any) -> Callable[..., Any]:
         """Return the function that converts a message to a type."""
-        return _registered(self._from_msg, key)
+        return self._from_msg[key]
 
-    def get_to_msg(self, key: Any) -> Callable[[Any], Any]:
+    def get_to_msg(self, key: Any) -> Callable[..., Any]:
         """Return the function that converts a type to a message."""
-        return _registered(self._to_msg, key)
+        return self._to_msg[key]
 
-    def get_convert(self, key: tuple[Any, Any]) -> Callable[[Any], Any]:
+    def get_convert(self, key: tuple[Any, Any]) -> Callable[..., Any]:
         """Return the function that converts the first type to the second."""
-        return _registered(self._convert, key)
-
-
-def _registered(functions: dict[Any, _Function], key: Any) -> _Function:
-    if key not in functions:
-        raise TypeException(f"Type {key} is not loaded or supported")
-    return functions[key]
+        return self._convert[key]
 
 
 def convert(a: Any, b_type: Any) -> Any:

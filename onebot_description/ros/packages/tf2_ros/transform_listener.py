@@ -5,12 +5,12 @@ from threading import Thread
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
-from tf2_ros.buffer import Buffer
 
 _AUTHORITY = "default_authority"
+_QOS = QoSProfile(depth=100)
+_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class ListenerExecutor(SingleThreadedExecutor):
@@ -34,30 +34,18 @@ class TransformListener:
         static_qos: quality of service for /tf_static; by default the last 100 messages, latched.
     """
 
-    def __init__(
-        self,
-        buffer: Buffer,
-        node: Node,
-        *,
-        spin_thread: bool = False,
-        qos: QoSProfile | int | None = None,
-        static_qos: QoSProfile | int | None = None,
-    ) -> None:
+    def __init__(self, buffer, node, *, spin_thread=False, qos=None, static_qos=None) -> None:
         self.buffer, self.node = buffer, node
         # Reentrant, so that transforms arrive while another callback of the node waits for them.
         self.group = ReentrantCallbackGroup()
         self.tf_sub = node.create_subscription(
-            TFMessage,
-            "/tf",
-            self.callback,
-            _last(DurabilityPolicy.VOLATILE) if qos is None else qos,
-            callback_group=self.group,
+            TFMessage, "/tf", self.callback, qos or _QOS, callback_group=self.group
         )
         self.tf_static_sub = node.create_subscription(
             TFMessage,
             "/tf_static",
             self.static_callback,
-            _last(DurabilityPolicy.TRANSIENT_LOCAL) if static_qos is None else static_qos,
+            static_qos or _STATIC_QOS,
             callback_group=self.group,
         )
         if spin_thread:
@@ -92,7 +80,3 @@ class TransformListener:
 def _spin(executor: ListenerExecutor) -> None:
     with suppress(ExternalShutdownException):
         executor.spin()
-
-
-def _last(durability: DurabilityPolicy) -> QoSProfile:
-    return QoSProfile(depth=100, durability=durability, history=HistoryPolicy.KEEP_LAST)

@@ -1,6 +1,6 @@
 """Functions that transform the points of a cloud."""
 
-import array
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from geometry_msgs.msg import Transform, TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 from sensor_msgs_py.point_cloud2 import dtype_from_fields
-from std_msgs.msg import Header
 
 from onebot_description.geometry import matrices, poses
 
@@ -19,9 +18,7 @@ def to_msg_msg(msg: Any) -> Any:
     return msg
 
 
-def from_msg_msg(msg: Any) -> Any:
-    """Return the message unchanged."""
-    return msg
+from_msg_msg = to_msg_msg
 
 
 def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray[np.float64]:
@@ -33,23 +30,12 @@ def transform_points(point_cloud: NDArray[Any], transform: Transform) -> NDArray
 
 def do_transform_cloud(cloud: PointCloud2, transform: Transform | TransformStamped) -> PointCloud2:
     """Return a cloud in the transform's frame; fields other than x, y and z are unchanged."""
-    header = Header(stamp=cloud.header.stamp, frame_id=cloud.header.frame_id)
-    if isinstance(transform, TransformStamped):
-        header.frame_id, transform = transform.header.frame_id, transform.transform
     assert {"x", "y", "z"} <= {field.name for field in cloud.fields}, (
         "Point cloud needs the fields x, y, and z for the transformation"
     )
-    result = PointCloud2(
-        header=header,
-        height=cloud.height,
-        width=cloud.width,
-        fields=cloud.fields,
-        is_bigendian=cloud.is_bigendian,
-        point_step=cloud.point_step,
-        row_step=cloud.row_step,
-        is_dense=cloud.is_dense,
-    )
-    result.data = array.array("B", cloud.data)
+    result = deepcopy(cloud)
+    if isinstance(transform, TransformStamped):
+        result.header.frame_id, transform = transform.header.frame_id, transform.transform
     dtype = dtype_from_fields(cloud.fields, cloud.point_step)
     dtype = dtype.newbyteorder(">" if cloud.is_bigendian else "<")
     points: NDArray[Any] = np.ndarray(cloud.width * cloud.height, dtype, result.data)
