@@ -452,7 +452,10 @@ class SimulatedRobot:
     def _drive(self) -> Drive:
         """The robot's drive; raises OneBotError for a fixed base."""
         if (drive := self._controlled.drive) is None:
-            raise OneBotError(f"{self.description.source}: the robot has no wheels to drive on")
+            raise OneBotError(
+                f"{self.description.source}: the robot has no wheels to drive on: no continuous "
+                "joint turns a round shape on the ground about a lateral axis"
+            )
         return drive
 
     @property

@@ -236,6 +236,16 @@ def _kinematics(description: Description, parameters: dict[str, Any]) -> Any:
         ),
         (lambda: robot(steered("rear", -0.2, 0.0), *_front(), name="t"), {}, "not in front of"),
         (car, {"front_steering": False}, "front_steering: vehicles that steer their rear"),
+        (
+            car,
+            {"type": "diff_drive_controller/DiffDriveController"},
+            "steers the wheel of .*ackermann_steering_controller/AckermannSteeringController",
+        ),
+        (
+            mecanum,
+            {"type": "diff_drive_controller/DiffDriveController"},
+            "its wheels are omnidirectional, with rollers around them; let the control file",
+        ),
         (omni, {"wheel_names": ["w0_joint", "w1_joint"]}, "it needs three wheels or more, not 2"),
         (omni, {"wheel_names": ["w0_joint", "w9_joint"]}, 'no rotating joint "w9_joint"'),
     ],

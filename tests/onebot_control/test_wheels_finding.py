@@ -136,6 +136,14 @@ def test_wheels_are_found(parts: tuple[str, ...], left: list[str], right: list[s
             (swivel(0.2, 0.1, "_l"), swivel(0.2, -0.1, "_r")),
             "its joints include no wheel on the left with a",
         ),
+        (
+            tuple(
+                wheel.replace('"front_', '"mecanum_front_').replace('"rear_', '"mecanum_rear_')
+                for wheel in FOUR
+            ),
+            "its wheels are omnidirectional, with rollers around them",
+        ),
+        (rolling_on("file:///a/omni/b/c.stl"), "its wheels are omnidirectional, with rollers"),
     ],
 )
 def test_what_cannot_be_driven(parts: tuple[str, ...], said: str) -> None:
@@ -282,6 +290,30 @@ def test_public_robots_drive(name: str, separation: float, radius: float) -> Non
     assert SideWheels(description).geometry() == pytest.approx((separation, radius), abs=1e-3)
     for odometry, truth in drive(description):
         assert truth == pytest.approx(odometry, rel=0.01)
+
+
+BALL = '<sphere radius="0.1"/>'
+HINGE = part("hinge", "0.2 0.2 0", "<box size='0.1 0.1 0.1'/>", axis="0 0 1", kind="revolute")
+
+
+@pytest.mark.parametrize(
+    ("car", "hinge", "wheel"),
+    [
+        (
+            load_description(PUBLIC / "warn_deepracer.xacro"),
+            "left_steering_hinge",
+            "left_front_wheel",
+        ),
+        (base(*TWO, HINGE, part("tyre", "-0.05 0 0", BALL, parent="hinge")), "hinge", "tyre"),
+    ],
+)
+def test_a_car_is_no_differential_drive(car: Description, hinge: str, wheel: str) -> None:
+    """A hinge with limits steers a wheel, and so does any that the wheel does not trail."""
+    with pytest.raises(OneBotError) as caught:
+        SideWheels(car)
+    message = str(caught.value)
+    assert f'joint "{hinge}_joint" steers the wheel of "{wheel}_joint"' in message
+    assert "ackermann_steering_controller/AckermannSteeringController" in message
 
 
 def box(width: float, length: float, height: float, z: float) -> str:

@@ -206,25 +206,42 @@ class RunningGear:
             link = joint.parent
         return None
 
-    def sides(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def sides(self, *, rollers: bool = False) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Find the wheels on two sides that drive the robot.
+
+        Args:
+            rollers: whether they may have rollers, as in a mecanum drive; otherwise an error.
 
         Returns:
             The joints of the left wheels, and of the right wheels, from front to rear.
 
         Raises:
-            OneBotError: there are no such wheels, or several sets of them; the text lists the
-                rotating joints.
+            OneBotError: there are no such wheels, or several sets of them, or they are steered or
+                omnidirectional; the text lists the rotating joints.
         """
+        for wheel, joint in self.steered.items():
+            raise self._not_differential(
+                f'joint "{joint}" steers the wheel of "{wheel}"; if it is a caster, name it so',
+                "ackermann_steering_controller/AckermannSteeringController",
+            )
         wheels = [wheel for wheel in _on_ground(self.lateral) if self.swivel(wheel.name) is None]
         sets = _sets(wheel for wheel in wheels if abs(wheel.y) > _MIDDLE)
         sets = [group for group in sets if not any(map(_is_passive, group))] or sets
         if len(sets) != 1:
             raise self._not_driven(_why_not_one_set(sets))
         [drive] = sets
+        if not rollers and len(drive) > 2 and self.has_rollers:
+            raise self._not_differential(
+                "its wheels are omnidirectional, with rollers around them",
+                "mecanum_drive_controller/MecanumDriveController",
+            )
         drive.sort(key=lambda wheel: -wheel.x)
         left = tuple(wheel.name for wheel in drive if wheel.y > 0.0)
         return left, tuple(wheel.name for wheel in drive if wheel.y < 0.0)
+
+    def _not_differential(self, reason: str, kind: str) -> OneBotError:
+        text = f"let the control file name the type of its drive, such as {kind}, or none"
+        return self._not_driven(f"it is not a differential drive: {reason}; {text}")
 
     def _not_driven(self, reason: str) -> OneBotError:
         joints = [f"{axle.joint.name} {_seen(axle)}" for axle in self.axles.values()]

@@ -47,7 +47,6 @@ class Wheels:
     free: Sequence[str] = ()
     rollers: Mapping[str, float] = MappingProxyType({})
     skids = False
-    several_radii = "driven wheels must have the same radius"  # how to fix different radii
 
     def __init__(
         self,
@@ -105,7 +104,8 @@ class Wheels:
             listed = ", ".join(f"{name} {radius:g} m" for name, radius in radii.items())
             raise OneBotError(
                 f'robot "{self.description.robot_name}" has wheels of different radii ({listed}): '
-                f"{self.several_radii}"
+                "set wheel_radius, and left_wheel_radius_multiplier and "
+                "right_wheel_radius_multiplier of a differential drive"
             )
         return next(iter(radii.values()))
 
@@ -162,10 +162,6 @@ class SideWheels(Wheels):
         left: names of the driven joints on the left.
         right: names of the driven joints on the right.
     """
-
-    several_radii = (
-        "set wheel_radius, and left_wheel_radius_multiplier and right_wheel_radius_multiplier"
-    )
 
     def __init__(
         self, description: Description, left: Sequence[str] = (), right: Sequence[str] = ()

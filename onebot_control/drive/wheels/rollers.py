@@ -59,7 +59,7 @@ class MecanumWheels(Wheels):
         elif plugin and plugin.kind == "mecanum" and all(map(plugin.joints.get, CORNERS)):
             corners = [list(plugin.joints[corner]) for corner in CORNERS]
         else:
-            corners = self._corners(*self.gear.sides())
+            corners = self._corners(*self.gear.sides(rollers=True))
         self.corners = corners
         self.groups = [[name] for corner in corners for name in corner]
         self.check_across()
