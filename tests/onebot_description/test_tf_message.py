@@ -1,6 +1,5 @@
 """TFMessage: an ordinary ROS message, the same on the wire as that of tf2_msgs."""
 
-import copy
 import ctypes
 import gc
 import sys
@@ -25,14 +24,6 @@ def make_transform(child: Any = "wheel") -> TransformStamped:
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = "base_link"
     return message
-
-
-def test_copies() -> None:
-    message = TFMessage(transforms=[make_transform()])
-    shallow, deep = copy.copy(message), copy.deepcopy(message)
-    assert shallow == deep == message
-    assert shallow.transforms is message.transforms
-    assert deep.transforms[0] is not message.transforms[0]
 
 
 @own_only

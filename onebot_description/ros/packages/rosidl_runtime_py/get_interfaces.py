@@ -15,19 +15,16 @@ def get_interfaces(
     Raises:
         LookupError: there is no such package.
     """
-    packages: dict[str, list[str]] = {}
-    for name in (name for kind in KINDS for name in installed_interfaces(kind)):
+    wanted = {*package_names}
+    known = {name.partition("/")[0] for kind in KINDS for name in installed_interfaces(kind)}
+    if unknown := sorted(wanted - known):
+        raise LookupError(f"Unknown package '{unknown[0]}'")
+    found: dict[str, list[str]] = {}
+    for name in (name for kind in kinds for name in installed_interfaces(kind)):
         package, _, inner = name.partition("/")
-        packages.setdefault(package, []).append(inner)
-    for name in package_names:
-        if name not in packages:
-            raise LookupError(f"Unknown package '{name}'")
-    wanted = {name: packages[name] for name in package_names or packages}
-    chosen = {
-        name: [inner for inner in listed if inner.partition("/")[0] in kinds]
-        for name, listed in wanted.items()
-    }
-    return {name: listed for name, listed in chosen.items() if listed}
+        if package in (wanted or known):
+            found.setdefault(package, []).append(inner)
+    return found
 
 
 get_message_interfaces = partial(get_interfaces, kinds=["msg"])
