@@ -104,11 +104,10 @@ class Costmap:
         prices[beyond < 0.0] = np.inf
         self.prices[part.cells] = prices
 
-    def visit(self, part: Window, seconds: float) -> Window:
-        """Record that the robot was in a part, so that it prefers other paths; return the part."""
+    def visit(self, part: Window, seconds: float) -> None:
+        """Record that the robot was in a part, so that it prefers other paths."""
         self._grid.further[part.cells] += np.float32(_VISITED * seconds)
         self.price(part)
-        return part
 
     def prefer(self, points: Floats | None) -> None:
         """Forget visits, and increase prices with the distance from a path, (N, 2)."""

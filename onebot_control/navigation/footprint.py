@@ -53,11 +53,6 @@ class Vehicle:
         across = np.abs(self.footprint).max(axis=0)
         return float(across.min() if self.sideways else across[1])
 
-    @property
-    def outer_radius(self) -> float:
-        """Radius of the smallest circle about the robot's frame around the footprint, m."""
-        return float(np.hypot(*self.footprint.T).max())
-
     def circles(self) -> tuple[Floats, Floats]:
         """Return centers (N, 2) and radii (N,), m, of circles that together cover the footprint.
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from onebot_control.navigation.scan_matching import Match, Walls
+from onebot_control.navigation.scan_matching import Walls
 from onebot_description.arrays import Floats
 from onebot_description.geometry.poses import PlanarPose, clamp
 
@@ -28,7 +28,6 @@ class Localizer:
 
     Attributes:
         covariance: (3, 3), of the pose's x, y and yaw, m and rad.
-        share: share of the last scan's ends that are on walls, 0 to 1.
         turn_ratio: ratio of the robot's actual turn to the odometry's.
     """
 
@@ -44,7 +43,6 @@ class Localizer:
         self._pose = pose
         minimum = np.diag([1e-4, 1e-4, 1e-4])  # no given pose is really exact
         self.covariance = minimum if covariance is None else covariance + minimum
-        self.share = 1.0
         self._history = np.zeros((0, 4))  # times, s, and poses
         self._turn = 0.0
 
@@ -91,7 +89,7 @@ class Localizer:
         times, *parts = self._history.T
         return PlanarPose(*(float(np.interp(time, times, part)) for part in parts))
 
-    def correct(self, time: float, points: Floats, walls: Walls) -> Match:
+    def correct(self, time: float, points: Floats, walls: Walls) -> None:
         """Match a scan to walls, and correct the pose.
 
         Args:
@@ -101,15 +99,13 @@ class Localizer:
         """
         predicted = self.at(time)
         match = walls.match(points, predicted, self.covariance)
-        self.share = match.share
         if match.share < _TRUSTED:
-            return match._replace(pose=predicted)
+            return
         self.covariance = match.covariance
         correction = match.pose.compose(predicted.inverse())
         self._learn(match.pose.yaw - predicted.yaw)
         self._pose = correction.compose(self._pose)
         self._history[:, 1:] = np.array(correction.compose(PlanarPose(*self._history.T[1:]))).T
-        return match
 
     def _learn(self, error: float) -> None:
         """Update ``turn_ratio`` with the error of the predicted heading, rad."""

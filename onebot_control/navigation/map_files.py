@@ -76,11 +76,12 @@ def _picture(path: Path) -> Image.Image:
     try:
         with Image.open(path) as picture:
             if picture.width * picture.height > _MAX_CELLS:
-                text = f"{picture.width} x {picture.height} pixels are too many"
-                raise OneBotError(f"{path}: {text}; the maximum is {_MAX_CELLS:,}")
+                raise Image.DecompressionBombError
             picture.load()
             return picture.copy()
-    except (UnidentifiedImageError, Image.DecompressionBombError):
+    except Image.DecompressionBombError:
+        raise OneBotError(f"{path}: has more than {_MAX_CELLS:,} pixels") from None
+    except UnidentifiedImageError:
         raise OneBotError(f"{path}: is not an image; write a PGM or PNG file") from None
     except (OSError, ValueError, SyntaxError) as error:
         raise OneBotError(f"{path}: cannot be read: {_why(error)}") from None

@@ -28,7 +28,7 @@ import numpy as np
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle
-from onebot_control.navigation.grid import GridMap, LevelScan, Window, placed
+from onebot_control.navigation.grid import GridMap, LevelScan, Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.parameters import NavigationParameters
@@ -51,6 +51,7 @@ _RESET = 0.01  # m from the origin within which odometry after a jump counts as 
 _EXACT = 0.01  # m or rad, tolerance of a motion
 _MARGIN = 0.01  # m of margin on either side of the robot in a gap
 _SOON = 30  # cells of the path for the local planner
+_BEHIND = 2.5  # m of the map around start and goal
 _OWN = 0.02  # m around the footprint in which a scan measures the robot itself
 _PATIENCE = 2.0  # s to wait while something blocks the path
 _HOPELESS = 6.0  # s without a path until the goal fails
@@ -202,11 +203,6 @@ class Navigator:
     def distance_remaining(self) -> float:
         """Length of the path to the goal, m; 0 without a goal."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
-
-    @property
-    def footprint(self) -> Floats:
-        """The corners of the robot in the map, (N, 2), m."""
-        return placed(self.vehicle.footprint, self.pose)
 
     def costs(self) -> OccupancyGrid:
         """Return the costs of the map, with the values of Nav2's costmaps."""
@@ -449,10 +445,9 @@ class Navigator:
         [cell] = self.map.cells(np.array([goal[:2]]))
         if self._given and not self.map.inside(cell[None])[0]:
             raise NavigationError(Failure.GOAL_OUTSIDE_MAP)
-        margin = 2.0 + self.vehicle.outer_radius
         corners = np.array([start[:2], goal[:2]])
         try:
-            self.map.cover(corners.min(axis=0) - margin, corners.max(axis=0) + margin)
+            self.map.cover(corners.min(axis=0) - _BEHIND, corners.max(axis=0) + _BEHIND)
         except ValueError:
             raise NavigationError(Failure.GOAL_OUTSIDE_MAP) from None
         if self._costmap.version != self.map.version:
@@ -607,7 +602,8 @@ class Navigator:
 
     def _visit(self, pose: PlanarPose, seconds: float) -> None:
         """Increase the cost of paths near a pose."""
-        part = self._costmap.visit(self.map.around(pose, self._radius), seconds)
+        part = self.map.around(pose, self._radius)
+        self._costmap.visit(part, seconds)
         self._changed = part.union(self._changed)
 
     def _recover(self, pose: PlanarPose) -> Triple:

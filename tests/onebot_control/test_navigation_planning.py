@@ -123,12 +123,6 @@ def test_a_wave_stops_where_it_is_told_and_goes_on():
     assert field.path((3, 3)).tolist() == [[3, 3], [2, 2], [1, 1], [0, 0]]
 
 
-def test_without_a_way_there_is_no_path():
-    prices = np.ones((20, 20), np.float32)
-    prices[:, 10] = np.inf
-    assert len(whole(prices, (5, 5)).path((5, 15))) == 0
-
-
 def wall_map(x: float = 1.0, gap: float = 0.0) -> OccupancyGrid:
     """A room of 4 m with a wall across it at ``x``, with a gap in its middle."""
     data = np.zeros((80, 80), np.int8)
@@ -189,27 +183,21 @@ def test_a_plan_goes_through_the_gap():
         ((1.0, 0.5), (0.0, 0.0), Failure.GOAL_OCCUPIED),
         ((9.0, 0.0), (0.0, 0.0), Failure.GOAL_OUTSIDE_MAP),
         ((1.5, 0.0), (0.0, 0.0), Failure.NO_VALID_PATH),
-        ((-1.0, 0.0), (1.0, 0.5), None),
+        ((0.0, 1.0), (1.0, 0.5), None),
+        ((0.0, 1.0), (-1.0, -0.5), Failure.START_OCCUPIED),
         ((math.nan, 0.0), (0.0, 0.0), Failure.NO_VALID_PATH),
     ],
 )
 def test_plans_that_fail_say_why(goal, start, failure):
-    navigator = Navigator(vehicle(), PlanarPose(), known=wall_map())
+    grid = wall_map()
+    grid.data[20:40, 10:30] = 100
+    navigator = Navigator(vehicle(), PlanarPose(), known=grid)
     if failure is None:  # it starts beside the wall that it touches, and leaves it
         assert len(navigator.plan(PlanarPose(*goal), PlanarPose(*start)))
         return
     with pytest.raises(NavigationError) as error:
         navigator.plan(PlanarPose(*goal), PlanarPose(*start))
     assert error.value.failure is failure and str(error.value) == failure.value
-
-
-def test_a_start_in_a_block_is_refused():
-    grid = wall_map()
-    grid.data[20:40, 10:30] = 100
-    navigator = Navigator(vehicle(), PlanarPose(), known=grid)
-    with pytest.raises(NavigationError) as error:
-        navigator.plan(PlanarPose(0.0, 1.0), PlanarPose(-1.0, -0.5))
-    assert error.value.failure is Failure.START_OCCUPIED
 
 
 # Commands -----------------------------------------------------------------------------------------
@@ -221,15 +209,6 @@ def ahead(distances=None, pose=ORIGIN, speed=(0.0, 0.0, 0.0)) -> Situation:
     field = np.tile(5.0 - np.arange(-1.975, 2.0, 0.05), (80, 1))
     no_path = np.zeros((0, 2))
     return Situation(pose, speed, (5.0, 0.0), distances, field, 10.0, (-2.0, -2.0), 0.05, no_path)
-
-
-def test_it_drives_down_the_field():
-    planner, now = LocalPlanner(vehicle()), ahead(pose=PlanarPose(-1.0))
-    for _ in range(10):
-        (forward, left, turning), free = planner.command(now)
-        assert free and left == 0.0
-        now = now._replace(speed=(forward, 0.0, turning))
-    assert forward > 0.4 and abs(turning) < 0.5
 
 
 def test_it_turns_when_the_way_is_behind_it():
@@ -278,11 +257,6 @@ def test_bad_goals_are_refused():
     for bad in ((math.nan, 0.0), (0.0, math.inf), (0.0, 0.0, math.nan)):
         with pytest.raises(ValueError, match="finite"):
             navigator.go_to(*bad)
-    with pytest.raises(NavigationError, match="the path is empty"):
-        navigator.follow(np.zeros((0, 2)))
-    with pytest.raises(ValueError, match="speed above 0"):
-        navigator.drive_straight(1.0, 0.0)
-    assert navigator.status == "idle"
 
 
 class Toy:
@@ -291,12 +265,11 @@ class Toy:
     def __init__(self, navigator: Navigator, half: float = 2.02) -> None:
         self.navigator, self.half = navigator, half
         self.pose, self.time, self.speed = navigator.pose, 0.0, (0.0, 0.0, 0.0)
-        self.blind = False
 
     def run(self, seconds: float = 60.0) -> None:
         end = self.time + seconds
         while self.time < end:
-            scan = None if self.blind else room_scan(self.pose, self.half)
+            scan = room_scan(self.pose, self.half)
             command = self.navigator.update(self.time, self.pose, self.speed, scan=scan)
             limits = (0.05, 0.05, 0.15)
             self.speed = tuple(
@@ -320,15 +293,6 @@ def test_a_motion_ends_where_it_was_to():
     assert toy.navigator.status == "arrived" and toy.pose.yaw == pytest.approx(-7.0, abs=0.03)
 
 
-def test_a_motion_stops_before_a_wall():
-    toy = Toy(Navigator(vehicle(), PlanarPose()))
-    toy.navigator.drive_straight(5.0, 0.5)
-    toy.run()
-    assert toy.navigator.status == "failed"
-    assert toy.navigator.failure is Failure.COLLISION_AHEAD
-    assert 1.0 < toy.pose.x < 1.92
-
-
 def test_a_path_is_followed():
     """It leaves the straight line to the end for the corner of the path."""
     toy = Toy(Navigator(vehicle(), PlanarPose()))
@@ -347,30 +311,6 @@ def test_time_runs_out():
     toy.navigator.go_to(1.5, 0.0)
     toy.run()
     assert toy.navigator.failure is Failure.TIMEOUT and 1.0 <= toy.time < 1.2
-
-
-def test_it_stands_without_scans_and_goes_on():
-    toy = Toy(Navigator(vehicle(), PlanarPose()))
-    toy.navigator.go_to(1.0, 0.5)
-    toy.run(1.0)
-    toy.blind = True
-    toy.run(1.0)
-    assert toy.navigator.status == "blocked" and "no scan" in toy.navigator.reason
-    assert toy.speed == (0.0, 0.0, 0.0)
-    toy.blind = False
-    toy.run()
-    assert toy.navigator.status == "arrived"
-    assert toy.pose[:2] == pytest.approx((1.0, 0.5), abs=0.05)
-
-
-def test_odometry_that_jumps_is_corrected():
-    toy = Toy(Navigator(vehicle(), PlanarPose()))
-    toy.navigator.go_to(0.5, 0.0)
-    toy.run()
-    here = toy.pose
-    for time, odometry in ((9.0, here), (9.05, PlanarPose(5.0, 3.0, 1.0))):
-        toy.navigator.update(time, odometry, (0.0, 0.0, 0.0), scan=room_scan(here))
-    assert toy.navigator.pose == pytest.approx(here, abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from nav_msgs.srv import GetMap
 from rclpy.node import Node
 from std_msgs.msg import Header
 
+from onebot_control.navigation.grid import placed
 from onebot_control.navigation.map_files import load_map, save_map
 from onebot_control.navigation.navigator import Navigator
 from onebot_control.occupancy_grid import OccupancyGrid
@@ -113,7 +114,8 @@ class MapTopics:
                 self._plan.publish(self.path_message(navigator.path))
         if self._footprint.get_subscription_count():
             message = PolygonStamped(header=self._header())
-            message.polygon.points = [Point32(x=x, y=y) for x, y in navigator.footprint.tolist()]
+            corners = placed(navigator.vehicle.footprint, navigator.pose).tolist()
+            message.polygon.points = [Point32(x=x, y=y) for x, y in corners]
             self._footprint.publish(message)
 
     def path_message(self, points: Any) -> PathMessage:
