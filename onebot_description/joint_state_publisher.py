@@ -15,7 +15,8 @@ Subscribes:
         FILE or the parameter gives it.
     each topic of source_list (sensor_msgs/msg/JointState, best effort, depth 10).
 
-All parameters can be changed while it runs; an invalid change is rejected with the reason.
+All parameters but robot_description can be changed while it runs; an invalid change is rejected
+with the reason.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -143,15 +144,6 @@ class JointsState:
             description.joints, self.config, previous=self.source, tolerant=tolerant
         )
         return replace(self, description=description, source=source, plan=None)
-
-    def with_parameters(
-        self, values: Mapping[str, Any], config: JointsConfig, new: Description | None = None
-    ) -> "JointsState":
-        """Return the state with other parameters; ``new``: another robot, if they describe one."""
-        changed = replace(self, values=values, config=config, plan=None)
-        if new is not None:
-            return changed.describing(new, tolerant=False)
-        return replace(changed, plan=self.source.prepare(config) if self.source else None)
 
 
 _POLL_EVERY = 0.05  # seconds
@@ -286,10 +278,8 @@ class JointStatePublisher(Node):
         old = self.state
         try:
             values, config = self._settings.changed(old.values, parameters)
-            text, new = values.get("robot_description"), None
-            if text and text != old.values.get("robot_description"):
-                new = parse_description(text, "robot_description")
-            self._next = old.with_parameters(values, config, new)
+            plan = old.source.prepare(config) if old.source else None
+            self._next = replace(old, values=values, config=config, plan=plan)
         except ConfigError as error:
             raise error.located(self._places) from None
 

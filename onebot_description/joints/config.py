@@ -153,7 +153,7 @@ class JointsConfig:
         {}, "position of the joint in the pose, rad or m", keys=("pose", "joint")
     )
     pose: str = parameter("", "the pose to hold, which overrides all motions; empty: none")
-    robot_description: str = parameter("", "the URDF, in place of the topic")
+    robot_description: str = parameter("", "the URDF, in place of the topic", read_only=True)
 
     @cached_property
     def motions(self) -> Mapping[str, Motion]:
