@@ -115,6 +115,15 @@ class Reloader(Generic[T]):
         """The files that were edited since the last applied result, joined by commas."""
         return ", ".join(map(str, dict.fromkeys(self._edited)))
 
+    @property
+    def is_reading(self) -> bool:
+        """Whether files are being read, or will be at the next poll."""
+        return self._is_due or self._reading is not None
+
+    def read_soon(self) -> None:
+        """Read the files at the next poll, edited or not."""
+        self._is_due = True
+
     def applied(self) -> None:
         """Clear the list of edited files, because the last result is in use."""
         self._edited.clear()

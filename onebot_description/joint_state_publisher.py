@@ -39,7 +39,8 @@ from rclpy.timer import Timer
 from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
-from onebot_description.description import Description, load_description, parse_description
+from onebot_description.description import Description, parse_description
+from onebot_description.description_files import load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
@@ -150,15 +151,35 @@ _POLL_EVERY = 0.05  # seconds
 
 
 class JointFiles:
-    """Watches parameter files, and applies edits of them."""
+    """Watches parameter files and the description's files, and applies edits of them."""
 
     def __init__(self, node: "JointStatePublisher", live: LiveParameters) -> None:
         """Watch the parameter files as they are now."""
         self._node, self._log, self._live = node, node.get_logger(), live
         self.parameters = Reloader(live.read, live.files)
+        self.description: Reloader[Description] | None = None
         steady_timer(node, _POLL_EVERY, self._poll)
 
+    def reread_refused(self) -> None:
+        """Read the parameter files again if their last edit was rejected."""
+        if self.parameters.edited:
+            self.parameters.read_soon()
+
     def _poll(self) -> None:
+        self._poll_parameters()
+        if self.description is not None and not self.parameters.is_reading:
+            self._poll_description(self.description)  # only after the parameters
+
+    def _poll_description(self, files: Reloader[Description]) -> None:
+        try:
+            if (description := files.poll()) is not None:
+                files.watched.watch(description.files)
+                self._node.replace(description)
+                files.applied()
+        except OneBotError as error:
+            self._log.error(f"{files.edited} not applied, {GOES_ON}:\n{error}")
+
+    def _poll_parameters(self) -> None:
         """Set every parameter to its value in the files, or to its default, after an edit."""
         live, last = self._live, self._live.file
         try:
@@ -264,7 +285,9 @@ class JointStatePublisher(Node):
         """Apply the description that is already at hand, or wait for one on the topic."""
         text = self.state.values["robot_description"]
         if description_file:
-            self._use(load_description(description_file))
+            description, source = load_followed(description_file)
+            self._use(description)
+            self._files.description = source.reloader()
         elif text:
             self._use(parse_description(text, "robot_description"))
         else:
@@ -317,6 +340,7 @@ class JointStatePublisher(Node):
         Parameters of joints that it lacks are reported and ignored.
         """
         self._apply(self.state.describing(description, tolerant=True))
+        self._files.reread_refused()  # they may match this robot
 
     def _apply(self, state: JointsState) -> None:
         """Use ``state`` from now on; log which parameters exceed limits or do not match."""

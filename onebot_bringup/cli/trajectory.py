@@ -1,9 +1,10 @@
 """``onebot trajectory``: moves joints to positions by a joint_trajectory_controller."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.cli.action import Action
 from onebot_bringup.cli.options import joint_positions
@@ -17,6 +18,9 @@ from onebot_bringup.launch.arguments import Settings, argument, split, table
 from onebot_description.description.tree_text import aligned, cell
 from onebot_description.errors import OneBotError
 from onebot_description.timing import NS_PER_S
+
+if TYPE_CHECKING:
+    from onebot_description.description import Joint
 
 _above_zero = partial(argument, above=0.0, at_most=1e6)
 
@@ -71,23 +75,49 @@ def run(argv: Sequence[str]) -> int:
             motion = _Motion(session, controller, list(positions), settings.time)
             motion.follow(_goal(controller, positions, settings.time, settings.tolerance))
         else:
-            print("\n".join(_listed(controllers)))
+            print("\n".join(_listed(session, controllers)))
     return 0
 
 
 # The list of controllers ------------------------------------------------------------------------
 
 
-def _listed(controllers: Sequence[RunningController]) -> Iterator[str]:
-    """Yield lines with the controllers, and their joints' positions."""
+def _listed(session: Session, controllers: Sequence[RunningController]) -> Iterator[str]:
+    """Yield lines with the controllers, their joints' positions, and the limits if known."""
     for controller in controllers:
+        limits = _limits(session, controller.name.rpartition("/")[0])
         positions = zip(controller.joints, controller.state.feedback.positions, strict=True)
-        rows = [(f"  {cell(joint)}", _shown(position)) for joint, position in positions]
-        yield from [controller.name, *aligned([("  joint", "position"), *rows])]
+        rows = [
+            (f"  {cell(joint)}", _shown(position), limits.get(joint, ""))
+            for joint, position in positions
+        ]
+        yield from [controller.name, *aligned([("  joint", "position", "limits"), *rows])]
+
+
+def _limits(session: Session, namespace: str) -> dict[str, str]:
+    """Return the limits of the joints of a robot, as text; none without a readable description."""
+    from std_msgs.msg import String
+
+    from onebot_description.description import parse_description
+    from onebot_description.ros.topic_qos import LATCHED
+
+    topic, texts = f"{namespace}/robot_description", list[String]()
+    session.node.create_subscription(String, topic, texts.append, LATCHED)
+    # A publisher of another process may be discovered after the controllers.
+    session.look_for(lambda: texts, topic)
+    with suppress(OneBotError, IndexError):
+        return {joint.name: _range(joint) for joint in parse_description(texts[0].data).joints}
+    return {}
 
 
 def _shown(position: float) -> str:
     return f"{round(position, 3) + 0.0:.3f}"  # avoid -0.000
+
+
+def _range(joint: "Joint") -> str:
+    if joint.lower is None or joint.upper is None:
+        return "endless" if joint.kind == "continuous" else ""
+    return f"{joint.lower:g} … {joint.upper:g} {'m' if joint.kind == 'prismatic' else 'rad'}"
 
 
 # Motions ----------------------------------------------------------------------------------------

@@ -276,7 +276,7 @@ def _check_sections(
     """Check the names of nodes and parameters in the given parameter files; print warnings."""
     from onebot_control.control_files import unknown_by_node
     from onebot_description.joints.config import JointsConfig
-    from onebot_description.parameters.files import undeclared_warnings
+    from onebot_description.parameters.files import check_sections, undeclared_warnings
     from onebot_description.parameters.reader import unknown_parameters
 
     space = absolute(settings.namespace)
@@ -288,6 +288,7 @@ def _check_sections(
     if settings.joints and "joints" in settings.given:  # then it is not simulated
         files = [Path(settings.joints)]
         nodes = {"joint_state_publisher": partial(unknown_parameters, JointsConfig)}
+        check_sections(files[0], [f"{space}/{node}" for node in nodes])
     warnings: dict[str, None] = {}  # each once, since robots may share a file
     for file in files:
         warnings |= dict.fromkeys(undeclared_warnings(file, nodes.values()))

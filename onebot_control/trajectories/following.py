@@ -499,7 +499,8 @@ class TrajectoryFollower(JointFollower):
         detail = exceeded(self.names, self.error, self._tolerances.path)
         if (moving or first) and detail:
             text = "Aborted due to path tolerance violation"
-            return self._failed(PATH_TOLERANCE_VIOLATED, text, detail)
+            topic = "Holding position due to state tolerance violation"
+            return self._failed(PATH_TOLERANCE_VIOLATED, text, topic, detail)
         return [] if moving else self._judged_at_end(late)
 
     def _judged_at_end(self, late: float) -> list[Outcome]:
@@ -512,13 +513,15 @@ class TrajectoryFollower(JointFollower):
         goal_time, timeout = self._tolerances.goal_time, self._config.timeout
         if detail and 0.0 < goal_time < late - ROUNDING:
             text = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
-            return self._failed(GOAL_TOLERANCE_VIOLATED, text, detail)
+            topic = "Exceeded goal_time_tolerance: holding position..."
+            return self._failed(GOAL_TOLERANCE_VIOLATED, text, topic, detail)
         if 0.0 < timeout < late - ROUNDING:
-            return self._failed(GOAL_TOLERANCE_VIOLATED, "Aborted due to command timeout", detail)
+            text = "Aborted due to command timeout"
+            return self._failed(GOAL_TOLERANCE_VIOLATED, text, text, detail)
         return []
 
-    def _failed(self, code: int, text: str, detail: str) -> list[Outcome]:
-        """Stop, and return the outcome."""
+    def _failed(self, code: int, text: str, topic: str, detail: str) -> list[Outcome]:
+        """Stop, and return the outcome; ``topic`` is its text if no action goal is active."""
         goal, self.active = self.active, None
         self._stop(self.measured, self._now)
-        return [Outcome(goal, code, text, detail)]
+        return [Outcome(goal, code, topic if goal is None else text, detail)]

@@ -10,6 +10,7 @@ import yaml
 from onebot_description.elements.packages import package_share
 from onebot_description.errors import OneBotError
 from onebot_description.model.rigid_bodies import Body
+from onebot_description.parameters.bounded_yaml import load, read_text
 
 try:
     from onebot_description.cad.base import make_base
@@ -30,7 +31,7 @@ _HEADER = """\
 
 def read_dimensions(path: Path) -> SimpleNamespace:
     """Read config/dimensions.yaml: m, kg, kg/m3; colors are sRGB, 0 to 1."""
-    dimensions: SimpleNamespace = _attributes(yaml.safe_load(path.read_text()))
+    dimensions: SimpleNamespace = _attributes(load(read_text(path)))
     return dimensions
 
 
@@ -79,7 +80,7 @@ def main() -> int:
     file = share / "config/dimensions.yaml"
     try:
         write_robot(file, share)
-    except (AttributeError, OneBotError) as error:
+    except (AttributeError, OneBotError, yaml.YAMLError) as error:
         print(f"{file}: {error}", file=sys.stderr)
         return 1
     return 0

@@ -20,6 +20,7 @@ from onebot_description.geometry.poses import ZERO, Triple
 LARGEST_ROBOT = 20.0
 _LARGEST_WORLD = 200.0
 MILLIMETERS = 100.0  # m; larger lengths are in millimeters, smaller ones may be in centimeters
+_TIMES = 100.0  # a shape may be larger than most others by this factor
 
 
 def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str], list[str]]:
@@ -70,22 +71,33 @@ def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> li
 def _large_shapes(
     description: Description, sizes: Mapping[Shape, Triple], largest: float
 ) -> Iterator[str]:
+    usual = _usual(sizes)
     reported: set[Shape] = set()
     for link in description.links:
         for part in (*link.visuals, *link.collisions):
             size, kind = sizes.get(part.shape, ZERO), type(part.shape).__name__.lower()
             length = max(size)
-            if part.shape in reported or length <= largest:
+            if part.shape in reported or length <= min(largest, _TIMES * usual):
                 continue
             reported.add(part.shape)
             sides = " x ".join(f"{side:.4g}" for side in size)
+            excess = "" if length > largest else f", over {_TIMES:g} times the other shapes"
             factor = "0.001" if length >= MILLIMETERS else "0.01"
             scale = f'write scale="{factor} {factor} {factor}"'
             remedy = scale if isinstance(part.shape, Mesh) else "lengths are in m"
             yield (
-                f'{part.where}: link "{link.name}": its {kind} is {sides} m large; is it '
+                f'{part.where}: link "{link.name}": its {kind} is {sides} m large{excess}; is it '
                 f"in {unit_of(length)}? {remedy}"
             )
+
+
+def _usual(sizes: Mapping[Shape, Triple]) -> float:
+    """Return the size, m, of the largest shape of usual size; infinite if no shape stands out."""
+    lengths = sorted(length for length in map(max, sizes.values()) if length > 0.0)
+    for row, (below, above) in enumerate(zip(lengths, lengths[1:], strict=False), 1):
+        if above > _TIMES * below and 2 * row > len(lengths):
+            return below
+    return math.inf
 
 
 def _far_joints(description: Description, largest: float) -> Iterator[str]:

@@ -296,6 +296,24 @@ def no_section(parameters: Parameters, files: Iterable[Path], node: str) -> str 
     return f"{names} has no section for {node}, only for {listing(sections)}"
 
 
+def check_sections(file: Path, nodes: Sequence[str]) -> None:
+    """Check the sections of a file that a bringup gives to some nodes.
+
+    Args:
+        file: the file; each node checks its own section itself.
+        nodes: the full names of the nodes.
+
+    Raises:
+        ConfigError: sections match none of the nodes, and would have no effect.
+    """
+    sections = read_sections(read_text(file), str(file))
+    idle = [name for name in sections if not any(section_matches(name, node) for node in nodes)]
+    if idle:
+        text = '{}: section "{}" is for none of the nodes; {}'
+        texts = [text.format(file, section, _meant(section, nodes)) for section in idle]
+        raise ConfigError([Problem("", text) for text in texts])
+
+
 def undeclared_warnings(file: Path, unknown: Iterable[Unknown]) -> list[str]:
     """Return a warning for each name in a section for several nodes that no node declares.
 
@@ -315,6 +333,13 @@ def undeclared_warnings(file: Path, unknown: Iterable[Unknown]) -> list[str]:
             if name in names
         ]
     return warnings
+
+
+def _meant(section: str, nodes: Sequence[str]) -> str:
+    """Return what to write: sections for nodes of that name, or else for any node."""
+    name = f"/{section.rpartition('/')[2]}"
+    namesakes = [node for node in nodes if node.endswith(name)]
+    return f"write {f'/**{name}' if len(namesakes) > 1 else listing(namesakes or nodes)}"
 
 
 def read_text(file: Path) -> str:

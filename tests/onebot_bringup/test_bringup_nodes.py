@@ -541,6 +541,14 @@ def test_files_are_checked_before_anything_starts(
     assert sorted(arm.parent.iterdir()) == before and Path("kept.rrd").read_text() == "kept"
 
 
+def test_parameters_for_no_node_are_refused(driven: Bringup) -> None:
+    """A limit would be none; the error has the sections that would do."""
+    Path("file.yaml").write_text(JOINTS.replace("/**", "joint_state_publisher"))
+    said = refused(driven, "joints:=file.yaml", "sim:=false", "namespace:=r1")
+    assert 'section "/joint_state_publisher" is for none of the nodes; write ' in said
+    assert "/r1/joint_state_publisher" in said
+
+
 OF_ALL = """/**:
   ros__parameters:
     use_sim_time: false

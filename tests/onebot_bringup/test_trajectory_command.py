@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.cli import session
@@ -65,6 +66,7 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     file = tmp_path_factory.mktemp("arm") / "arm.urdf"
     file.write_text(URDF)
     with used_domain() as domain, Peer(domain) as peer, NodeProcess(MODULE, str(file)) as process:
+        peer.node.create_publisher(String, "/robot_description", LATCHED).publish(String(data=URDF))
         arm = Arm(process, peer.hear(STATE, f"{NAME}/controller_state"), peer)
         arm.positions()
         yield arm
@@ -84,10 +86,10 @@ def test_a_goal_is_reached(arm: Arm) -> None:
 
 def test_without_a_joint_it_lists(arm: Arm) -> None:
     heading, columns, shoulder, wrist = output_of("trajectory").splitlines()
-    assert heading == NAME and columns.split() == ["joint", "position"]
+    assert heading == NAME and columns.split() == ["joint", "position", "limits"]
     at = arm.positions()
-    assert shoulder.split() == ["shoulder", f"{at['shoulder']:.3f}"]
-    assert wrist.split() == ["wrist", f"{at['wrist']:.3f}"]
+    assert shoulder.split() == ["shoulder", f"{at['shoulder']:.3f}", "-2", "…", "2.5", "rad"]
+    assert wrist.split()[::2] == ["wrist", "endless"]
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,7 @@ def test_good_robots_and_worlds_have_no_size_warnings(file: Path) -> None:
     [
         (robot('<box size="400 300 100"/>', ""), "400 x 300 x 100 m large; is it in millimeters?"),
         (robot('<box size="40 30 10"/>'), 'link "base": its box is 40 x 30 x 10 m large; is it in'),
+        (robot('<box size="15 1 1"/>'), "15 x 1 x 1 m large, over 100 times the other shapes; is"),
         (robot('<box size="1 1 1"/>', WHEELS.replace("<child", '<origin xyz="0 90 -150"/><child')),
          'joint "j5": its <origin> is 174.9 m away; is it in millimeters? lengths are in m'),
     ],

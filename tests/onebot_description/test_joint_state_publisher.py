@@ -1,22 +1,26 @@
 """onebot_description.joint_state_publisher: the node as a process, heard and steered over DDS."""
 
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rclpy.node import Node
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from onebot_description import description_files
+from onebot_description.description import Description, load_description
 from onebot_description.joint_state_publisher import JointStatePublisher
 from onebot_description.ros.command_line import ros_arguments
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.timing import NS_PER_S
-from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args
-from tests.support import wait_for
+from tests.ros_support import LATCHED, NodeProcess, Peer, refusals, ros_args, spin_until
+from tests.support import PATIENCE, wait_for
 
 JOINT = "base_link__link_01"
 
@@ -234,26 +238,54 @@ def test_later_files_and_the_command_line_override_a_saved_file(
     assert (listener.get("rate"), listener.get("delta")) == (40.0, 0.25)
 
 
-def test_a_joint_can_be_renamed_in_robot_and_file(
-    start: Start, listener: Listener, tmp_path: Path
+def test_it_publishes_while_a_saved_description_is_expanded(
+    start_node: Callable[..., Node],
+    listener: Listener,
+    mrm: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    node = start_node(lambda: JointStatePublisher(mrm), rate=50)
+    expanding, go_on = threading.Event(), threading.Event()
+
+    def expand(path: str, _: Mapping[str, str]) -> Description:
+        expanding.set()
+        assert go_on.wait(PATIENCE)
+        return load_description(path)
+
+    monkeypatch.setattr(description_files, "load_description", expand)
+    Path(mrm).write_text(MRM.replace(JOINT, "renamed"))
+
+    try:
+        spin_until(node, expanding.is_set, "the file to be read")
+        reached = len(listener.states)
+        spin_until(node, lambda: len(listener.states) > reached + 5, "messages")
+    finally:
+        go_on.set()
+    assert list(listener.states[-1].name) == [JOINT]
+    spin_until(node, lambda: list(listener.states[-1].name) == ["renamed"], "the new name")
+
+
+def test_a_joint_can_be_renamed_in_both_files(
+    start: Start, listener: Listener, mrm: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "joints.yaml"
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.1}}"))
-    node = start("--ros-args", "--params-file", str(file))
-    listener.description.publish(String(data=MRM))
+    node = start(mrm, "--ros-args", "--params-file", str(file))
     listener.hears(lambda s: s.position[0] == 0.1, "the position")
     # As in a test of the standard node: <robot> within another element.
-    renamed = f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>"
-    listener.description.publish(String(data=renamed))
+    Path(mrm).write_text(f"<urdf>{MRM.replace(JOINT, 'elbow')}</urdf>")
+    says(node, "make <robot> the outermost element")
     says(node, f'motions.{JOINT}: the robot has no joint "{JOINT}"')
     listener.hears(lambda s: list(s.name) == ["elbow"], "the new joint")
     file.write_text(yaml("rate: 50\nmotions:\n  elbow: {type: constant, position: 0.2}"))
     listener.hears(lambda s: list(s.name) == ["elbow"] and s.position[0] == 0.2, "its motion")
     file.write_text(yaml(f"rate: 50\nmotions:\n  {JOINT}: {{type: constant, position: 0.3}}"))
     says(node, f"{file} not applied, the robot continues as before:")
+    Path(mrm).write_text(MRM)
+    listener.hears(lambda s: list(s.name) == [JOINT] and s.position[0] == 0.3, "the file applied")
     file.unlink()
     says(node, f"{file}: cannot be read: No such file")
-    assert listener.hears(lambda s: True, "a message").position[0] == 0.2
+    assert listener.hears(lambda s: True, "a message").position[0] == 0.3
 
 
 def test_sim_time_is_respected(start_node: Callable[..., Any], mrm: str) -> None:
