@@ -1,4 +1,4 @@
-"""The files of a description, to load it again in the background after an edit."""
+"""Watches the files of a description, and loads it again in the background after an edit."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from onebot_description.description import Description, load_description
+from onebot_description.errors import OneBotError
 from onebot_description.file_watch import Reloader
 
 
@@ -30,11 +31,6 @@ class Source(NamedTuple):
         content = json.loads(text)
         return cls(**{**content, "files": tuple(content["files"])})
 
-    def reloader(self) -> Reloader[Description]:
-        """Return what loads the description again after an edit of its files."""
-        files = map(Path, self.files)
-        return Reloader(lambda: load_description(self.model, self.arguments), files, self.read_ns)
-
 
 def load_followed(
     model: str, arguments: Mapping[str, str] | None = None
@@ -44,3 +40,33 @@ def load_followed(
     description = load_description(model, arguments)
     files = tuple(map(str, description.files))
     return description, Source(model, arguments or {}, files, read_ns)
+
+
+class DescriptionFiles(Reloader[Description]):
+    """Loads a description in the background whenever one of its files was edited."""
+
+    def __init__(self, source: Source) -> None:
+        self.model = source.model
+
+        def load() -> Description:
+            return load_description(source.model, source.arguments)
+
+        super().__init__(load, map(Path, source.files), source.read_ns)
+
+    def poll(self) -> Description | None:
+        """Return the edited description once it is loaded; call it several times a second.
+
+        Raises:
+            OneBotError: the files in their current state cannot be used.
+        """
+        try:
+            description = super().poll()
+        except OneBotError:
+            from onebot_description.description.xacro import included_files
+
+            # The mistake may be in a file that this very edit includes.
+            self.watched.watch((*self.watched.files, *included_files(self.model)))
+            raise
+        if description is not None:
+            self.watched.watch(description.files)
+        return description

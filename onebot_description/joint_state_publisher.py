@@ -40,7 +40,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, parse_description
-from onebot_description.description_files import load_followed
+from onebot_description.description_files import DescriptionFiles, load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.file_watch import Reloader
 from onebot_description.joints.config import JointsConfig
@@ -157,7 +157,7 @@ class JointFiles:
         """Watch the parameter files as they are now."""
         self._node, self._log, self._live = node, node.get_logger(), live
         self.parameters = Reloader(live.read, live.files)
-        self.description: Reloader[Description] | None = None
+        self.description: DescriptionFiles | None = None
         steady_timer(node, _POLL_EVERY, self._poll)
 
     def reread_refused(self) -> None:
@@ -170,10 +170,9 @@ class JointFiles:
         if self.description is not None and not self.parameters.is_reading:
             self._poll_description(self.description)  # only after the parameters
 
-    def _poll_description(self, files: Reloader[Description]) -> None:
+    def _poll_description(self, files: DescriptionFiles) -> None:
         try:
             if (description := files.poll()) is not None:
-                files.watched.watch(description.files)
                 self._node.replace(description)
                 files.applied()
         except OneBotError as error:
@@ -287,7 +286,7 @@ class JointStatePublisher(Node):
         if description_file:
             description, source = load_followed(description_file)
             self._use(description)
-            self._files.description = source.reloader()
+            self._files.description = DescriptionFiles(source)
         elif text:
             self._use(parse_description(text, "robot_description"))
         else:

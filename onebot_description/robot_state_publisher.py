@@ -44,7 +44,7 @@ from std_msgs.msg import String
 
 from onebot_description.description import Description, parse_description
 from onebot_description.description.loading import keep_places
-from onebot_description.description_files import Source, load_followed
+from onebot_description.description_files import DescriptionFiles, Source, load_followed
 from onebot_description.errors import OneBotError, listing
 from onebot_description.model import RobotModel
 from onebot_description.parameters.reader import read
@@ -113,7 +113,7 @@ class RobotStatePublisher(Node):
         )
         warn_of_two_robots(self, own=True)
         if source is not None:
-            self._files = source.reloader()
+            self._files = DescriptionFiles(source)
             steady_timer(self, _POLL_EVERY, self._follow_files)
 
     def _follow_files(self) -> None:
@@ -123,7 +123,6 @@ class RobotStatePublisher(Node):
             description = self._files.poll()
             if description is None:
                 return
-            self._files.watched.watch(description.files)
             keep_places(description)
             is_new = description.urdf != self._accepted[0].urdf
             if is_new:

@@ -204,11 +204,11 @@ def _trajectory_goal(message: JointTrajectory) -> TrajectoryGoal:
 
 
 def _tolerances(request: Any) -> TolerancesGiven:
-    return TolerancesGiven(
-        {tolerance.name: tolerance.position for tolerance in request.path_tolerance},
-        {tolerance.name: tolerance.position for tolerance in request.goal_tolerance},
-        nanoseconds(request.goal_time_tolerance) / NS_PER_S,
+    path, goal = (
+        {each.name: (each.position, each.velocity, each.acceleration) for each in tolerances}
+        for tolerances in (request.path_tolerance, request.goal_tolerance)
     )
+    return TolerancesGiven(path, goal, nanoseconds(request.goal_time_tolerance) / NS_PER_S)
 
 
 def _fill(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from onebot_control.trajectories.config import JointConstraint, TrajectoryConfig
 from onebot_description.errors import printable, unknown_names
 
+_QUANTITIES = "position", "velocity", "acceleration"
 _OFF = -1.0  # value with which a goal disables a tolerance
 FLOAT_EPSILON = 1.1920929e-07  # epsilon of float32, as in joint_trajectory_controller's comparisons
 
@@ -14,12 +15,13 @@ FLOAT_EPSILON = 1.1920929e-07  # epsilon of float32, as in joint_trajectory_cont
 class TolerancesGiven(NamedTuple):
     """Tolerances of a goal, as in control_msgs/FollowJointTrajectory.
 
-    0 means the controller's default, -1 none. Only positions are compared, because only positions
-    are commanded.
+    0 means the controller's default, -1 none. Velocities and accelerations are never compared,
+    because only positions are commanded.
     """
 
-    path: Mapping[str, float] = MappingProxyType({})  # position errors by joint, rad or m
-    goal: Mapping[str, float] = MappingProxyType({})
+    # By joint: errors of position, velocity and acceleration, rad or m, and s.
+    path: Mapping[str, tuple[float, ...]] = MappingProxyType({})
+    goal: Mapping[str, tuple[float, ...]] = MappingProxyType({})
     goal_time: float = 0.0  # s
 
 
@@ -48,8 +50,9 @@ def tolerance_problems(given: TolerancesGiven, joints: Sequence[str]) -> list[st
     for field, tolerances in (("path_tolerance", given.path), ("goal_tolerance", given.goal)):
         for name, hint in unknown_names(tolerances, joints):
             problems.append(f'{field}: "{printable(name)}" is not a joint of the controller{hint}')
-        for name, position in tolerances.items():
-            values[f"{field}: {printable(name)}: position"] = position
+        for name, errors in tolerances.items():
+            for quantity, value in zip(_QUANTITIES, errors, strict=False):
+                values[f"{field}: {printable(name)}: {quantity}"] = value
     problems += [
         f"{what} {value:g} is neither 0 (the default), nor above 0, nor -1 (none)"
         for what, value in values.items()
@@ -75,10 +78,10 @@ def resolved_tolerances(
 
 
 def _positions(
-    given: Mapping[str, float], joints: Sequence[str], defaults: Sequence[float]
+    given: Mapping[str, tuple[float, ...]], joints: Sequence[str], defaults: Sequence[float]
 ) -> tuple[float, ...]:
     return tuple(
-        _resolved(given.get(name, 0.0), default)
+        _resolved(given.get(name, (0.0,))[0], default)
         for name, default in zip(joints, defaults, strict=True)
     )
 

@@ -104,6 +104,11 @@ def arguments_in(
     return declared, used
 
 
+def included_files(source: str) -> tuple[Path, ...]:
+    """Return the file and the files that it includes, even if they cannot be read now."""
+    return tuple(path for path, _, _ in _files(_path_of(source).absolute()))
+
+
 def _root_of(file: Path) -> Element:
     """Return the root of an XML file; an empty element if it cannot be read."""
     try:

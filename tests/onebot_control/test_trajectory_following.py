@@ -408,7 +408,7 @@ def test_the_goal_tolerance_and_goal_time(name: str | None, text: str) -> None:
 def test_tolerances_of_a_goal() -> None:
     """They count for the goal, and for the topic's trajectories after it, until the next goal."""
     arm = Arm(TOLERANT)
-    wide = TolerancesGiven({"elbow": -1.0}, {"elbow": 0.5}, 0.1)
+    wide = TolerancesGiven({"elbow": (-1.0,)}, {"elbow": (0.5,)}, 0.1)
     arm.offset = 0.4
     arm.follower.start(ramp(), "wide", wide)
     assert arm.cycles(101) == [("wide", *SUCCESS)]

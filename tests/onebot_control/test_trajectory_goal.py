@@ -125,7 +125,7 @@ def test_many_names(names: list[str]) -> None:
     """Checking them takes no longer than a few comparisons each."""
     lines = problems(Waypoint(1.0, (0.5,) * len(names)), joints=tuple(names))
     assert len(lines) == (50_002 if len(set(names)) > 1 else 2)
-    tolerances = TolerancesGiven(dict.fromkeys(names, 0.1))
+    tolerances = TolerancesGiven(dict.fromkeys(names, (0.1,)))
     assert len(tolerance_problems(tolerances, NAMES)) == (50_000 if len(set(names)) > 1 else 0)
 
 
@@ -195,7 +195,7 @@ def test_default_tolerances() -> None:
 )
 def test_tolerances_of_a_goal(given: float, expected: float) -> None:
     """0 is the default, a positive one replaces it, -1 is none; other joints have their default."""
-    tolerances = {"elbow": given}
+    tolerances = {"elbow": (given, 0.1, -1.0)}
     path = resolved_tolerances(TolerancesGiven(tolerances), NAMES, DEFAULTS)
     assert path == DEFAULTS._replace(path=(0.1, expected))
     defaults = DEFAULTS._replace(goal=DEFAULTS.path)
@@ -213,17 +213,17 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
     ("wrong", "expected"),
     [
         (
-            {"path": {"wrist": 0.5}},
+            {"path": {"wrist": (0.5,)}},
             'path_tolerance: "wrist" is not a joint of the controller (known: elbow, shoulder)',
         ),
         (
-            {"path": {"elbow": -0.5}},
+            {"path": {"elbow": (-0.5,)}},
             "path_tolerance: elbow: position -0.5 is neither 0 (the default), nor above 0, "
             "nor -1 (none)",
         ),
         (
-            {"goal": {"elbow": -2.0}},
-            "goal_tolerance: elbow: position -2 is neither 0 (the default), nor above 0, "
+            {"goal": {"elbow": (0.5, -2.0, 0.0)}},
+            "goal_tolerance: elbow: velocity -2 is neither 0 (the default), nor above 0, "
             "nor -1 (none)",
         ),
         (
@@ -233,7 +233,7 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
     ],
 )
 def test_one_wrong_tolerance_makes_all_the_defaults(wrong: dict[str, Any], expected: str) -> None:
-    right = TolerancesGiven({"shoulder": 9.0}, {"shoulder": 9.0}, 9.0)
+    right = TolerancesGiven({"shoulder": (9.0,)}, {"shoulder": (9.0,)}, 9.0)
     assert resolved_tolerances(right, NAMES, DEFAULTS) == ((9.0, 0.2), (9.0, 0.02), 9.0)
     given = right._replace(**wrong)
     assert resolved_tolerances(given, NAMES, DEFAULTS) == DEFAULTS

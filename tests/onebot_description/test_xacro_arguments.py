@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from onebot_description.description.xacro import XacroArguments, xacro_arguments
+from onebot_description.description.xacro import XacroArguments, included_files, xacro_arguments
 
 MAIN = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <!-- a comment -->
@@ -33,6 +33,12 @@ def test_arguments_of_a_file_and_its_includes(tmp_path: Path) -> None:
         "color": "red",
     }
     assert "required" in found["needed"].description
+    files = (tmp_path / "main.xacro", tmp_path / "part.xacro")
+    included = included_files(str(tmp_path / "main.xacro"))
+    assert set(files) <= set(included)
+    for file in files[::-1]:  # one that is mended is noticed, too
+        file.write_text("<robot")
+        assert file in included_files(str(tmp_path / "main.xacro"))
 
 
 def test_a_file_that_cannot_be_read_declares_nothing(tmp_path: Path) -> None:
@@ -65,6 +71,7 @@ def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: 
     (tmp_path / "part.xacro").write_text(robot('<xacro:arg name="color" default="red"/>'))
     found = xacro_arguments(str(main))
     assert found.complete is complete
+    assert len(included_files(str(main))) > 1 if complete else included_files(str(main)) == (main,)
     if included == "part.xacro":
         assert [argument.name for argument in found.arguments] == ["color"]
 
@@ -88,11 +95,12 @@ def test_arguments_that_are_used_without_being_declared(tmp_path: Path) -> None:
 
 def test_includes_of_includes_end(tmp_path: Path) -> None:
     for number in range(15):
-        text = f'<xacro:include filename="{number + 1}.xacro"/>' * 2
-        (tmp_path / f"{number}.xacro").write_text(robot(f'{text}<xacro:arg name="a{number}"/>'))
-    (tmp_path / "15.xacro").write_text(robot('<xacro:include filename="15.xacro"/>'))
-    found = xacro_arguments(str(tmp_path / "0.xacro")).arguments
-    assert [argument.name for argument in found] == [f"a{number}" for number in range(15)]
+        text = robot(f'<xacro:include filename="{number + 1}.xacro"/>' * 2)
+        (tmp_path / f"{number}.xacro").write_text(text)
+    files = included_files(str(tmp_path / "0.xacro"))
+    assert files == tuple(tmp_path / f"{number}.xacro" for number in range(16))
+    (tmp_path / "self.xacro").write_text(robot('<xacro:include filename="self.xacro"/>'))
+    assert included_files(str(tmp_path / "self.xacro")) == (tmp_path / "self.xacro",)
 
 
 def test_a_file_of_a_package() -> None:
