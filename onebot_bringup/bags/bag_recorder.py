@@ -88,51 +88,13 @@ class RecorderParameters:
     )
 
 
-class BagRecorder(Node):
-    """The node; see the module's docstring."""
+@dataclass
+class _Recorded:
+    """A topic that is subscribed to; its first message adds it to the recording."""
 
-    def __init__(self) -> None:
-        super().__init__("bag_recorder")
-        self._bag: BagWriter | None = None
-        parameters = read(RecorderParameters, declare(self, RecorderParameters))
-        refuse_undeclared(self, RecorderParameters)
-        selection = Selection(
-            {self.resolve_topic_name(name) for name in parameters.topics},
-            _pattern("regex", parameters.regex),
-            _pattern("exclude_regex", parameters.exclude_regex),
-        )
-        folder = Path(parameters.folder).expanduser().absolute()
-        self._bag = BagWriter(folder, compress=parameters.compression == "zstd")
-        self._topics = TopicRecorder(self, self._bag, selection)
-        self._next_write = 0.0
-        steady_timer(self, _POLL_PERIOD, self._topics.poll)
-        steady_timer(self, _WRITE_PERIOD, self._write)
-        self.get_logger().info(f"recording to {self._bag.folder}")
-        self._topics.poll()
-
-    @ends_node
-    def _write(self) -> None:
-        assert self._bag is not None
-        start = time.monotonic()
-        if start >= self._next_write:
-            self._bag.checkpoint()
-            now = time.monotonic()
-            self._next_write = now + _MIN_PAUSE * (now - start) - _WRITE_PERIOD
-
-    def destroy_node(self) -> None:
-        bag, self._bag = self._bag, None
-        try:
-            if bag is not None and bag.open:
-                self._finish(bag)
-        finally:
-            super().destroy_node()
-
-    def _finish(self, bag: BagWriter) -> None:
-        signal.alarm(0)  # a slow disk has its time (see ``run_node``)
-        bag.close()
-        recorded = f"recorded {bag.message_count} messages of {len(bag.topics)} topics"
-        lost = f", {self._topics.lost} were lost" if self._topics.lost else ""
-        self.get_logger().info(f"{recorded} to {bag.folder}{lost}")
+    subscription: TopicSubscription
+    number: int | None = None  # the topic's number in the recording
+    lost: int = 0  # number of messages lost
 
 
 def _pattern(name: str, text: str) -> re.Pattern[str] | None:
@@ -160,35 +122,57 @@ class Selection:
         return not is_hidden(topic) and topic not in _LEFT_OUT
 
 
-@dataclass
-class _Recorded:
-    """A topic that is subscribed to; its first message adds it to the recording."""
+class BagRecorder(Node):
+    """The node; see the module's docstring.
 
-    subscription: TopicSubscription
-    number: int | None = None  # the topic's number in the recording
-    lost: int = 0  # number of messages lost
-
-
-class TopicRecorder:
-    """Subscribes to topics as they appear, and records their messages.
-
-    The QoS is as strict as all publishers of a topic allow, and is relaxed when a publisher appears
-    that offers less.
+    The QoS of its subscriptions is as strict as all publishers of a topic allow, and is relaxed
+    when a publisher appears that offers less.
     """
 
-    def __init__(self, node: Node, bag: BagWriter, selection: Selection) -> None:
-        self._node = node
-        self._bag = bag
-        self._simulated = bool(node.get_parameter("use_sim_time").value)
-        self._selection = selection
-        self._topics: dict[str, _Recorded] = {}
-        self._warn = Throttled(node.get_logger().warning)
+    def __init__(self) -> None:
+        super().__init__("bag_recorder")
+        self._bag: BagWriter | None = None
+        parameters = read(RecorderParameters, declare(self, RecorderParameters))
+        refuse_undeclared(self, RecorderParameters)
+        self._selection = Selection(
+            {self.resolve_topic_name(name) for name in parameters.topics},
+            _pattern("regex", parameters.regex),
+            _pattern("exclude_regex", parameters.exclude_regex),
+        )
+        self._simulated = bool(self.get_parameter("use_sim_time").value)
+        self._recorded: dict[str, _Recorded] = {}
+        self._warn = Throttled(self.get_logger().warning)
+        self._next_write = 0.0
+        folder = Path(parameters.folder).expanduser().absolute()
+        self._bag = BagWriter(folder, compress=parameters.compression == "zstd")
+        steady_timer(self, _POLL_PERIOD, self._poll)
+        steady_timer(self, _WRITE_PERIOD, self._write)
+        self.get_logger().info(f"recording to {folder}")
+        self._poll()
 
-    @property
-    def lost(self) -> int:
-        return sum(recorded.lost for recorded in self._topics.values())
+    @ends_node
+    def _write(self) -> None:
+        assert self._bag is not None
+        start = time.monotonic()
+        if start >= self._next_write:
+            self._bag.checkpoint()
+            now = time.monotonic()
+            self._next_write = now + _MIN_PAUSE * (now - start) - _WRITE_PERIOD
 
-    def poll(self) -> None:
+    def destroy_node(self) -> None:
+        bag, self._bag = self._bag, None
+        try:
+            if bag is not None and bag.open:
+                signal.alarm(0)  # a slow disk has its time (see ``run_node``)
+                bag.close()
+                text = f"recorded {bag.message_count} messages of {len(bag.topics)} topics"
+                lost = sum(recorded.lost for recorded in self._recorded.values())
+                end = f", {lost} were lost" if lost else ""
+                self.get_logger().info(f"{text} to {bag.folder}{end}")
+        finally:
+            super().destroy_node()
+
+    def _poll(self) -> None:
         """Subscribe to new topics, and again to topics whose publishers have changed.
 
         Nothing is subscribed to before simulated time is known: otherwise latched messages would be
@@ -197,15 +181,15 @@ class TopicRecorder:
         if not self._now():
             self._warn.once("waiting for the first message on /clock, as use_sim_time is true")
             return
-        if not self._topics:
+        if not self._recorded:
             self._subscribe_to_known()
-        for topic, _ in self._node.get_topic_names_and_types():
+        for topic, _ in self.get_topic_names_and_types():
             if self._selection.has(topic):
                 self._update(topic)
 
     def _subscribe_to_known(self) -> None:
         for name, (kind, latched) in _KNOWN.items():
-            topic = self._node.resolve_topic_name(name)
+            topic = self.resolve_topic_name(name)
             if self._selection.has(topic):
                 self._record(topic, kind, make_qos(_DEPTH, reliable=True, latched=latched))
 
@@ -214,9 +198,9 @@ class TopicRecorder:
 
         Once a message was recorded, only the QoS can be relaxed.
         """
-        offered = offers(self._node, topic)
+        offered = offers(self, topic)
         types = self._installed(topic, offered)
-        recorded = self._topics.get(topic)
+        recorded = self._recorded.get(topic)
         current = recorded.subscription.type if recorded is not None else None
         kind = choose_type(types, current)
         if recorded is not None and recorded.number is not None:
@@ -244,34 +228,36 @@ class TopicRecorder:
             try:
                 message_class(kind)
                 full_definition(kind)
+                installed.append(kind)
             except OneBotError as error:
                 self._warn.once(f"{topic} is not recorded: {error}")
-                continue
-            installed.append(kind)
         return installed
 
     def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+        bag = self._bag
+        assert bag is not None
+
         @ends_node
         def received(kind: str, data: bytes) -> None:
             now = self._now()
             if recorded.number is None:
-                recorded.number = self._bag.add_topic(self._described(topic, kind))
-            self._bag.write(recorded.number, now, data)
+                recorded.number = bag.add_topic(self._described(topic, kind))
+            bag.write(recorded.number, now, data)
 
         def lost(count: int) -> None:
             recorded.lost += count
             self._warn(topic, f"{topic}: {recorded.lost} messages lost so far")
 
-        subscription = TopicSubscription(self._node, topic, received, message_class, lost=lost)
-        recorded = self._topics[topic] = _Recorded(subscription)
+        subscription = TopicSubscription(self, topic, received, message_class, lost=lost)
+        recorded = self._recorded[topic] = _Recorded(subscription)
         subscription.update(kind, qos)
 
     def _described(self, name: str, kind: str) -> RecordedTopic:
         """Return the topic to add to the recording, with the QoS that its publishers offer now."""
-        publishers = self._node.get_publishers_info_by_topic(name)
+        publishers = self.get_publishers_info_by_topic(name)
         publishers = [end for end in publishers if end.topic_type == kind]
         # Our own subscription also has the type's hash, if the publisher is already gone.
-        ends = [*publishers, *self._node.get_subscriptions_info_by_topic(name)]
+        ends = [*publishers, *self.get_subscriptions_info_by_topic(name)]
         hashes = [str(end.topic_type_hash) for end in ends if end.topic_type == kind]
         type_hash = next((text for text in hashes if text.startswith("RIHS")), "")
         offered = tuple(dict.fromkeys(offered_qos(end.qos_profile) for end in publishers))
@@ -280,7 +266,7 @@ class TopicRecorder:
     def _now(self) -> int:
         """Return the receive time of a message, ns, by this computer's clock or simulated time."""
         if self._simulated:
-            return int(self._node.get_clock().now().nanoseconds)
+            return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
 
 

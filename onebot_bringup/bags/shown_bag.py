@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -28,7 +28,9 @@ _TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf within which every robot is expected to appear
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
 _MAX_QUEUED = 64_000_000  # bytes queued in Rerun, which itself has no limit
-_SETTLE = 10.0  # s after the end, for data that is shown only if nothing better has arrived
+_SETTLE = (
+    10_000_000_000  # ns after the end, for data that is shown only if nothing better has arrived
+)
 _REPORT_EVERY = 2.0  # s
 
 Log = Callable[[str], None]
@@ -52,7 +54,6 @@ class ShownBag:
         *,
         view: str = "",
         fixed_frame: str = "",
-        frame_prefix: str = "",
         namespace: str = "",
         progress: Log = print,
         warn: Log = print,
@@ -64,7 +65,6 @@ class ShownBag:
             view: see ``ViewSource``.
             fixed_frame: the fixed frame; "" for the view's, or else the frame above the robot, or
                 above most topics' frames.
-            frame_prefix: prefix of link names in frames; "" to find it out.
             namespace: the namespace of the robot to show; "" for all robots.
             progress: called with the progress if loading takes over two seconds.
             warn: called with a sentence about each thing that cannot be shown, and about damage.
@@ -74,6 +74,9 @@ class ShownBag:
         """
         self._bag, self._namespace = bag, namespace
         self._progress, self._warn = progress, warn
+        self._bad: Counter[str] = Counter()  # number of bad messages by topic
+        self._first_errors: dict[str, Exception] = {}  # keys: topics
+        self._now_ns = bag.start_ns
         robots = robots_of(bag, namespace)
         first = self._first = robots[0]
         if len(robots) > 1:
@@ -90,7 +93,7 @@ class ShownBag:
             name = next(iter(descriptions.values())).robot_name
             source.set_robot(name, in_world=WORLD_DESCRIPTION in bag.topics)
         self._config = replace(source.view, fixed_frame=fixed_frame or source.view.fixed_frame)
-        self._robots = _robots_to_show(bag, robots, descriptions, frame_prefix)
+        self._robots = _robots_to_show(bag, robots, descriptions)
 
     def log(self, stream: "rr.RecordingStream", *, from_start: bool = True) -> Shown:
         """Log the bag.
@@ -102,27 +105,63 @@ class ShownBag:
         Raises:
             OneBotError: nothing can be shown.
         """
-        bag, warn = self._bag, self._warn
-        player = _Player(bag, stream, warn)
-        robot_view = RobotView(
+        bag = self._bag
+        view = RobotView(
             stream,
             self._config,
             robots=self._robots,
             resolve=self._first.resolved,
-            clock=lambda: player.now_ns / 1e9,
-            report=player.report,
+            clock=lambda: self._now_ns / 1e9,
+            report=self._report,
             from_start=from_start,
             definitions=bag.definition,
         )
-        for warning in robot_view.offer(_with_messages(bag, self._first, self._namespace)):
-            warn(warning)
-        replay = player.play(robot_view, self._progress)
-        for warning in dict.fromkeys(bag.warnings):
-            warn(warning)
-        if not replay.messages:
+        self._warn_of(view.offer(_with_messages(bag, self._first, self._namespace)))
+        count = self._play(view, stream) - self._bad.total()
+        self._warn_of(
+            f"{self._bad[topic]} messages of {topic} were skipped; the first: {error}"
+            for topic, error in self._first_errors.items()
+        )
+        self._warn_of(dict.fromkeys(bag.warnings))
+        if not count:
             topics = [f"{topic} ({kind})" for topic, kind in bag.topics.items()]
             raise OneBotError(f"nothing in {bag.source} can be shown: it has {listing(topics)}")
-        return replay
+        robot = printable(view.robot.robot_name) if view.robot is not None else ""
+        return Shown(robot, count, (bag.end_ns - bag.start_ns) / 1e9)
+
+    def _report(self, topic: str, error: Exception) -> None:
+        """Note a message that cannot be shown."""
+        self._bad[topic] += 1
+        self._first_errors.setdefault(topic, error)
+
+    def _warn_of(self, sentences: Iterable[str]) -> None:
+        for sentence in sentences:
+            self._warn(sentence)
+
+    def _play(self, view: RobotView, stream: "rr.RecordingStream") -> int:
+        """Show all messages in a view, whose clock is the bag's time; return their number."""
+        bag = self._bag
+        count, last_tick, waiting = 0, 0, 0
+        next_report = time.monotonic() + _REPORT_EVERY
+        for message in bag.messages([t for t, kind in bag.topics.items() if view.wants(t, kind)]):
+            self._now_ns = max(self._now_ns, message.time)
+            view.take(message.topic, message.type, message.data, message.time)
+            count += 1
+            waiting += len(message.data)
+            if self._now_ns - last_tick >= _TICK or waiting >= _MAX_QUEUED:
+                last_tick = self._now_ns
+                self._warn_of(view.tick(self._now_ns))
+                if waiting >= _MAX_QUEUED:
+                    waiting = 0
+                    stream.flush()
+                if time.monotonic() >= next_report:
+                    next_report = time.monotonic() + _REPORT_EVERY
+                    self._progress(f"loading {bag.source}: message {count} of {bag.count}")
+        self._warn_of(view.tick(self._now_ns))
+        self._now_ns += _SETTLE
+        self._warn_of(view.tick(self._now_ns))
+        view.finish()
+        return count
 
 
 def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str, str]:
@@ -134,57 +173,6 @@ def _with_messages(bag: Bag, robot: "RecordedRobot", namespace: str) -> dict[str
         for topic, kind in bag.topics.items()
         if bag.counts[topic] and not topic.startswith(other_prefixes)
     }
-
-
-class _Player:
-    """Plays a bag into a view, which uses the bag's time as its clock."""
-
-    def __init__(self, bag: Bag, stream: "rr.RecordingStream", warn: Log) -> None:
-        self._bag = bag
-        self._stream = stream
-        self._warn = warn
-        self._bad: Counter[str] = Counter()  # number of bad messages by topic
-        self._first_errors: dict[str, Exception] = {}  # keys: topics
-        self.now_ns = bag.start_ns
-
-    def report(self, topic: str, error: Exception) -> None:
-        """Note a message that cannot be shown."""
-        self._bad[topic] += 1
-        self._first_errors.setdefault(topic, error)
-
-    def play(self, view: RobotView, progress: Log) -> Shown:
-        """Show the whole bag; call ``progress`` if it takes over two seconds."""
-        bag = self._bag
-        count, start, last_tick, waiting = 0, None, 0, 0
-        next_report = time.monotonic() + _REPORT_EVERY
-        for message in bag.messages([t for t, kind in bag.topics.items() if view.wants(t, kind)]):
-            self.now_ns = max(self.now_ns, message.time)
-            start = message.time if start is None else start
-            view.take(message.topic, message.type, message.data, message.time)
-            count += 1
-            waiting += len(message.data)
-            if self.now_ns - last_tick >= _TICK or waiting >= _MAX_QUEUED:
-                last_tick = self.now_ns
-                self._tick(view)
-                if waiting >= _MAX_QUEUED:
-                    waiting = 0
-                    self._stream.flush()
-                if time.monotonic() >= next_report:
-                    next_report = time.monotonic() + _REPORT_EVERY
-                    progress(f"loading {bag.source}: message {count} of {bag.count}")
-        seconds = (self.now_ns - start) / 1e9 if start is not None else 0.0
-        self._tick(view)
-        self.now_ns += int(_SETTLE * 1e9)
-        self._tick(view)
-        view.finish()
-        for topic, error in self._first_errors.items():
-            self._warn(f"{self._bad[topic]} messages of {topic} were skipped; the first: {error}")
-        robot = printable(view.robot.robot_name) if view.robot is not None else ""
-        return Shown(robot, count - self._bad.total(), seconds)
-
-    def _tick(self, view: RobotView) -> None:
-        for sentence in view.tick(self.now_ns):
-            self._warn(sentence)
 
 
 @dataclass(frozen=True)
@@ -235,20 +223,15 @@ def robots_of(bag: Bag, namespace: str = "") -> list[RecordedRobot]:
 
 
 def _robots_to_show(
-    bag: Bag,
-    robots: Sequence[RecordedRobot],
-    descriptions: Mapping[str, Description],
-    frame_prefix: str,
+    bag: Bag, robots: Sequence[RecordedRobot], descriptions: Mapping[str, Description]
 ) -> list[RobotToShow]:
-    """Return the robots with their frame prefixes, which are found out if none is given."""
-    frames = set() if frame_prefix or not descriptions else frames_of(bag, robots[0])
+    """Return the robots with their frame prefixes, which are found out."""
+    frames = frames_of(bag, robots[0]) if descriptions else set()
     choice: list[RobotToShow] = []
     for robot in robots:
-        description, prefix = descriptions.get(robot.description), frame_prefix
-        if description is not None and not prefix:
-            prefix = frame_prefix_of(
-                description.root_link, description.link_names, frames, robot.space
-            )
+        prefix = ""
+        if found := descriptions.get(robot.description):
+            prefix = frame_prefix_of(found.root_link, found.link_names, frames, robot.space)
         # For a single robot, ``resolved`` returns its topics.
         space = robot.space if len(robots) > 1 else ""
         choice.append(RobotToShow(space, prefix, plotted=len(choice) < MAX_PLOTTED))

@@ -41,6 +41,15 @@ class RecordedTopic:
     offered: tuple[Qos, ...] = ()  # QoS of each publisher
 
 
+class _Output(io.BytesIO):
+    """A buffer to be written to the file from ``start`` on, with positions in that file."""
+
+    start = 0
+
+    def tell(self) -> int:
+        return self.start + super().tell()
+
+
 class BagWriter:
     """Writes messages into a new folder, which is a complete rosbag2 after each checkpoint.
 
@@ -69,28 +78,39 @@ class BagWriter:
         Raises:
             OneBotError: the folder exists, or cannot be written.
         """
-        self.folder = folder
+        self.folder, self._name = folder, f"{folder.name}_0.mcap"
         self.open = False
         self.message_count = 0
         self._start = self._end = 0  # times of the first and the last message, ns
         self._counts: dict[int, int] = {}  # number of messages by the topic's number
         self.topics: dict[int, RecordedTopic] = {}
         self._changed = False
+        self._output = _Output()
+        self._ending = b""  # content of the file from the start of the output on
+        self._writer = Writer(
+            self._output,
+            chunk_size=chunk_size,
+            compression=CompressionType.ZSTD if compress else CompressionType.NONE,
+            index_types=IndexType.CHUNK | IndexType.MESSAGE,
+            use_summary_offsets=False,  # the writer accumulates them, so they are right only once
+        )
         with self._explained():
             if folder.exists():
                 raise OneBotError(f"{folder} exists already: name a new folder")
             folder.mkdir()
-            self._file = _McapFile(folder / f"{folder.name}_0.mcap", compress, chunk_size)
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+            self._file = os.open(folder / self._name, flags, 0o666)
             self.open = True
-            self._write_metadata()
+            self._writer.start("ros2", "onebot")
+            self._complete()
 
     def add_topic(self, topic: RecordedTopic) -> int:
         """Add a topic, whose type must be installed; return its number for ``write``."""
         definition = full_definition(topic.type).encode()
-        schema = self._file.writer.register_schema(topic.type, "ros2msg", definition)
+        schema = self._writer.register_schema(topic.type, "ros2msg", definition)
         offered = _yaml([_qos(qos) for qos in topic.offered])
         metadata = {"offered_qos_profiles": offered, "topic_type_hash": topic.hash}
-        number = self._file.writer.register_channel(topic.name, "cdr", schema, metadata)
+        number = self._writer.register_channel(topic.name, "cdr", schema, metadata)
         self.topics[number] = topic
         self._counts[number] = 0
         self._changed = True
@@ -112,27 +132,53 @@ class BagWriter:
         self._counts[topic] += 1
         self._changed = True
         # The publish time is unknown, so use the receive time.
-        self._file.writer.add_message(topic, time_ns, data, time_ns, self._counts[topic])
-        if self._file.pending > _MAX_PENDING:
+        self._writer.add_message(topic, time_ns, data, time_ns, self._counts[topic])
+        if self._output.tell() - self._output.start > _MAX_PENDING:
             self.checkpoint()
 
     def checkpoint(self) -> None:
         """Complete the recording with all messages added; call this about once a second."""
-        if not self.open:
-            return
-        with self._explained():
-            if self._changed:
-                self._file.checkpoint()
-                self._write_metadata()
+        if self.open and self._changed:
+            with self._explained():
+                self._complete()
                 self._changed = False
 
-    def _write_metadata(self) -> None:
-        # The file is replaced as a whole, so that it is never incomplete.
+    def _complete(self) -> None:
+        """Complete the file and its metadata.
+
+        mcap's ``Writer`` writes to memory, where this closes the chunk and writes the end of the
+        file: the summary and the footer. One call then writes this over the previous end of the
+        file, and the ``Writer`` continues where the new end begins. If it cannot be written (for
+        example, the disk is full), the file stays complete, as of the previous checkpoint.
+        """
+        output = self._output
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        end = output.tell()
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        data = output.getvalue()
+        try:
+            self._write_at(output.start, data)
+        except OSError:
+            with contextlib.suppress(OSError):  # only the first error matters
+                self._write_at(output.start, self._ending)
+            raise
+        self._ending = data[end - output.start :]
+        output.start = end
+        output.seek(0)
+        output.truncate(0)
+        # This file is replaced as a whole, so that it is never incomplete.
         write_whole(self.folder / _METADATA, _yaml(self._metadata()).encode())
+
+    def _write_at(self, offset: int, data: bytes) -> None:
+        """Write ``data`` at ``offset``, and end the file after it."""
+        view, place = memoryview(data), offset
+        while view:  # usually once, but a write may be partial
+            written = os.pwrite(self._file, view, place)
+            view, place = view[written:], place + written
+        os.ftruncate(self._file, place)
 
     def _metadata(self) -> dict[str, Any]:
         """Return the metadata in rosbag2's version 9, as Jazzy writes it."""
-        name = self._file.path.name
         start = self._start if self.message_count else _INFINITE
         extent = {
             "duration": {"nanoseconds": self._end - self._start},
@@ -147,8 +193,8 @@ class BagWriter:
             "topics_with_message_count": topics,
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [name],
-            "files": [{"path": name, **extent}],
+            "relative_file_paths": [self._name],
+            "files": [{"path": self._name, **extent}],
             "custom_data": None,
             "ros_distro": "jazzy",
         }
@@ -163,7 +209,7 @@ class BagWriter:
     def _stop(self) -> None:
         if self.open:
             self.open = False
-            self._file.close()
+            os.close(self._file)
 
     @contextlib.contextmanager
     def _explained(self) -> Iterator[None]:
@@ -173,79 +219,6 @@ class BagWriter:
         except OSError as error:
             self._stop()
             raise OneBotError(f"cannot record to {self.folder}: {error.strerror}") from error
-
-
-class _Output(io.BytesIO):
-    """A buffer to be written to the file from ``start`` on, with positions in that file."""
-
-    start = 0
-
-    def tell(self) -> int:
-        return self.start + super().tell()
-
-
-class _McapFile:
-    """An MCAP file that is complete after each checkpoint.
-
-    mcap's ``Writer`` writes to memory, where each checkpoint closes the chunk and writes the end of
-    the file: the summary and the footer. One call then writes this over the previous checkpoint's
-    end of the file, and the ``Writer`` continues where the new end begins.
-    """
-
-    def __init__(self, path: Path, compress: bool, chunk_size: int) -> None:
-        self.path = path
-        self._output = _Output()
-        self._ending = b""  # content of the file from the start of the output on
-        self.writer = Writer(
-            self._output,
-            chunk_size=chunk_size,
-            compression=CompressionType.ZSTD if compress else CompressionType.NONE,
-            index_types=IndexType.CHUNK | IndexType.MESSAGE,
-            use_summary_offsets=False,  # the writer accumulates them, so they are right only once
-        )
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-        self.writer.start("ros2", "onebot")
-        self.checkpoint()
-
-    @property
-    def pending(self) -> int:
-        """Bytes that the next checkpoint will write, without the open chunk."""
-        return self._output.tell() - self._output.start
-
-    def checkpoint(self) -> None:
-        """Write everything that was added, so that the file is complete.
-
-        Raises:
-            OSError: it cannot be written (for example, the disk is full); the file stays complete,
-                as of the previous checkpoint.
-        """
-        output = self._output
-        self.writer.flush()  # type: ignore[no-untyped-call]
-        end = output.tell()
-        self.writer.finish()  # type: ignore[no-untyped-call]
-        data = output.getvalue()
-        try:
-            self._write(data, output.start)
-        except OSError:
-            with contextlib.suppress(OSError):  # only the first error matters
-                self._write(self._ending, output.start)
-            raise
-        self._ending = data[end - output.start :]
-        output.start = end
-        output.seek(0)
-        output.truncate(0)
-
-    def _write(self, data: bytes, offset: int) -> None:
-        """Write ``data`` at ``offset``, and end the file after it."""
-        view, place = memoryview(data), offset
-        while view:  # usually once, but a write may be partial
-            written = os.pwrite(self._file, view, place)
-            view, place = view[written:], place + written
-        if os.fstat(self._file).st_size > place:
-            os.ftruncate(self._file, place)
-
-    def close(self) -> None:
-        os.close(self._file)
 
 
 def _topic(topic: RecordedTopic, count: int) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """``onebot evaluate``: runs the episodes of a study, on this computer or on a cluster."""
 
 import argparse
-import importlib.util
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
@@ -9,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from traceback import extract_tb
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from onebot_bringup.cli.options import Parser, count, flag, natural, option, positional, positive
 from onebot_bringup.launch.program import INTERRUPTED
@@ -17,14 +16,9 @@ from onebot_description.atomic_write import refuse_unwritable
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.signals import KeyboardInterrupts
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-_SUMMARY = """\
-run the function episode of a Python file for each of its cases, a list of mappings or a function
-that returns one, and write the table of what the episodes return"""
-_EPISODE, _CASES = "episode", "cases"
-_ENDINGS = (".parquet", ".csv", ".xml")
+_SUMMARY = (
+    "run the episode of a Python file for each of its cases, and write a table of the results"
+)
 
 
 def _minimum(text: str) -> tuple[str, float]:
@@ -36,34 +30,16 @@ def _minimum(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(f'"{text}": {form}') from None
 
 
+_KEEP = ("all", "failed", "none")
+_MANY = {"action": "append", "default": []}
 OPTIONS = (
     positional("STUDY.py", "the file; STUDY.py:NAME for a function other than episode"),
     option("--workers", "N", "episodes at once (one on each processor)", count),
     option("--on", None, "where (processes)", default="processes", choices=("processes", "ray")),
-    option(
-        "--out",
-        "FILE",
-        "the table: .parquet, .csv, or .xml for JUnit; may be repeated",
-        Path,
-        [],
-        action="append",
-    ),
-    option(
-        "--min",
-        "NAME=NUMBER",
-        "exit code 1 if the mean of a column is lower; may be repeated",
-        _minimum,
-        [],
-        action="append",
-    ),
+    option("--out", "FILE", "table: .parquet, .csv or .xml (JUnit); repeatable", Path, **_MANY),
+    option("--min", "NAME=NUMBER", "exit code 1 below this mean; repeatable", _minimum, **_MANY),
     option("--timeout", "SECONDS", "time limit of an episode (600)", positive, 600.0),
-    option(
-        "--keep",
-        None,
-        "which episodes leave a recording beside the table (failed)",
-        default="failed",
-        choices=("all", "failed", "none"),
-    ),
+    option("--keep", None, "episodes to record (failed)", default="failed", choices=_KEEP),
     flag("--resume", "continue an interrupted study"),
     option("--case", "N", "run only this case, in this process, and print its row", natural),
     flag("--show", "show its recording, with --case"),
@@ -76,35 +52,32 @@ def run(argv: Sequence[str]) -> int:
     if args.show and args.case is None:
         raise UsageError("--show is for a single case: --case N --show")
     file, _, name = getattr(args, "study.py").partition(":")
-    outs = [_checked_out(path) for path in args.out]
     with KeyboardInterrupts():
+        _check_outs(args.out)
         study = _imported(Path(file))
-        episode, cases = _member(study, name or _EPISODE), _member(study, _CASES)
+        episode, cases = _member(study, name or "episode"), _member(study, "cases")
         cases = cases() if callable(cases) else cases
         if args.case is not None:
             return _run_case(episode, cases, args)
-        base = outs[0] if outs else Path(file)
         try:
-            table = _evaluated(episode, cases, args, base)
+            return _run_all(episode, cases, args, (args.out or [Path(file)])[0])
         except KeyboardInterrupt:
             again = [*argv, *(() if args.resume else ["--resume"])]
-            print(f"interrupted; continue with: onebot evaluate {' '.join(again)}", file=sys.stderr)
+            text = f"\ninterrupted; continue with: onebot evaluate {' '.join(again)}"
+            print(text, file=sys.stderr)
             return INTERRUPTED
-    return _reported(table, args, outs)
 
 
-def _checked_out(path: Path) -> Path:
-    if path.suffix not in _ENDINGS:
-        raise UsageError(f"--out {path}: the name must end in {', '.join(_ENDINGS)}")
-    _refuse_unwritable(path)
-    return path
+def _check_outs(paths: Sequence[Path]) -> None:
+    """Reject files that could not be written, before any episode runs."""
+    from onebot_control.evaluation.report import WRITERS
+    from onebot_control.evaluation.rows import writing
 
-
-def _refuse_unwritable(path: Path) -> None:
-    try:
-        refuse_unwritable(path)
-    except OSError as error:
-        raise OneBotError(f"{path} cannot be written: {error.strerror}") from None
+    for path in paths:
+        if path.suffix not in WRITERS:
+            raise UsageError(f"--out {path}: the name must end in {', '.join(WRITERS)}")
+        with writing(path):
+            refuse_unwritable(path)
 
 
 def _imported(file: Path) -> ModuleType:
@@ -113,30 +86,19 @@ def _imported(file: Path) -> ModuleType:
     Raises:
         OneBotError: there is none, or it cannot be imported.
     """
-    if not file.is_file():
-        raise OneBotError(f"there is no file {file}")
+    from onebot_control.evaluation.episode import sentence
+
     name = f"onebot_study_{file.stem}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
-        raise OneBotError(f"{file} is not a Python file, whose name ends in .py")
     sys.path.append(str(file.resolve().parent))  # last: its modules hide no others
-    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module = ModuleType(name)
+    module.__file__ = str(file.resolve())
     try:
-        spec.loader.exec_module(module)
+        exec(compile(file.read_bytes(), module.__file__, "exec"), vars(module))
     except Exception as error:
-        line = _line(error, file.resolve())
-        text = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise OneBotError(f"{file}{line} cannot be imported: {text}") from None
+        lines = [f.lineno for f in extract_tb(error.__traceback__) if f.filename == module.__file__]
+        place = f"{file}:{lines[-1]}" if lines else file
+        raise OneBotError(f"{place} cannot be imported: {sentence(error)}") from None
     return module
-
-
-def _line(error: Exception, file: Path) -> str:
-    """Return where in a file an error was raised, such as ``:12``; empty if not there."""
-    places = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
-    if isinstance(error, SyntaxError):
-        places.append((error.filename or "", error.lineno))
-    lines = [line for name, line in places if Path(name).resolve() == file]
-    return f":{lines[-1]}" if lines else ""
 
 
 def _member(study: ModuleType, name: str) -> Any:
@@ -147,14 +109,13 @@ def _member(study: ModuleType, name: str) -> Any:
     return getattr(study, name)
 
 
-def _evaluated(episode: Any, cases: Any, args: Namespace, base: Path) -> "pa.Table":
+def _run_all(episode: Any, cases: Any, args: Namespace, base: Path) -> int:
+    """Run all cases; write and print the results beside ``base``; return the exit code."""
     from onebot_bringup.testing.failed_run import record_run  # slower to import
-    from onebot_control.evaluation.report import write_table
+    from onebot_control.evaluation.report import share, summary, write_table
     from onebot_control.evaluation.study import SUCCESS, evaluate
 
     journal = base.with_suffix(".journal")
-    if not args.resume:
-        _refuse_unwritable(journal)
     table = evaluate(
         episode,
         cases,
@@ -172,23 +133,12 @@ def _evaluated(episode: Any, cases: Any, args: Namespace, base: Path) -> "pa.Tab
     for path in args.out:
         write_table(table, path)
     journal.unlink(missing_ok=True)
-    return table
-
-
-def _reported(table: "pa.Table", args: Namespace, outs: Sequence[Path]) -> int:
-    """Print the success of a study; return the exit code."""
-    from onebot_control.evaluation.report import share, summary
-
     print(summary(table))
-    for path in outs:
-        print(f"wrote {path}")
-    code = 0
-    for name, minimum in args.min:
-        mean = share(table, name)
-        if not mean >= minimum:
-            print(f"{name}: {mean:g} is below {minimum:g}", file=sys.stderr)
-            code = 1
-    return code
+    means = {name: share(table, name) for name, _ in args.min}
+    missed = [(name, least) for name, least in args.min if not means[name] >= least]
+    for name, least in missed:
+        print(f"{name}: {means[name]:g} is below {least:g}", file=sys.stderr)
+    return 1 if missed else 0
 
 
 def _run_case(episode: Any, cases: Any, args: Namespace) -> int:
@@ -201,17 +151,11 @@ def _run_case(episode: Any, cases: Any, args: Namespace) -> int:
     listed = checked_cases(cases)
     if args.case >= len(listed):
         raise OneBotError(f"there is no case {args.case}; the last one is {len(listed) - 1}")
+    recorder, chosen = record_run if args.show else None, [listed[args.case]]
     with TemporaryDirectory(prefix="onebot-") as folder:
-        recorder = record_run if args.show else None
-        chosen = [listed[args.case]]
-        table = evaluate(
-            episode, chosen, 0, recorder=recorder, recordings=folder, keep="all", progress=False
-        )
+        table = evaluate(episode, chosen, 0, recorder=recorder, recordings=folder, keep="all")
         for name, value in table.to_pylist()[0].items():
             print(f"{name}: {value}")
-        if args.show:
-            recording = Path(folder) / "0.rrd"
-            if not recording.is_file():
-                raise OneBotError("there is nothing to show: the episode created no Simulation")
-            return replay.run([str(recording)])
-    return 0
+        if not args.show:
+            return 0
+        return replay.run([str(Path(folder) / "0.rrd")])

@@ -2,6 +2,7 @@
 
 import sys
 from argparse import Namespace
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,29 +28,22 @@ def draw(args: Namespace, file: Path) -> None:
     if args.kind == "rrd":
         _render(args, Path(args.source))
         return
-    record = {
-        "running": _record_running,
-        "bag": _record_bag,
-        "description": _record_description,
-    }[args.kind]
-    recording = open_recording(save=file)
-    try:
-        record(args, recording.stream)
-    finally:
-        recording.close()
+    with closing(open_recording(save=file)) as recording:
+        if args.kind == "bag":
+            _record_bag(args, recording.stream)
+        elif args.kind == "description":
+            _record_description(args, recording.stream)
+        else:
+            from onebot_bringup.cli.live_picture import record_running  # only this needs ROS
+
+            for warning in record_running(args, recording.stream, _progress):
+                warn(warning)
     _render(args, file)
 
 
 def _render(args: Namespace, source: Path) -> None:
     framing = Framing(args.dashboard, *(args.camera or (None, None)))
     render(source, args.file, args.width, args.height, framing=framing, progress=_progress)
-
-
-def _record_running(args: Namespace, recording: "rr.RecordingStream") -> None:
-    from onebot_bringup.cli.live_picture import record_running  # only this needs ROS
-
-    for warning in record_running(args, recording, _progress):
-        warn(warning)
 
 
 def _progress(message: str) -> None:

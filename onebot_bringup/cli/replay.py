@@ -49,7 +49,6 @@ class ReplaySettings(Settings):
     save: str = _viewer("save", note="with viewer:=none, it is only saved")
     view: str = _viewer("view")
     fixed_frame: str = argument("", "the frame that stands still; empty: the view's, else a root")
-    frame_prefix: str = argument("", "prefix of link names; empty: found in the recorded frames")
     namespace: str = argument("", "the only robot to show, if several are recorded; empty: all")
     max_size: float = argument(
         256, "MB of an uncompressed message or chunk; larger ones are not read", at_least=0.0
@@ -121,7 +120,6 @@ def _shown_bag(
         Bag(source, int(settings.max_size * 1e6)),
         view=settings.view,
         fixed_frame=settings.fixed_frame,
-        frame_prefix=settings.frame_prefix,
         namespace=settings.namespace,
         progress=progress,
         warn=_Log().warning,
@@ -134,7 +132,7 @@ def _check_rrd(source: Path, settings: ReplaySettings) -> None:
     with open_file(source) as file:
         if not file.read(4).startswith(_RRD_STARTS):
             raise OneBotError(f"{source} is not a Rerun recording")
-    for name in ("view", "save", "fixed_frame", "frame_prefix", "namespace"):
+    for name in ("view", "save", "fixed_frame", "namespace"):
         if value := getattr(settings, name):
             raise UsageError(f"{name}:={value}: a .rrd file is shown as it is")
 

@@ -56,6 +56,7 @@ SOURCE, a URDF or xacro file at given joint positions, or the end of a recording
 folder of record:=). name:=value are arguments that the xacro file declares; of a recording of ROS
 messages, namespace:= chooses one robot if several are recorded. package_path:= holds the
 folders, joined by :, in which ROS packages are looked for first"""
+_KINDS = {".rrd": "rrd", ".mcap": "bag", ".db3": "bag", ".zstd": "bag", ".bag": "bag"}
 _NAMESPACE = "namespace"  # the only argument for a bag
 _WIDTH, _HEIGHT = 1280, 720
 # Sizes in pixels: the viewer's window cannot be smaller, and software rendering may fail beyond.
@@ -149,11 +150,6 @@ def kind_of(source: str | None) -> str:
     """Return what ``source`` names: "running", "rrd", "bag" or "description"."""
     if source is None:
         return "running"
-    path = Path(source)
-    if os.path.isdir(path):
+    if os.path.isdir(source):
         return "bag"  # whatever its name is, since record:=run.rrd also makes a folder
-    if path.suffix == ".rrd":
-        return "rrd"
-    if path.suffix in (".mcap", ".db3", ".zstd", ".bag"):
-        return "bag"
-    return "description"
+    return _KINDS.get(Path(source).suffix, "description")

@@ -14,24 +14,10 @@ Example::
 ``onebot evaluate`` does this with the function and the cases of a file.
 """
 
-import onebot_description
-
-TYPE_CHECKING = not __name__  # false; jedi skips blocks under a literal False; typing is slow
+from onebot_control.evaluation.cases import Case, grid
+from onebot_control.evaluation.report import summary
+from onebot_control.evaluation.study import evaluate
 
 __docformat__ = "google"
 
 __all__ = ["Case", "evaluate", "grid", "summary"]
-
-if TYPE_CHECKING:
-    from onebot_control.evaluation.cases import Case, grid
-    from onebot_control.evaluation.report import summary
-    from onebot_control.evaluation.study import evaluate
-else:
-    __getattr__ = onebot_description.lazy(
-        globals(),
-        {
-            "onebot_control.evaluation.cases": ("Case", "grid"),
-            "onebot_control.evaluation.report": ("summary",),
-            "onebot_control.evaluation.study": ("evaluate",),
-        },
-    )

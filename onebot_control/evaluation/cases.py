@@ -1,6 +1,6 @@
 """The cases of a study: the values that differ between episodes."""
 
-from collections.abc import Iterable, Mapping, Sized
+from collections.abc import Iterable, Mapping
 from itertools import islice, product
 from math import prod
 from typing import Any
@@ -25,29 +25,23 @@ def grid(**factors: Any) -> list[Case]:
             mapping is one value.
 
     Raises:
-        OneBotError: there are more than a million combinations.
+        OneBotError: there is no combination, or there are more than a million.
     """
-    counts = [
-        len(level) for level in factors.values() if _is_many(level) and isinstance(level, Sized)
-    ]
-    _check_count(prod(counts))
-    values = [_values(level) if _is_many(level) else [level] for level in factors.values()]
-    _check_count(prod(map(len, values)))
-    return [Case(zip(factors, row, strict=True)) for row in product(*values)]
+    levels = [_levels(values) for values in factors.values()]
+    _check_count(prod(map(len, levels)))
+    return [Case(zip(factors, row, strict=True)) for row in product(*levels)]
 
 
-def _is_many(values: object) -> bool:
-    return isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping)
-
-
-def _values(values: Iterable[Any]) -> list[Any]:
+def _levels(values: object) -> list[Any]:
+    if not isinstance(values, Iterable) or isinstance(values, str | bytes | Mapping):
+        return [values]
     return [plain(value) for value in islice(values, MAX_CASES + 1)]
 
 
 def _check_count(count: int) -> None:
-    if count > MAX_CASES:
-        text = f"a study has at most {MAX_CASES:,} cases, not {count:,}"
-        raise OneBotError(f"{text}; take fewer values, or several studies")
+    if not 0 < count <= MAX_CASES:
+        text = f"a study has 1 to {MAX_CASES:,} cases, such as grid(seed=range(9))"
+        raise OneBotError(f"{text}; these are {'more' if count else 'none'}")
 
 
 def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
@@ -59,18 +53,22 @@ def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
     Raises:
         OneBotError: there are no cases or too many, or one is not a mapping with names as keys.
     """
-    if not _is_many(cases):
-        text = f"cases: {shortened(repr(cases))}; write a list of mappings, or grid(seed=range(9))"
-        raise OneBotError(text)
     listed_cases = [*islice(cases, MAX_CASES + 1)]
-    if not listed_cases:
-        raise OneBotError("cases: empty; write a list of mappings, or grid(seed=range(9))")
     _check_count(len(listed_cases))
-    for number, case in enumerate(listed_cases):
-        if not isinstance(case, Mapping):
-            text = f"case {number}: {shortened(repr(case))} is not a mapping"
-            raise OneBotError(f'{text}; write a mapping, such as {{"seed": 7}}')
-        if wrong := [key for key in case if not isinstance(key, str) or key in ("", ERROR)]:
-            text = f"case {number}: {shortened(repr(wrong[0]))} cannot be the name of a column"
+    return [Case(checked_row(case, f"case {n}")) for n, case in enumerate(listed_cases)]
+
+
+def checked_row(row: object, what: str) -> Mapping[str, Any]:
+    """Return a mapping from names of columns to values; ``what`` is its name in errors.
+
+    Raises:
+        OneBotError: it is not such a mapping.
+    """
+    if not isinstance(row, Mapping):
+        text = f"{what}: {shortened(repr(row))} is not a mapping"
+        raise OneBotError(f'{text}; write a mapping, such as {{"seed": 7}}')
+    for name in row:
+        if not isinstance(name, str) or name in ("", ERROR):
+            text = f"{what}: {shortened(repr(name))} cannot be the name of a column"
             raise OneBotError(f"{text}; write a non-empty string other than {ERROR}")
-    return [*map(Case, listed_cases)]
+    return row

@@ -4,8 +4,8 @@ import inspect
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from functools import lru_cache, partial
+from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
@@ -40,64 +40,40 @@ class Work(NamedTuple):
     recorder: Recorder | None = None
     keep: str = "failed"
 
-    def packed(self) -> bytes:
-        """Pickle the work for workers; call this within ``sent_by_value``.
 
-        Raises:
-            OneBotError: the function cannot be sent.
-        """
-        name = getattr(self.function, "__qualname__", repr(self.function))
-        return _packed(self, f"{name} cannot be sent to workers", "create what it uses inside it")
-
-
-def packed_case(number: int, case: Case) -> bytes:
-    """Pickle a case for workers.
+def packed(value: object, what: str) -> bytes:
+    """Pickle the work or a case for workers; ``what`` is its name in errors.
 
     Raises:
         OneBotError: it cannot be sent.
     """
-    return _packed(case, f"case {number} cannot be sent to workers", "create it in the episode")
-
-
-def _packed(value: object, problem: str, remedy: str) -> bytes:
     try:
         return bytes(cloudpickle.dumps(value))
     except Exception as error:  # __reduce__ of an object may raise anything
-        raise OneBotError(f"{problem}: {_shown(error)}; {remedy}") from None
-
-
-@contextmanager
-def sent_by_value(function: Episode) -> Iterator[None]:
-    """Let pickles in this context include the function's module and the modules beside it."""
-    with ExitStack() as stack:
-        for module in _own_modules(function):
-            cloudpickle.register_pickle_by_value(module)
-            stack.callback(cloudpickle.unregister_pickle_by_value, module)
-        yield
+        text = f"{what} cannot be sent to workers: {sentence(error)}"
+        raise OneBotError(f"{text}; create in the episode what it needs") from None
 
 
 def module_of(function: Episode) -> ModuleType | None:
     """Return the module of a function or of a ``functools.partial`` of it."""
-    while isinstance(function, partial):
-        function = function.func
-    return inspect.getmodule(function)
+    return inspect.getmodule(getattr(function, "func", function))
 
 
-def _own_modules(function: Episode) -> Iterator[ModuleType]:
-    """Yield the modules in the folder of the function's module, which a worker may lack."""
-    module = module_of(function)
-    file = getattr(module, "__file__", None)
-    if module is None or file is None:
+def send_by_value(function: Episode) -> None:
+    """Let pickles include the function's module and those in its folder, which a worker may lack.
+
+    Cloudpickle itself includes ``__main__``.
+    """
+    file = getattr(module_of(function), "__file__", None)
+    if file is None:
         return
     folder = Path(file).resolve().parent
     installed = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
-    for other in [*sys.modules.values()]:
-        name, file = getattr(other, "__name__", "__main__"), getattr(other, "__file__", None)
-        if name == "__main__" or not file or name.partition(".")[0] in _PACKAGES:
-            continue  # cloudpickle itself sends __main__ by value
-        parents = Path(file).resolve().parents
-        if folder in parents and installed.isdisjoint(parents):
-            yield other
+    for name, module in [*sys.modules.items()]:
+        parents = Path(getattr(module, "__file__", None) or "").resolve().parents
+        is_own = folder in parents and installed.isdisjoint(parents)
+        if is_own and name.partition(".")[0] not in ("__main__", *_PACKAGES):
+            cloudpickle.register_pickle_by_value(module)
 
 
 @lru_cache(maxsize=1)
@@ -112,64 +88,58 @@ def run_packed(packed: bytes, case: bytes) -> EpisodeOutcome:
     try:
         return run(unpacked(packed), cloudpickle.loads(case))
     except (Exception, KeyboardInterrupt) as error:  # user code may raise anything
-        return EpisodeOutcome(b"", _shown(error))
+        return EpisodeOutcome(b"", sentence(error))
 
 
 def run(work: Work, case: Case) -> EpisodeOutcome:
     """Run the episode of a case; an exception, except for Ctrl-C, becomes part of the outcome."""
-    row, error = b"", None
+    row, error, recording = b"", None, b""
     with _recorded(work.recorder is not None) as simulations:
         try:
             row = packed_row(work.function(Case(case)), case)
         except KeyboardInterrupt:
             raise
         except BaseException as raised:  # also sys.exit(), as nothing may end the worker
-            error = _shown(raised)
-        recordings = []
-        if work.recorder and (work.keep == "all" or not succeeded(row, error, work.success)):
-            try:
-                recordings = [_recording(work.recorder, each) for each in simulations]
-            except Exception as failed:  # the outcome is more important
-                error = f"{error or ''} (its recording failed: {_shown(failed)})".strip()
-    return EpisodeOutcome(row, error, recordings)
+            error = sentence(raised)
+        is_wanted = work.keep == "all" or not succeeded(row, error, work.success)
+        if work.recorder and simulations and is_wanted:
+            recording = _recording(work.recorder, simulations[0])
+    return EpisodeOutcome(row, error, recording)
 
 
 def succeeded(row: bytes, error: str | None, success: Sequence[str]) -> bool:
     """Return whether an episode succeeded: no error, and no ``success`` column is false."""
-    if error is not None:
-        return False
     returned = unpacked_row(row)
-    return all(returned.get(name) is not False for name in success)
+    return error is None and all(returned.get(name) is not False for name in success)
 
 
-def _shown(error: BaseException) -> str:
+def sentence(error: BaseException) -> str:
     """Return an error as one line; a OneBotError without its type, as its text is a sentence."""
-    text = ""
-    with suppress(Exception):  # user code may raise anything here
-        text = " ".join(text_of(error).split())
-    if not isinstance(error, OneBotError):
-        text = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    return printable(text)
+    text = printable(" ".join(text_of(error).split()))
+    if isinstance(error, OneBotError):
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 @contextmanager
-def _recorded(wanted: bool) -> Iterator[list[Simulation]]:
-    """Record the simulations that start in this context, unless they are already recorded."""
+def _recorded(wanted: bool) -> Iterator[Sequence[Simulation]]:
+    """If wanted, record the simulations that start in this context, unless already recorded.
+
+    Yields:
+        The one that started last.
+    """
     begun: list[Simulation] = []
 
     def observe(simulation: Simulation) -> None:
-        if not simulation.moments:
+        begun[:] = [simulation]
+        if wanted and not simulation.moments:
             simulation.record(_KEPT, _KEPT_RATE)
-        if not any(each is simulation for each in begun):
-            begun.append(simulation)
 
-    if wanted:
-        observers.append(observe)
+    observers.append(observe)
     try:
         yield begun
     finally:
-        if wanted:
-            observers.remove(observe)
+        observers.remove(observe)
 
 
 def _recording(recorder: Recorder, simulation: Simulation) -> bytes:

@@ -2,9 +2,9 @@
 
 import os
 import socket
-from collections.abc import Iterator, Mapping
-from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from tempfile import gettempdir
@@ -15,41 +15,35 @@ import ray
 from ray.exceptions import RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes, machine_facts
-from onebot_control.evaluation.workers import DIED, Worker, as_they_come
+from onebot_control.evaluation.episode import sentence
+from onebot_control.evaluation.rows import PROCESSOR, EpisodeOutcome, Outcomes, machine_facts
+from onebot_control.evaluation.workers import DIED, Worker
 from onebot_description.errors import OneBotError
 
 _PATIENCE = 5.0  # s, timeout of a connection to the cluster's address
 _LAST = "ray/ray_current_cluster"
 _ATTEMPTS = "RAY_gcs_server_port_wait_time_s"  # Ray's number of attempts to connect
-_PROCESSOR = "processor"
 
 
-@contextmanager
-def connected(packed: bytes) -> Iterator[Mapping[str, str]]:
+def connected(packed: bytes) -> dict[str, str]:
     """Connect to the cluster of RAY_ADDRESS or ``ray start``; else Ray starts one here.
 
     Args:
         packed: the work, which each node must be able to import.
 
-    Yields:
+    Returns:
         The versions on all nodes, and their processors.
 
     Raises:
         OneBotError: the cluster does not exist, or a node has another version of a package.
     """
-    is_own = not ray.is_initialized()
-    if is_own:
+    if not ray.is_initialized():
         _require_answer()
         try:
             ray.init(include_dashboard=False, log_to_driver=False, logging_level="error")
         except Exception as error:  # Ray also raises plain exceptions
-            raise OneBotError(f"Ray's cluster cannot be used: {_sentence(error)}") from None
-    try:
-        yield _common_facts(packed)
-    finally:
-        if is_own:
-            ray.shutdown()
+            raise OneBotError(f"Ray's cluster cannot be used: {sentence(error)}") from None
+    return _common_facts(packed)
 
 
 def _require_answer() -> None:
@@ -58,15 +52,46 @@ def _require_answer() -> None:
     if address in ("", "auto"):  # then Ray uses the address of the last ``ray start``
         with suppress(OSError):
             address = Path(os.environ.get("RAY_TMPDIR") or gettempdir(), _LAST).read_text().strip()
-    place = urlsplit(address if "://" in address else f"//{address}")
     try:
+        place = urlsplit(address if "://" in address else f"//{address}")
         if place.hostname and place.port:
             os.environ.setdefault(_ATTEMPTS, "1")
             socket.create_connection((place.hostname, place.port), _PATIENCE).close()
     except (OSError, ValueError) as error:
-        text = f"Ray's cluster {address} does not respond: {_sentence(error)}"
+        text = f"Ray's cluster {address} does not respond: {sentence(error)}"
         remedy = 'start it with "ray start --head", or set RAY_ADDRESS (local: only this computer)'
         raise OneBotError(f"{text}; {remedy}") from None
+
+
+def _common_facts(packed: bytes) -> dict[str, str]:
+    """Return the facts of all nodes, after each has imported the modules of the work."""
+
+    # This function is sent by value, since a node may lack this package.
+    def facts_of_node(packed: bytes) -> dict[str, str]:
+        from onebot_control.evaluation.episode import unpacked
+        from onebot_control.evaluation.rows import machine_facts
+
+        unpacked(packed)
+        return machine_facts()
+
+    facts, processors = machine_facts(), set()
+    for node in ray.nodes():
+        if not (node["Alive"] and node["Resources"].get("CPU")):
+            continue
+        where = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+        ask = ray.remote(num_cpus=0, scheduling_strategy=where)(facts_of_node)
+        name = f"Ray's node {node['NodeManagerAddress']}"
+        try:
+            others = ray.get(ask.remote(packed))
+        except RayError as error:
+            text = f"{name} cannot run the study: {sentence(getattr(error, 'cause', error))}"
+            raise OneBotError(f"{text}; install the packages of this computer there") from None
+        processors.add(others[PROCESSOR])
+        for package in facts.keys() - {PROCESSOR}:
+            if others.get(package) != facts[package]:
+                text = f"has {package} {others.get(package)}, but this computer {facts[package]}"
+                raise OneBotError(f"{name} {text}; install the same version")
+    return {**facts, PROCESSOR: " and ".join(sorted(processors))}
 
 
 def run_on_ray(
@@ -83,74 +108,32 @@ def run_on_ray(
     # Twice the number of processors, so that no processor waits for its next episode.
     limit = count or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
     episode, work = ray.remote(num_cpus=1)(_run), ray.put(packed)
-    running: dict[Future[EpisodeOutcome], Any] = {}
-
-    def submit(case: bytes) -> Future[EpisodeOutcome]:
-        reference = episode.remote(work, case, timeout)
-        future: Future[EpisodeOutcome] = reference.future()
-        running[future] = reference
-        return future
-
+    running: dict[Any, int] = {}
     try:
-        for number, future in as_they_come(submit, cases, limit):
-            del running[future]
-            has_died = future.exception() is not None
-            yield number, EpisodeOutcome(b"", DIED) if has_died else future.result()
+        while True:
+            while len(running) < limit and (task := next(cases, None)):
+                running[episode.remote(work, task[1], timeout)] = task[0]
+            if not running:
+                return
+            reference = ray.wait([*running])[0][0]
+            try:
+                outcome = ray.get(reference)
+            except RayError:
+                outcome = EpisodeOutcome(b"", DIED)
+            yield running.pop(reference), outcome
     finally:
-        for reference in running.values():
+        for reference in running:
             ray.cancel(reference, force=True)
 
 
 @lru_cache(maxsize=1)
 def _worker(packed: bytes) -> Worker:
-    return Worker(packed)
+    from onebot_description.ros.process_start import blas_variables
+
+    os.environ.update(blas_variables())
+    return Worker(packed, threading.Event())
 
 
 def _run(packed: bytes, case: bytes, timeout: float) -> EpisodeOutcome:
     """Run an episode in a process beside Ray's, as Ray itself cannot end one that hangs."""
     return _worker(packed).run(case, timeout)
-
-
-def _common_facts(packed: bytes) -> dict[str, str]:
-    """Return the facts of all nodes, after each has imported the modules of the work.
-
-    Raises:
-        OneBotError: a node cannot import them, or a version differs from this computer's.
-    """
-
-    # This function is sent by value, since a node may lack this package.
-    def facts_of_node(packed: bytes) -> dict[str, str] | str:
-        try:
-            from onebot_control.evaluation.episode import unpacked
-            from onebot_control.evaluation.rows import machine_facts
-
-            unpacked(packed)
-            return machine_facts()
-        except Exception as error:
-            return f"{type(error).__name__}: {error}"
-
-    own = machine_facts()
-    processors = set()
-    for node in ray.nodes():
-        if not (node["Alive"] and node["Resources"].get("CPU")):
-            continue
-        where = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-        ask = ray.remote(num_cpus=0, scheduling_strategy=where)(facts_of_node)
-        name = f"Ray's node {node['NodeManagerAddress']}"
-        try:
-            facts = ray.get(ask.remote(packed))
-        except RayError as error:
-            raise OneBotError(f"{name} cannot be used: {_sentence(error)}") from None
-        if isinstance(facts, str):
-            text = "install the packages of this computer there"
-            raise OneBotError(f"{name} cannot run the study: {facts}; {text}")
-        processors.add(facts.pop(_PROCESSOR))
-        for package in own.keys() - {_PROCESSOR}:
-            if facts.get(package) != own[package]:
-                text = f"has {package} {facts.get(package)}, but this computer {own[package]}"
-                raise OneBotError(f"{name} {text}; install the same version")
-    return {**own, _PROCESSOR: " and ".join(sorted(processors))}
-
-
-def _sentence(error: Exception) -> str:
-    return " ".join(str(error).split())

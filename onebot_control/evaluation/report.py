@@ -3,68 +3,50 @@
 import math
 import sys
 import time
-from collections import Counter
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from io import BytesIO
 from pathlib import Path
-from statistics import fmean
 from xml.etree import ElementTree
 
 import pyarrow as pa
 from pyarrow import csv, parquet
 
 from onebot_control.evaluation.cases import ERROR
-from onebot_control.evaluation.rows import fact_of, text_of
+from onebot_control.evaluation.rows import fact_of, text_of, writing
 from onebot_description.atomic_write import write_whole
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 
 _MAX_LEVELS = 8  # maximum number of listed values of a factor
 _MAX_ERRORS = 3  # maximum number of listed errors
-_Z = 1.959964  # number of standard deviations that contain 95 % of a normal distribution
 _EVERY = {True: 0.2, False: 30.0}  # s between lines of progress, on a terminal or elsewhere
 
 
-class Progress(AbstractContextManager["Progress"]):
+class Progress:
     """Shows the number of finished episodes, rate, time left and the first error on stderr."""
 
-    def __init__(self, total: int, done: int, shown: bool) -> None:
+    def __init__(self, total: int, done: int) -> None:
         """Start with ``done`` finished episodes."""
-        self._total, self._done, self._failed, self._shown = total, done, 0, shown
-        self._live, self._error = sys.stderr.isatty(), ""
-        self._began = time.monotonic()
-        self._first: tuple[float, int] | None = None  # time and count at the first outcome
-        self._next = self._began + _EVERY[self._live]
+        self._total, self._first, self._done = total, done, done
+        self._failed = self._errors = 0
+        self._began = self._printed = time.monotonic()
+        self._live = sys.stderr.isatty()
 
     def add(self, success: bool, number: int, error: str | None) -> None:
         """Count the episode of a case."""
         self._done += 1
         self._failed += not success
-        now = time.monotonic()
-        self._first = self._first or (now, self._done)
-        if not self._shown:
-            return
-        if error and not self._error:
-            self._error = error
+        self._errors += error is not None
+        if error and self._errors == 1:
             print(f"{f'case {number}: {error}':78}", file=sys.stderr)
-        if now >= self._next or self._done == self._total:
-            self._next = now + _EVERY[self._live]
+        now = time.monotonic()
+        if now >= self._printed + _EVERY[self._live] or self._done == self._total:
+            self._printed = now
+            rate = (self._done - self._first) / (now - self._began)
+            minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
             filled = round(20 * self._done / self._total)
             bar = f"[{'#' * filled}{'.' * (20 - filled)}] {self._done} of {self._total}"
-            text = f"{bar}, {self._failed} failed{self._pace(now, *self._first)}"
-            print(f"{text:78}", end="\r" if self._live else "\n", file=sys.stderr, flush=True)
-
-    def _pace(self, now: float, first: float, before: int) -> str:
-        """Return the rate since the first outcome, without the start-up."""
-        if now - first < first - self._began or self._done == before:
-            return ""  # too early: all workers end their first episodes at about the same time
-        rate = (self._done - before) / (now - first)
-        minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
-        return f", {rate:.3g} per second, {minutes}:{seconds:02} left"
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown and self._live:
-            print(file=sys.stderr)
+            text = f"{bar}, {self._failed} failed, {rate:.3g} per second"
+            end = "\r" if self._live and self._done < self._total else "\n"
+            print(f"{f'{text}, {minutes}:{seconds:02} left':78}", end=end, file=sys.stderr)
 
 
 def share(table: pa.Table, name: str) -> float:
@@ -73,29 +55,21 @@ def share(table: pa.Table, name: str) -> float:
     An episode without a boolean counts as unsuccessful.
 
     Raises:
-        OneBotError: there is no such column although an episode had no error, or it has no mean.
+        OneBotError: there is no such column, or it has no mean.
     """
+    from pyarrow import compute  # slow to import
+
     if name not in table.column_names:
-        if table[ERROR].null_count:
-            hint = did_you_mean(name, table.column_names, "columns")
-            raise OneBotError(f'the episodes return no "{name}"{hint}')
-        return 0.0
-    values = table[name].to_pylist()
-    if all(value is None or isinstance(value, bool) for value in values):
-        return sum(map(bool, values)) / len(values)
+        hint = did_you_mean(name, table.column_names, "columns")
+        raise OneBotError(f'the episodes return no "{name}"{hint}')
+    column = table[name]
+    if pa.types.is_boolean(column.type):
+        column = column.fill_null(False)
     try:
-        return math.nan if None in values else fmean(values)
-    except TypeError:
-        text = f'"{name}" has no mean: it is a column of {table[name].type}'
-        raise OneBotError(text) from None
-
-
-def interval(successes: int, count: int) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a proportion (Wilson score)."""
-    share, square = successes / count, _Z * _Z / count
-    middle = (share + square / 2.0) / (1.0 + square)
-    half = _Z * math.sqrt(share * (1.0 - share) / count + square / (4.0 * count)) / (1.0 + square)
-    return max(0.0, middle - half), min(1.0, middle + half)
+        mean = compute.mean(column, skip_nulls=False).as_py()
+    except pa.ArrowException:
+        raise OneBotError(f'"{name}" has no mean: it is a column of {column.type}') from None
+    return math.nan if mean is None else float(mean)
 
 
 def summary(table: pa.Table) -> str:
@@ -106,46 +80,42 @@ def summary(table: pa.Table) -> str:
     Args:
         table: the result of ``evaluate``, or its Parquet file read again.
     """
-    names = [
-        name
+    errors = table[ERROR].to_pylist()
+    columns = {
+        name: [value is True for value in table[name].to_pylist()]
         for name in fact_of(table, "success") or ()
         if name in table.column_names and pa.types.is_boolean(table[name].type)
-    ]
-    columns = {name: [value is True for value in table[name].to_pylist()] for name in names}
-    errors = table[ERROR].to_pylist()
-    columns = columns or {"without error": [error is None for error in errors]}
+    } or {"without error": [error is None for error in errors]}
     failed = [error for error in errors if error is not None]
     title = f"{fact_of(table, 'study') or 'study'}: {len(table)} episodes"
     lines = [f"{title}, {len(failed)} with an error"]
     for name, values in columns.items():
-        lines += _shares(name, values, table, fact_of(table, "factors") or ())
-    missed = [
-        number for number, row in enumerate(zip(*columns.values(), strict=True)) if not all(row)
-    ]
-    lines.append(f"cases without success: {listing(map(str, missed))}")
+        lines.append(f"{name}: {_share(values)}")
+        for factor in fact_of(table, "factors") or ():
+            lines += _shares(factor, [*map(text_of, table[factor].to_pylist())], values)
+    rows = enumerate(zip(*columns.values(), strict=True))
+    missed = [str(number) for number, row in rows if not all(row)]
+    lines.append(f"cases without success: {listing(missed)}")
     for error in [*dict.fromkeys(failed)][:_MAX_ERRORS]:
         lines.append(f"error of case {errors.index(error)}: {error}")
     return "\n".join(map(printable, lines))
 
 
-def _shares(
-    name: str, values: Sequence[bool], table: pa.Table, factors: Sequence[str]
-) -> list[str]:
-    lines = [f"{name}: {_share(values)}"]
-    for factor in factors:
-        levels: dict[str, list[bool]] = {}
-        for level, value in zip(table[factor].to_pylist(), values, strict=True):
-            levels.setdefault(text_of(level), []).append(value)
-        if len(levels) > _MAX_LEVELS:
-            lines.append(f"  {factor}: {len(levels)} values")
-            continue
-        width = max(map(len, levels))
-        lines += [f"  {factor} {level:{width}}  {_share(each)}" for level, each in levels.items()]
-    return lines
+def _shares(factor: str, levels: list[str], values: list[bool]) -> list[str]:
+    by_level: dict[str, list[bool]] = {}
+    for level, value in zip(levels, values, strict=True):
+        by_level.setdefault(level, []).append(value)
+    if len(by_level) > _MAX_LEVELS:
+        return [f"  {factor}: {len(by_level)} values"]
+    width = max(map(len, by_level))
+    return [f"  {factor} {level:{width}}  {_share(each)}" for level, each in by_level.items()]
 
 
-def _share(values: Sequence[bool]) -> str:
-    low, high = interval(sum(values), len(values))
+def _share(values: list[bool]) -> str:
+    """Return a proportion with its confidence interval (Wilson score)."""
+    from scipy.stats import binomtest
+
+    low, high = binomtest(sum(values), len(values)).proportion_ci(method="wilson")
     text = f"{sum(values)} of {len(values)}, {100 * sum(values) / len(values):.1f} %"
     return f"{text} ({100 * low:.1f} to {100 * high:.1f} %)"
 
@@ -158,44 +128,35 @@ def write_table(table: pa.Table, path: Path) -> None:
     """
     data = BytesIO()
     WRITERS[path.suffix](table, data)
-    try:
+    with writing(path):
         write_whole(path, data.getvalue())
-    except OSError as error:
-        raise OneBotError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def _write_csv(table: pa.Table, file: BytesIO) -> None:
-    columns = {
-        name: _cells(column) if pa.types.is_nested(column.type) else column
-        for name, column in zip(table.column_names, table.columns, strict=True)
-    }
-    csv.write_csv(pa.table(columns), file)
-
-
-def _cells(column: pa.ChunkedArray) -> pa.Array:
-    """Return lists and mappings as text, since CSV has none."""
-    return pa.array([None if value is None else str(value) for value in column.to_pylist()])
+    """Write lists and mappings as text, since CSV has none."""
+    for index, column in enumerate(table.columns):
+        if pa.types.is_nested(column.type):
+            cells = [None if value is None else str(value) for value in column.to_pylist()]
+            table = table.set_column(index, table.column_names[index], [cells])
+    csv.write_csv(table, file)
 
 
 def _write_junit(table: pa.Table, file: BytesIO) -> None:
     """Write one test case per episode, with a failure if unsuccessful, or an error."""
     study = str(fact_of(table, "study") or "study")
     factors, success = fact_of(table, "factors") or (), fact_of(table, "success") or ()
-    suite = ElementTree.Element("testsuite", name=study)
-    counts = Counter(tests=len(table), failures=0, errors=0)
+    suite = ElementTree.Element("testsuite", name=study, tests=str(len(table)))
     for number, row in enumerate(table.to_pylist()):
         values = ", ".join(f"{name}={text_of(row[name])}" for name in factors)
-        case = ElementTree.SubElement(
-            suite, "testcase", classname=study, name=printable(f"{number}: {values}")
-        )
+        title = printable(f"{number}: {values}")
+        case = ElementTree.SubElement(suite, "testcase", classname=study, name=title)
         if row[ERROR] is not None:
-            counts["errors"] += 1
             ElementTree.SubElement(case, "error", message=row[ERROR])
         elif missed := [name for name in success if row.get(name) is False]:
-            counts["failures"] += 1
             text = printable(f"not {', '.join(missed)}: {row}")
             ElementTree.SubElement(case, "failure", message=text)
-    suite.attrib.update({name: str(count) for name, count in counts.items()})
+    for kind in ("failure", "error"):
+        suite.set(f"{kind}s", str(len(suite.findall(f"*/{kind}"))))
     ElementTree.ElementTree(suite).write(file, encoding="utf-8", xml_declaration=True)
 
 

@@ -4,9 +4,8 @@ import inspect
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any
 
 import cloudpickle
@@ -18,19 +17,20 @@ from onebot_control.evaluation.episode import (
     Recorder,
     Work,
     module_of,
-    packed_case,
+    packed,
     run,
-    sent_by_value,
+    send_by_value,
     succeeded,
 )
 from onebot_control.evaluation.report import Progress
 from onebot_control.evaluation.rows import (
-    Journal,
     Outcomes,
+    journal_of,
     machine_facts,
     read_journal,
     study_digest,
     table_of,
+    writing,
 )
 from onebot_control.evaluation.workers import run_in_processes
 from onebot_description.errors import OneBotError
@@ -91,56 +91,48 @@ def evaluate(
     listed = checked_cases(cases)
     if resume and journal is None:
         raise OneBotError("resume: there is no journal to continue from; write journal=FILE")
-    work = Work(function, tuple(success), recorder, keep)
     name = getattr(function, "__qualname__", type(function).__name__)
-    facts: dict[str, Any] = {"study": name, "success": success, "factors": _factors(listed)}
     study = study_digest(name, _source(function), listed)
     done = read_journal(Path(journal), study) if journal is not None and resume else {}
-    pending = ((n, packed_case(n, case)) for n, case in enumerate(listed) if n not in done)
+    send_by_value(function)
+    work = Work(function, tuple(success), recorder, keep)
+    pending = ((n, packed(case, f"case {n}")) for n, case in enumerate(listed) if n not in done)
     is_shown = sys.stderr.isatty() if progress is None else progress
     with ExitStack() as stack:
-        stack.enter_context(sent_by_value(function))
-        kept = journal and stack.enter_context(Journal(Path(journal), study, done))
+        write = journal and stack.enter_context(journal_of(Path(journal), study, done))
         if is_shown:
             print(f"running {len(listed) - len(done)} episodes on {on} ...", file=sys.stderr)
         count = workers and min(workers, len(listed))
-        where, outcomes = stack.enter_context(_engine(on, work, pending, count, timeout))
+        facts, outcomes = _started(on, work, pending, count, timeout)
         stack.enter_context(closing(outcomes))
-        bar = stack.enter_context(Progress(len(listed), len(done), is_shown))
+        bar = Progress(len(listed), len(done)) if is_shown else None
         for number, outcome in outcomes:
-            done[number] = outcome._replace(recordings=())
-            if kept:
-                kept.write(number, outcome)
+            done[number] = outcome._replace(recording=b"")
+            if write:
+                write(number, outcome)
             if recorder:
-                _write_recordings(Path(recordings), number, outcome.recordings)
-            bar.add(succeeded(outcome.row, outcome.error, work.success), number, outcome.error)
-    return table_of(listed, [done[number] for number in range(len(listed))], {**facts, **where})
+                _write_recording(Path(recordings, f"{number}.rrd"), outcome.recording)
+            if bar:
+                bar.add(succeeded(outcome.row, outcome.error, success), number, outcome.error)
+    facts |= {"study": name, "success": success, "factors": _factors(listed)}
+    return table_of(listed, [done[number] for number in range(len(listed))], facts)
 
 
-@contextmanager
-def _engine(
+def _started(
     on: str, work: Work, cases: Iterator[tuple[int, bytes]], workers: int | None, timeout: float
-) -> Iterator[tuple[Mapping[str, str], Outcomes]]:
-    """Yield facts about the computers, and the outcomes of the episodes as they end."""
+) -> tuple[dict[str, Any], Outcomes]:
+    """Return facts about the computers, and the outcomes of the episodes as they end."""
     if workers == 0:  # one after another, for example for a debugger
-        yield machine_facts(), ((n, run(work, cloudpickle.loads(case))) for n, case in cases)
-    elif on == "processes":
+        return machine_facts(), ((n, run(work, cloudpickle.loads(case))) for n, case in cases)
+    sent = packed(work, "the episode")
+    if on == "processes":
         count = workers or _processors()
-        yield machine_facts(), run_in_processes(work.packed(), cases, count, timeout)
-    else:
-        on_ray = _on_ray()
-        with on_ray.connected(packed := work.packed()) as facts:
-            yield facts, on_ray.run_on_ray(packed, cases, workers, timeout)
-
-
-def _on_ray() -> ModuleType:
+        return machine_facts(), run_in_processes(sent, cases, count, timeout)
     try:
         from onebot_control.evaluation import on_ray
-    except ModuleNotFoundError as error:
-        if error.name != "ray":
-            raise
+    except ModuleNotFoundError:
         raise OneBotError("Ray is not installed: pip install 'onebot-robots[cluster]'") from None
-    return on_ray
+    return on_ray.connected(sent), on_ray.run_on_ray(sent, cases, workers, timeout)
 
 
 def _processors() -> int:
@@ -158,19 +150,14 @@ def _factors(cases: Sequence[Case]) -> list[str]:
 def _source(function: Episode) -> str:
     """Return the source of the function's module, or of the function in a notebook, or ""."""
     for what in (module_of(function), function):
-        try:
-            return inspect.getsource(what)  # type: ignore[arg-type] # TypeError if there is none
-        except (OSError, TypeError):
-            continue
+        with suppress(OSError, TypeError):  # there is none
+            return inspect.getsource(what)  # type: ignore[arg-type] # None is a TypeError
     return ""
 
 
-def _write_recordings(folder: Path, number: int, recordings: Sequence[bytes]) -> None:
-    (folder / f"{number}.rrd").unlink(missing_ok=True)  # left by an earlier run
-    for index, data in enumerate(recordings, 1):
-        file = folder / (f"{number}.rrd" if index == 1 else f"{number}-{index}.rrd")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(data)
-        except OSError as error:
-            raise OneBotError(f"{file} cannot be written: {error.strerror}") from None
+def _write_recording(file: Path, recording: bytes) -> None:
+    with writing(file):
+        file.unlink(missing_ok=True)  # left by an earlier run
+        if recording:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(recording)

@@ -5,37 +5,30 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Future,
-    ThreadPoolExecutor,
-    TimeoutError,
-    wait,
-)
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, TimeoutError, wait
+from contextlib import ExitStack
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any
 from unittest.mock import patch
 
 from pebble import ProcessExpired, ProcessPool
 
-from onebot_control.evaluation.episode import run_packed, unpacked
+from onebot_control.evaluation.episode import run_packed
 from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes
 from onebot_description.errors import OneBotError
 
 DIED = "its worker died twice: killed, out of memory, or a crash in compiled code"
 _CHECK = 0.5  # s between checks of a pool that may have ended
-_MAX_BROKEN = 100  # maximum number of consecutive processes that end before they run anything
-_Future: TypeAlias = "Future[EpisodeOutcome]"
+_MAX_BROKEN = 100  # maximum number of processes that end before they run an episode
 _starting = threading.Lock()
+_stack = ExitStack()  # resources that a worker holds until it ends
 
 
 class _Process(SpawnProcess):
-    """A process that does not import the script of the study, and whose numpy has no threads.
+    """A process that does not import the script of the study.
 
     A script that calls ``evaluate`` would do so again in each process; the required parts of it are
     sent by value.
@@ -49,43 +42,20 @@ class _Process(SpawnProcess):
 
     @staticmethod
     def _Popen(process_obj: BaseProcess) -> Any:
-        from onebot_description.ros.process_start import blas_variables
-
         main = sys.modules["__main__"]
-        as_no_script = patch.multiple(main, create=True, __file__=None, __spec__=None)
-        with _starting, as_no_script, _ctrl_c_blocked():
-            os.environ.update(added := blas_variables())
-            try:
-                return SpawnProcess._Popen(process_obj)
-            finally:
-                for name in added:
-                    del os.environ[name]
-
-
-@contextmanager
-def _ctrl_c_blocked() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and so in processes that it starts; Windows cannot."""
-    if sys.platform == "win32":
-        yield
-        return
-    former_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, former_mask)
+        with _starting, patch.multiple(main, create=True, __file__=None, __spec__=None):
+            if sys.platform != "win32":  # the process inherits that this thread ignores Ctrl-C
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            return SpawnProcess._Popen(process_obj)
 
 
 class _Context(SpawnContext):
     Process = _Process
 
 
-_stack = ExitStack()  # resources that a worker holds until it ends
-_packed = b""  # the work of this worker
+def _start() -> None:
+    from onebot_description.ros.domains import used_domain
 
-
-def _start(packed: bytes) -> None:
-    global _packed
-    _packed = packed
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -94,25 +64,11 @@ def _start(packed: bytes) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    _take_domain()
-    with suppress(Exception):  # the first episode reports it
-        unpacked(packed)  # now, so that imports do not count as an episode's time
-
-
-def _take_domain() -> None:
-    """Give this process a separate ROS domain, for nodes in lockstep."""
-    if sys.platform != "linux":
-        return  # there, an installed ROS uses the domain of the environment
-    from onebot_description.ros.domains import used_domain
-
-    try:
-        _stack.enter_context(used_domain())
-    except OneBotError as error:  # episodes without ROS need no domain
-        os.environ["ROS_DOMAIN_ID"] = str(error)
-
-
-def _run(case: bytes) -> EpisodeOutcome:
-    return run_packed(_packed, case)
+    if sys.platform == "linux":  # elsewhere, an installed ROS uses the domain of the environment
+        try:
+            _stack.enter_context(used_domain())
+        except OneBotError as error:  # episodes without ROS need no domain
+            os.environ["ROS_DOMAIN_ID"] = str(error)
 
 
 class Worker:
@@ -122,14 +78,24 @@ class Worker:
     pool cannot stop the others.
     """
 
-    def __init__(self, packed: bytes) -> None:
+    def __init__(self, packed: bytes, ended: threading.Event) -> None:
         """Start without a process; the first episode starts it.
 
         Args:
             packed: the work.
+            ended: ends an episode when it is set.
         """
-        self._packed, self._is_open, self._lock = packed, True, threading.Lock()
-        self._pool = self._new_pool()
+        self._packed, self._ended = packed, ended
+        self._open()
+
+    def _open(self) -> None:
+        context: Any = _Context()  # pebble's types only accept the contexts of multiprocessing
+        self._pool = ProcessPool(1, initializer=_start, context=context)
+
+    def close(self) -> None:
+        """End the process."""
+        self._pool.stop()  # type: ignore[no-untyped-call]
+        self._pool.join()
 
     def run(self, case: bytes, timeout: float) -> EpisodeOutcome:
         """Run an episode, and once more if the process dies.
@@ -139,50 +105,28 @@ class Worker:
             timeout: s of wall time after which the episode is ended.
 
         Raises:
-            OneBotError: processes end before they run anything.
+            OneBotError: processes end before they run anything, or ``ended`` is set.
         """
-        died = False
+        has_died = False
         for _ in range(_MAX_BROKEN):
             try:
-                return self._outcome(case, timeout)
+                future = self._pool.schedule(run_packed, (self._packed, case), timeout=timeout)
+                while not wait([future], _CHECK).done:
+                    if self._ended.is_set() or not self._pool.active:
+                        raise RuntimeError
+                return future.result()
             except TimeoutError:
                 return EpisodeOutcome(b"", f"it took longer than {timeout:g} s, and was ended")
             except ProcessExpired:
-                if died:
+                if has_died:
                     return EpisodeOutcome(b"", DIED)
-                died = True
+                has_died = True
             except RuntimeError:  # the pool is broken: the process died before the episode
-                pass
-            self._replace_pool()
+                if self._ended.is_set():
+                    break
+            self.close()
+            self._open()
         raise OneBotError("the workers end before they run an episode")
-
-    def _outcome(self, case: bytes, timeout: float) -> EpisodeOutcome:
-        future = self._pool.schedule(_run, (case,), timeout=timeout)
-        while not wait([future], _CHECK).done:
-            if not self._pool.active:
-                raise RuntimeError
-        return future.result()
-
-    def _replace_pool(self) -> None:
-        with self._lock:
-            if not self._is_open:
-                raise CancelledError
-            self._end_pool()
-            self._pool = self._new_pool()
-
-    def _new_pool(self) -> ProcessPool:
-        context: Any = _Context()  # pebble's types only accept the contexts of multiprocessing
-        return ProcessPool(1, initializer=_start, initargs=(self._packed,), context=context)
-
-    def _end_pool(self) -> None:
-        self._pool.stop()  # type: ignore[no-untyped-call]
-        self._pool.join()
-
-    def close(self) -> None:
-        """End the process."""
-        with self._lock:
-            self._is_open = False
-            self._end_pool()
 
 
 def run_in_processes(
@@ -196,9 +140,11 @@ def run_in_processes(
         count: number of processes.
         timeout: s of wall time after which an episode is ended.
     """
-    workers, idle = [Worker(packed) for _ in range(count)], SimpleQueue[Worker]()
-    for worker in workers:
-        idle.put(worker)
+    from onebot_description.ros.process_start import blas_variables
+
+    idle, ended = SimpleQueue[Worker](), threading.Event()
+    for _ in range(count):
+        idle.put(Worker(packed, ended))
 
     def run(case: bytes) -> EpisodeOutcome:
         worker = idle.get()
@@ -207,26 +153,17 @@ def run_in_processes(
         finally:
             idle.put(worker)
 
-    with ThreadPoolExecutor(count) as threads:
+    running: dict[Future[EpisodeOutcome], int] = {}
+    with patch.dict(os.environ, blas_variables()), ThreadPoolExecutor(count) as threads:
         try:
-            for number, future in as_they_come(
-                lambda case: threads.submit(run, case), cases, count
-            ):
-                yield number, future.result()
+            while True:
+                while len(running) < count and (task := next(cases, None)):
+                    running[threads.submit(run, task[1])] = task[0]
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    yield running.pop(future), future.result()
         finally:
-            with ThreadPoolExecutor(count) as closing:  # all at once: some may take seconds
-                closing.map(Worker.close, workers)
-
-
-def as_they_come(
-    submit: Callable[[bytes], _Future], cases: Iterator[tuple[int, bytes]], limit: int
-) -> Iterator[tuple[int, _Future]]:
-    """Keep up to ``limit`` cases running; yield the numbers and futures of finished ones."""
-    running: dict[_Future, int] = {}
-    while True:
-        while len(running) < limit and (task := next(cases, None)):
-            running[submit(task[1])] = task[0]
-        if not running:
-            return
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
-            yield running.pop(future), future
+            ended.set()
+            for _ in range(count):  # all at once: some may take seconds
+                threads.submit(lambda: idle.get().close())

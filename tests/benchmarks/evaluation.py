@@ -6,9 +6,6 @@ An episode is about a second of one processor: a drive in the maze, by a Simulat
 import subprocess
 import sys
 import time
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from unittest.mock import patch
 
 import gymnasium
 import numpy as np
@@ -17,8 +14,7 @@ import pyarrow as pa
 import ray
 
 from onebot_control import Simulation
-from onebot_control.evaluation import Case, evaluate, grid, study
-from onebot_control.evaluation.rows import EpisodeOutcome, Journal
+from onebot_control.evaluation import Case, evaluate, grid
 from tests.benchmarks.measuring import WrongAnswer, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -125,29 +121,21 @@ def _overhead(table: pa.Table) -> float:
 
 def _memory_growth(early: int, late: int) -> float:
     """Return the memory of this process and its workers late in a study over that early in it."""
-    process, memory = psutil.Process(), list[float]()
-
-    class Measured(Journal):
-        """Measures when rows come."""
-
-        def write(self, number: int, outcome: EpisodeOutcome) -> None:
-            super().write(number, outcome)
-            if number in (early, late - 1):
-                workers = process.children(recursive=True)
-                memory.append(sum(each.memory_info().rss for each in (process, *workers)))
-
-    with TemporaryDirectory() as folder, patch.object(study, "Journal", Measured):
-        evaluate(short, grid(number=range(late)), _WORKERS, journal=Path(folder, "journal"))
-    return memory[-1] / memory[0]
+    table = evaluate(short, grid(number=range(late)), _WORKERS)
+    memory = np.array(table["parent"]) + _WORKERS * np.array(table["worker"])
+    return float(memory[-10:].mean() / memory[early - 10 : early].mean())
 
 
 def short(case: Case) -> dict[str, float]:
-    """Drive for a few cycles on bare ground."""
+    """Drive for a few cycles on bare ground; return the memory of this worker and its parent."""
     if "bare" not in _kept:
         _kept["bare"] = Simulation()
     _kept["bare"].reset(case["number"])
     _kept["bare"].step(2)
-    return {"x": _kept["bare"].robot.pose.x}
+    worker = psutil.Process()
+    parent = worker.parent()
+    assert parent is not None
+    return {"worker": worker.memory_info().rss, "parent": parent.memory_info().rss}
 
 
 def _steps(count: int) -> float:

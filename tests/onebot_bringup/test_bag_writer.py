@@ -2,54 +2,35 @@
 
 import os
 import resource
-import shutil
 import sys
 
 import pytest
-from rosbags.rosbag2 import Reader
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import BagWriter
 from onebot_description.errors import OneBotError
-from tests.onebot_bringup.bag_support import cdr, read_all, topic, write_words
+from tests.onebot_bringup.bag_support import STRING, cdr, read_all, topic
 from tests.support import run_to_end
 
 
-@pytest.mark.parametrize("compress", [True, False])
-@pytest.mark.parametrize("chunk_size", [100, 1_000_000])
-def test_holds_every_message(tmp_path, compress, chunk_size):
-    """Independent readers find the same bytes, in order, with their times, types and QoS."""
-    words = write_words(tmp_path / "bag", 1000, compress=compress, chunk_size=chunk_size)
-    found, connections = read_all(tmp_path / "bag")
-    assert [data for _, _, data in found] == words
-    assert [stamp for _, stamp, _ in found] == [10**9 + n * 10**6 for n in range(1000)]
-    one = connections["/words"]
-    assert (one.msgtype, one.msgcount) == ("std_msgs/msg/String", 1000)
-    assert one.digest == topic().hash
-    (qos,) = one.ext.offered_qos_profiles
-    assert (qos.durability.name, qos.reliability.name) == ("TRANSIENT_LOCAL", "RELIABLE")
-
-
-def test_each_checkpoint_is_complete(tmp_path):
-    """After each checkpoint, and never before, a reader finds all messages up to it."""
-    bag = BagWriter(tmp_path / "bag", chunk_size=500)
+@pytest.mark.parametrize(("compress", "chunk_size"), [(True, 500), (False, 500), (True, 10**6)])
+def test_each_checkpoint_is_complete(tmp_path, compress, chunk_size):
+    """After each checkpoint, and never before, an independent reader finds all up to it."""
+    bag = BagWriter(tmp_path / "bag", compress=compress, chunk_size=chunk_size)
     assert read_all(tmp_path / "bag")[0] == []
+    assert Bag(tmp_path / "bag").topics == {}
     number = bag.add_topic(topic())
     for count in range(1, 60):
         bag.write(number, count, cdr(f"word {count}"))
         bag.checkpoint()
         found, connections = read_all(tmp_path / "bag")
         assert [stamp for _, stamp, _ in found] == list(range(1, count + 1))
-        assert connections["/words"].msgcount == count
+        one = connections["/words"]
+        assert (one.msgtype, one.msgcount, one.digest) == (STRING, count, topic().hash)
     bag.close()
-
-
-def test_empty_recording_is_one(tmp_path):
-    """A recording without messages can be opened."""
-    BagWriter(tmp_path / "bag").close()
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == 0
-    assert Bag(tmp_path / "bag").topics == {}
+    assert [data for _, _, data in found] == [cdr(f"word {count}") for count in range(1, 60)]
+    (qos,) = one.ext.offered_qos_profiles
+    assert (qos.durability.name, qos.reliability.name) == ("TRANSIENT_LOCAL", "RELIABLE")
 
 
 def test_refuses_a_folder_that_exists(tmp_path):
@@ -58,16 +39,6 @@ def test_refuses_a_folder_that_exists(tmp_path):
         BagWriter(tmp_path)
     with pytest.raises(OneBotError, match="No such file"):
         BagWriter(tmp_path / "none/bag")
-
-
-def test_a_folder_that_vanishes(tmp_path):
-    """With the next checkpoint, the recording ends with one error."""
-    bag = BagWriter(tmp_path / "bag")
-    bag.write(bag.add_topic(topic()), 1, cdr("word"))
-    shutil.rmtree(tmp_path / "bag")
-    with pytest.raises(OneBotError, match="cannot record to .*bag: No such file"):
-        bag.checkpoint()
-    assert not bag.open
 
 
 def test_killed_while_writing(tmp_path):

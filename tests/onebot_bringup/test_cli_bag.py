@@ -1,7 +1,6 @@
 """``onebot bag``: what it records, plays and prints, on real DDS, with ros2 bag's options."""
 
 import os
-import re
 import sqlite3
 import time
 from contextlib import closing
@@ -14,7 +13,6 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.bag_recorder import Selection
 from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.bag import played_qos
 from onebot_description.ros.topic_qos import is_reliable, is_transient_local
@@ -190,14 +188,3 @@ def test_record(tmp_path: Path, peer: Peer) -> None:
         assert command.interrupt() == 0, command.err
     assert set(Bag(folder).topics) == {"/left/words", "/right/words"}
     assert onebot("bag", "record").returncode == 2
-
-
-def test_selection() -> None:
-    """Names and pattern add up, the exclusion counts for all; without any, all but hidden ones."""
-    everything = Selection()
-    assert everything.has("/a") and not everything.has("/a/_b") and not everything.has("/rosout")
-    named = Selection({"/a", "/_a"})
-    assert named.has("/a") and named.has("/_a") and not named.has("/b")
-    matched = Selection({"/a"}, re.compile("^/b"), re.compile("c$"))
-    assert matched.has("/a") and matched.has("/bb")
-    assert not matched.has("/bc") and not matched.has("/ab")

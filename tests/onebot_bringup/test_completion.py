@@ -41,7 +41,7 @@ WORDS = {
     "onebot_bringup sim": {"sim:=true", "sim:=false"},
     "/bin/mrm_bringup robo": set(),
     f"onebot view {ROBOT} relo": {"reload:=true", "reload:=false"},
-    "onebot replay run fra": {"frame_prefix:="},
+    "onebot replay run fix": {"fixed_frame:="},
 }
 # Each completion ends its process: they are forks of one that has imported what is slow.
 COMPLETE = """
