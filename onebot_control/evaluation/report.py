@@ -137,7 +137,7 @@ def _write_csv(table: pa.Table, file: BytesIO) -> None:
     for index, column in enumerate(table.columns):
         if pa.types.is_nested(column.type):
             cells = [None if value is None else str(value) for value in column.to_pylist()]
-            table = table.set_column(index, table.column_names[index], [cells])
+            table = table.set_column(index, table.column_names[index], pa.array(cells))
     csv.write_csv(table, file)
 
 
