@@ -62,9 +62,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
         return [NavigatorNode(file, words) for words in robots] or [NavigatorNode(file)]
 
-    return run_described_node(
-        "navigator", __doc__, NavigatorParameters, make, None, common, events=True
-    )
+    return run_described_node("navigator", __doc__, NavigatorParameters, make, None, common)
 
 
 if __name__ == "__main__":

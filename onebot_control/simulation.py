@@ -69,7 +69,6 @@ _Bounds = Annotated[
     Sequence[float],
     ValueType(float, Rule(write="bounds: minimum x, minimum y, maximum x, maximum y"), True, 4),
 ]
-_Remap = Annotated[Mapping[str, str], Rule(write='a dict such as {"cmd_vel": "/cmd_vel"}')]
 _RobotName = Annotated[str, Rule(pattern=NAMESPACE, write=NAMESPACE_WANTED)]
 _Robots = Annotated[Mapping[_RobotName, RobotSetup], Rule(write="a dict of RobotSetups by name")]
 
@@ -422,9 +421,9 @@ class Simulation(AbstractContextManager["Simulation"]):
         self,
         domain_id: int | None = None,
         *,
-        remap: _Remap = MappingProxyType({}),
+        remap: Mapping[str, str] = MappingProxyType({}),
         nav2_topics: bool = False,
-        callback_timeout: Annotated[float, Rule(above=0.0, infinite=True)] = 30.0,
+        callback_timeout: float = 30.0,
     ) -> "Lockstep[Simulation]":
         """Publish the robots on ROS topics, and run nodes of this process in lockstep with them.
 

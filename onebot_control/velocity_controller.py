@@ -191,7 +191,6 @@ def run_simulation(
         check,
         common_arguments,
         default_file=default_file,
-        events=True,
     )
 
 

@@ -280,7 +280,7 @@ def offered_qos(profile: QoSProfile) -> Qos:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    return run_node(BagRecorder, args, events=True, whole_graph=True)
+    return run_node(BagRecorder, args, whole_graph=True)
 
 
 if __name__ == "__main__":

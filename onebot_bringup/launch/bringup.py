@@ -145,8 +145,6 @@ def read_settings(command: Bringup, given: Mapping[str, str]) -> "BringupSetting
     take_package_path(given)  # the model's includes may need it
     if len(own_values) < len(given):
         _check_names(command, given, names)
-    if not model.endswith(".urdf"):
-        _warn_of_shadowed(command, given, own_values)
     settings = checked_settings(command.settings_class, own_values, **command.defaults)
     find_spec("rclpy")  # if it is missing, one error here instead of one from each node
     _check_files(settings)
@@ -229,16 +227,6 @@ def _check_names(command: Bringup, given: Mapping[str, str], own_names: Iterable
     problems = [unknown(name, names) for name in given if name not in (*names, *prefixed_names)]
     if problems and is_complete:
         raise UsageError("\n".join(problems))
-
-
-def _warn_of_shadowed(command: Bringup, given: Mapping[str, str], own: Mapping[str, str]) -> None:
-    """Print which of the command's ``own`` arguments the model declares, too."""
-    of_model = {argument.name for argument in command.model_arguments(given)[0]} if own else ()
-    for name in own:
-        prefixed_name = f"{OF_MODEL}{name}"
-        if name != "model" and prefixed_name in of_model and prefixed_name not in given:
-            text = f"{name}:= is an argument of {command.program}; the model's is {prefixed_name}:="
-            print(f"warning: {text}", file=sys.stderr)
 
 
 def _check_files(settings: "BringupSettings") -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
-from onebot_bringup.launcher.process import NodeProcess, OnExit, python_node
+from onebot_bringup.launcher.process import NodeProcess, OnExit
 from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, WORLD_FRAME
 from onebot_description.ros.names import absolute
 
@@ -344,7 +344,7 @@ class RosNodes:
         rename = [] if row.module.endswith(f".{row.name}") else ["-r", f"__node:={row.name}"]
         ros_arguments = [*rename, *self.arguments(name or row.node, parameters, files)]
         words = [*words, "--ros-args", *ros_arguments]
-        return python_node(row.name, row.module, words, on_exit=row.on_exit, nice=row.nice)
+        return NodeProcess(row.name, row.module, words, row.on_exit, row.nice)
 
     def arguments(
         self, name: str, parameters: Mapping[str, object], files: Sequence[Path] = ()

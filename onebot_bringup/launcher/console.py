@@ -10,7 +10,7 @@ import re
 import select
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -40,15 +40,12 @@ class OutputStream(NamedTuple):
 class Console:
     """Standard output and error, shared by the nodes and the launcher."""
 
-    def __init__(
-        self, program: str, names: Sequence[str], reader_left: Callable[[], object]
-    ) -> None:
+    def __init__(self, program: str, names: Sequence[str]) -> None:
         """Start the thread that writes.
 
         Args:
             program: the prefix of the launcher's own messages.
             names: the names of the nodes, each of which gets a color.
-            reader_left: called when standard output has no reader any more.
         """
         self.out, self.err = (
             OutputStream(stream.fileno(), wants_color(stream.fileno()))
@@ -58,7 +55,6 @@ class Console:
         )
         self._program = program
         self._colors = {name: _COLORS[i % len(_COLORS)] for i, name in enumerate(names)}
-        self._reader_left = reader_left
         self._queue: queue.Queue[tuple[int, bytes] | None] = queue.Queue(_MAX_LINES)
         self._dropped = 0
         self._thread = threading.Thread(target=self._write_lines, daemon=True)
@@ -111,9 +107,6 @@ class Console:
                 _write(descriptor, line)
             except OSError:  # the reader or the terminal is gone, or the disk is full
                 closed.add(descriptor)
-                if descriptor == self.out.descriptor:
-                    with suppress(RuntimeError):  # the event loop is closed: all has stopped
-                        self._reader_left()
 
 
 def _write(descriptor: int, line: bytes) -> None:

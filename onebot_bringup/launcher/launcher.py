@@ -6,7 +6,6 @@ import signal
 import stat
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from onebot_bringup.launcher.console import Console
@@ -22,13 +21,10 @@ _STOPPED = (0, -signal.SIGINT, -signal.SIGTERM, -signal.SIGALRM, 130)
 _SAME_SIGNAL = 0.3
 
 
-@dataclass(frozen=True)
-class Grace:
-    """When to escalate, in seconds after the order to stop; everything ends within 5 s."""
-
-    terminate: float = 2.5  # SIGTERM for nodes that have not stopped on SIGINT
-    kill: float = 4.0  # SIGKILL for nodes that have not stopped on SIGTERM either
-    give_up: float = 4.6  # return even if killed nodes have not disappeared yet
+# When to escalate, in seconds after the order to stop; everything ends within 5 s.
+_TERMINATE = 2.5  # SIGTERM for nodes that have not stopped on SIGINT
+_KILL = 4.0  # SIGKILL for nodes that have not stopped on SIGTERM either
+_GIVE_UP = 4.6  # return even if killed nodes have not disappeared yet
 
 
 class Launcher:
@@ -37,9 +33,8 @@ class Launcher:
     To be used in the main thread; ``run`` may be called once.
     """
 
-    def __init__(self, name: str, grace: Grace | None = None) -> None:
+    def __init__(self, name: str) -> None:
         self._name = name  # the prefix of the launcher's own messages
-        self._grace = grace or Grace()
         self._running: dict[RunningProcess, NodeProcess] = {}
         self._stopping, self._stop_now = asyncio.Event(), asyncio.Event()
         self._escalated = False  # whether SIGTERM or SIGKILL was used
@@ -54,17 +49,15 @@ class Launcher:
 
         Returns:
             0 when a signal asked to stop, the output was closed, or no node was left to run; 1
-            when a node failed: it could not be started, ended with an error, even while stopping,
-            had to be killed to stop in time, or ended although the others need it. The last line
-            printed names it.
+            when a node failed: it ended with an error, even while stopping, had to be killed to
+            stop in time, or ended although the others need it. The last line printed names it.
         """
         asyncio.run(self._run(nodes, started_message))
         return 1 if self._failed else 0
 
     async def _run(self, nodes: Sequence[NodeProcess], started_message: str) -> None:
         self._loop = asyncio.get_running_loop()
-        stop = partial(self._loop.call_soon_threadsafe, self._stop)
-        self._console = Console(self._name, [node.name for node in nodes], stop)
+        self._console = Console(self._name, [node.name for node in nodes])
         for number in stop_signals():
             self._loop.add_signal_handler(number, self._on_signal, number)
         self._watch_reader()
@@ -82,11 +75,16 @@ class Launcher:
     async def _start_all(self, nodes: Sequence[NodeProcess]) -> list[asyncio.Task[None]]:
         """Start ``nodes`` one after the other; return a task per node that ends with it."""
         self._console.info(f"starting {', '.join(node.name for node in nodes)}")
-        tasks = []
+        console, tasks = self._console, []
         for node in nodes:
-            if not self._stopping.is_set():
-                process = await self._start(node)
-                tasks.append(self._loop.create_task(self._supervise(node, process)))
+            if self._stopping.is_set():
+                break
+            out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
+            process = await spawn(node, out, err)
+            self._running[process] = node
+            if self._stopping.is_set():
+                process.interrupt()
+            tasks.append(self._loop.create_task(self._supervise(node, process)))
         return tasks
 
     async def _kill_remaining(self) -> None:
@@ -103,28 +101,14 @@ class Launcher:
 
     # Supervising one node
 
-    async def _start(self, node: NodeProcess) -> RunningProcess | None:
-        console = self._console
-        out, err = (partial(console.line, node.name, s) for s in (console.out, console.err))
-        try:
-            process = await spawn(node, out, err)
-        except OSError as error:
-            self._console.warn(f"{node.name} cannot be started: {error}")
-            return None
-        self._running[process] = node
-        if self._stopping.is_set():
-            process.interrupt()
-        return process
-
-    async def _supervise(self, node: NodeProcess, process: RunningProcess | None) -> None:
-        """Report the end of ``node`` and apply its policy; ``process`` is None if not started."""
-        code = None if process is None else await self._end_of(process)
-        how = "not started" if code is None else describe_exit(code)
+    async def _supervise(self, node: NodeProcess, process: RunningProcess) -> None:
+        """Report the end of ``node`` and apply its policy."""
+        code = await self._end_of(process)
+        how = describe_exit(code)
         if self._stopping.is_set():
             self._judge_stopped(node, code, how)
             return
-        if code is not None:
-            self._console.warn(f"{node.name} exited unexpectedly: {how}")
+        self._console.warn(f"{node.name} exited unexpectedly: {how}")
         if code != 0 or node.on_exit != "ignore":
             self._failed[node.name] = how
         if node.on_exit == "ignore":
@@ -143,7 +127,7 @@ class Launcher:
         await self._close_process(process)
         return code
 
-    def _judge_stopped(self, node: NodeProcess, code: int | None, how: str) -> None:
+    def _judge_stopped(self, node: NodeProcess, code: int, how: str) -> None:
         """Report a node that was asked to stop and failed to."""
         if code == -signal.SIGKILL and not self._stop_now.is_set():
             self._failed[node.name] = "had to be killed"
@@ -166,7 +150,7 @@ class Launcher:
             self._stop_now.set()
 
     def _watch_reader(self) -> None:
-        """Stop when the process that reads the output has ended, such as a killed ros2 launch."""
+        """Stop when nobody reads the output any more: ``| head`` or ros2 launch has ended."""
         out = self._console.out.descriptor
 
         def left() -> None:
@@ -189,11 +173,11 @@ class Launcher:
 
     async def _escalate(self) -> None:
         """Send SIGTERM, then SIGKILL, then give up."""
-        if not await _is_set_within(self._grace.terminate, self._stop_now):
+        if not await _is_set_within(_TERMINATE, self._stop_now):
             self._signal_all(signal.SIGTERM)
-            await _is_set_within(self._since_stop(self._grace.kill), self._stop_now)
+            await _is_set_within(self._since_stop(_KILL), self._stop_now)
         self._signal_all(signal.SIGKILL)
-        await asyncio.sleep(self._since_stop(self._grace.give_up))
+        await asyncio.sleep(self._since_stop(_GIVE_UP))
         for process, node in self._running.items():
             self._console.warn(f"{node.name} cannot be killed (process {process.group})")
         self._given_up.set_result(None)

@@ -9,8 +9,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -26,37 +26,14 @@ _LAST_OUTPUT = 0.25  # s to wait for the last output: another process may hold t
 
 @dataclass(frozen=True)
 class NodeProcess:
-    """A node to be started as a process."""
+    """A node to be started: a Python module, run by the launcher's interpreter."""
 
     name: str  # the prefix of its output lines
-    command: tuple[str, ...]  # the program and its arguments
+    module: str  # the full name of the module
+    arguments: Sequence[str] = ()  # the module's command-line arguments
     # What to do if it ends unexpectedly: "shutdown" stops everything, "ignore" continues.
     on_exit: OnExit = "shutdown"
-    environment: Mapping[str, str] = field(default_factory=dict)  # added to the launcher's
-    hold_interrupt: bool = False  # start with SIGINT blocked; the program unblocks it when ready
     nice: int = 0  # 0 to 19; higher values yield to other processes (see nice(2))
-
-
-def python_node(
-    name: str,
-    module: str,
-    arguments: Iterable[str] = (),
-    *,
-    on_exit: OnExit = "shutdown",
-    nice: int = 0,
-) -> NodeProcess:
-    """Return a node that is a Python module, run by the launcher's interpreter.
-
-    Args:
-        name: the prefix of its output lines.
-        module: the full name of the module.
-        arguments: its command-line arguments.
-        on_exit: what to do if it ends unexpectedly, see ``NodeProcess``.
-        nice: see ``NodeProcess``.
-    """
-    command = (sys.executable, "-m", _INTERPRETER, module, *arguments)
-    variables = {"PYTHONUNBUFFERED": "1", **_safe_path(), **blas_variables()}
-    return NodeProcess(name, command, on_exit, variables, hold_interrupt=True, nice=nice)
 
 
 def _safe_path() -> dict[str, str]:
@@ -153,24 +130,25 @@ class RunningProcess(asyncio.SubprocessProtocol):
 
 async def spawn(node: NodeProcess, out: Sink, err: Sink) -> RunningProcess:
     """Start a node, which is killed with this thread; the sinks take its output."""
+    command = (sys.executable, "-m", _INTERPRETER, node.module, *node.arguments)
+    variables = {"PYTHONUNBUFFERED": "1", **_safe_path(), **blas_variables()}
     _, process = await asyncio.get_running_loop().subprocess_exec(
         partial(RunningProcess, out, err),
-        *node.command,
+        *command,
         stdin=subprocess.DEVNULL,
-        env={**os.environ, **node.environment},
+        env={**os.environ, **variables},
         start_new_session=True,
-        preexec_fn=partial(_set_up_child, node, die_with_this_thread()),
+        preexec_fn=partial(_set_up_child, node.nice, die_with_this_thread()),
     )
     return process
 
 
-def _set_up_child(node: NodeProcess, die_with_parent: Callable[[], None] | None) -> None:
+def _set_up_child(nice: int, die_with_parent: Callable[[], None] | None) -> None:
     """Prepare a child between fork and exec."""
     if die_with_parent is not None:
         die_with_parent()
-    if node.hold_interrupt:
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.nice(node.nice)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the interpreter is ready
+    os.nice(nice)
 
 
 def describe_exit(code: int) -> str:

@@ -307,7 +307,7 @@ class SteeringPage(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    return run_node(SteeringPage, args, events=True, whole_graph=True)
+    return run_node(SteeringPage, args, whole_graph=True)
 
 
 if __name__ == "__main__":

@@ -8,26 +8,31 @@ The types of the plugin's fixtures are here for annotations::
         robot = simulation(world="maze").robot  # type checkers and editors know its methods
 """
 
-import onebot_description
+from __future__ import annotations
 
-TYPE_CHECKING = not __name__  # false; jedi would skip the names after a literal False
-
-__all__ = ["BringupFixture", "RosSimulationFixture", "RunningBringup", "SimulationFixture"]
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from onebot_bringup.testing.plugin import (
-        BringupFixture,
-        RosSimulationFixture,
-        SimulationFixture,
-    )
     from onebot_bringup.testing.running import RunningBringup
-else:
-    __getattr__ = onebot_description.lazy(
-        globals(),
-        {
-            "onebot_bringup.testing.plugin": (
-                *("BringupFixture", "RosSimulationFixture", "SimulationFixture"),
-            ),
-            "onebot_bringup.testing.running": ("RunningBringup",),
-        },
-    )
+    from onebot_control.nodes.lockstep import Lockstep
+    from onebot_control.simulation import Simulation
+
+__all__ = ["BringupFixture", "RosSimulationFixture", "SimulationFixture"]
+
+
+class SimulationFixture(Protocol):
+    """Type of the fixture ``simulation``: makes a Simulation with the arguments of that class."""
+
+    def __call__(self, *args: Any, **arguments: Any) -> Simulation: ...
+
+
+class RosSimulationFixture(Protocol):
+    """Type of the fixture ``ros_simulation``: as ``simulation``, with ROS nodes in lockstep."""
+
+    def __call__(self, *args: Any, **arguments: Any) -> Lockstep[Simulation]: ...
+
+
+class BringupFixture(Protocol):
+    """Type of the fixture ``bringup``: starts a command with the words of its command line."""
+
+    def __call__(self, *words: str, command: str = ...) -> RunningBringup: ...

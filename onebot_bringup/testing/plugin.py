@@ -11,11 +11,12 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
+    from onebot_bringup.testing import BringupFixture, RosSimulationFixture, SimulationFixture
     from onebot_bringup.testing.running import RunningBringup
     from onebot_control.nodes.lockstep import Lockstep
     from onebot_control.simulation import Simulation
@@ -25,24 +26,6 @@ _DOMAIN = pytest.StashKey[int]()
 _KEPT, _KEPT_RATE = 60.0, 20.0  # how much of a failed test is shown: simulated s, and Hz
 _OF_ROS = {"remap", "nav2_topics", "callback_timeout"}  # arguments of Simulation.ros
 _FOLDER = "failed_tests"  # folder in pytest's root folder
-
-
-class SimulationFixture(Protocol):
-    """Type of the fixture ``simulation``: makes a Simulation with the arguments of that class."""
-
-    def __call__(self, *args: Any, **arguments: Any) -> Simulation: ...
-
-
-class RosSimulationFixture(Protocol):
-    """Type of the fixture ``ros_simulation``: as ``simulation``, with ROS nodes in lockstep."""
-
-    def __call__(self, *args: Any, **arguments: Any) -> Lockstep[Simulation]: ...
-
-
-class BringupFixture(Protocol):
-    """Type of the fixture ``bringup``: starts a command with the words of its command line."""
-
-    def __call__(self, *words: str, command: str = ...) -> RunningBringup: ...
 
 
 @pytest.fixture
@@ -85,21 +68,14 @@ def ros_simulation(
     """
     import rclpy
 
-    from onebot_description.errors import OneBotError
-
     with ExitStack() as stack:
-        simulations: list[Lockstep[Simulation]] = []
 
         def make(*args: Any, **arguments: Any) -> Lockstep[Simulation]:
-            if simulations:
-                text = "a test has one simulation with nodes in lockstep"
-                raise OneBotError(f"{text}; robots={{...}} puts several robots into it")
             of_ros = {name: arguments.pop(name) for name in _OF_ROS & arguments.keys()}
             if rclpy.ok() and (domain := rclpy.get_default_context().get_domain_id()) != ros_domain:
                 text = f"rclpy was initialized before, in domain {domain}: other tests may be there"
                 warnings.warn(text, stacklevel=2)
-            simulations.append(stack.enter_context(simulation(*args, **arguments).ros(**of_ros)))
-            return simulations[0]
+            return stack.enter_context(simulation(*args, **arguments).ros(**of_ros))
 
         yield make
 

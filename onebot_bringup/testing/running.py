@@ -20,6 +20,7 @@ from onebot_description.ros.discovery import configure_discovery
 _START = 60.0  # s for the robot to be up
 _STOP = 30.0  # s; the launcher itself kills nodes that have not ended after 4 s
 _POLL = 0.02  # s
+_STEP = "simulation_interfaces/srv/StepSimulation"
 
 
 @checked_methods()
@@ -83,18 +84,13 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         self._log.close()
 
     def _await_robots(self) -> None:
-        """Wait until the bringup has reported that it is up, and a joint state has arrived.
+        """Wait until the bringup has reported that it is up, and so have its robots.
 
-        Paused robots publish none; then the services that step them have to answer.
+        They publish joint states, or, because they may be paused, offer the services that step.
         """
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from sensor_msgs.msg import JointState
-
-        from onebot_description.ros.wire.interfaces import load_interface
-
-        kind = "simulation_interfaces/srv/GetSimulationState"
-        state = load_interface(kind)
 
         context = rclpy.Context()
         with patch.dict(os.environ):
@@ -103,17 +99,11 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         node = rclpy.create_node("bringup_test", context=context)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
-        received: list[object] = []  # joint states, and answers that the simulation is paused
-        asked_names = set[str]()
-
-        def on_state(future: rclpy.Future) -> None:
-            state = future.result().state
-            if state.state in (state.STATE_PAUSED, state.STATE_STOPPED):
-                received.append(state)
-
+        received: list[JointState] = []
         try:
             deadline = time.monotonic() + _START
-            while not (received and UP in self.output):
+            services: dict[str, list[str]] = {}
+            while not (UP in self.output and (received or [_STEP] in services.values())):
                 if self._process.poll() is not None:
                     raise OneBotError(f"the bringup has ended:\n{self.output}")
                 if time.monotonic() > deadline:
@@ -122,15 +112,8 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
                 for topic in topics.keys() - {sub.topic_name for sub in node.subscriptions}:
                     if topic.endswith("joint_states"):
                         node.create_subscription(JointState, topic, received.append, 10)
-                for name, kinds in node.get_service_names_and_types():
-                    if name not in asked_names and kinds == [kind]:
-                        client = node.create_client(state, name)
-                        if client.service_is_ready():
-                            asked_names.add(name)
-                            client.call_async(state.Request()).add_done_callback(on_state)
-                        else:
-                            node.destroy_client(client)
                 executor.spin_once(timeout_sec=_POLL)
+                services = dict(node.get_service_names_and_types())
         finally:
             executor.shutdown()
             node.destroy_node()

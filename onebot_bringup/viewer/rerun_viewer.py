@@ -180,7 +180,7 @@ def camera_topics(data: str) -> frozenset[str]:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until Ctrl-C."""
-    return run_node(RerunViewer, args, events=True, whole_graph=True)
+    return run_node(RerunViewer, args, whole_graph=True)
 
 
 if __name__ == "__main__":

@@ -120,20 +120,15 @@ class CallbackWatch:
             (f'"{candidate.get_name()}"' for candidate in nodes if isinstance(candidate, Node)), ""
         )
         called = [
-            candidate
+            candidate.f_code
             for candidate in frames
             if not candidate.f_globals["__name__"].startswith("rclpy.")
         ]
-        callback = (called or frames)[-1].f_code
-        line = next(
-            candidate.f_lineno
-            for candidate in frames
-            if candidate.f_code.co_filename == callback.co_filename
-        )
-        name = getattr(callback, "co_qualname", callback.co_name)  # new in Python 3.11
+        code = called[-1] if called else frames[-1].f_code
+        name = getattr(code, "co_qualname", code.co_name)  # new in Python 3.11
         return (
-            f"node {node}: {name} {problem} ({callback.co_filename}:{line}). Simulated time stands"
-            " still during a callback, so it cannot wait for messages, answers or time"
+            f"node {node}: {name} {problem} ({code.co_filename}:{code.co_firstlineno}). Simulated"
+            " time stands still during a callback, so it cannot wait for messages, answers or time"
         )
 
 

@@ -52,11 +52,13 @@ class LocalizerWatch:
                 subscription.destroy_when_not_in_use()
             self._subscriptions = []
         self._robots = robots
-        if robots and not self._subscriptions and self._others_publish():
-            self._subscriptions = [self._subscribed(*topic) for topic in _TOPICS.items()]
         for subscription in self._subscriptions:
             while message := subscription.take_message(TFMessage, True):
                 self._receive(message[0])
+        # Last, because a latched message arrives at some time after this: in lockstep, it is
+        # awaited between two polls.
+        if robots and not self._subscriptions and self._others_publish():
+            self._subscriptions = [self._subscribed(*topic) for topic in _TOPICS.items()]
 
     def _receive(self, data: bytes) -> None:
         try:

@@ -8,6 +8,7 @@ cycle, and only then does the physics continue.
 
 import functools
 import os
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
@@ -20,7 +21,6 @@ import rclpy.clock
 from builtin_interfaces.msg import Time
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import Executor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -30,7 +30,6 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from rclpy.signals import SignalHandlerGuardCondition, SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
-from rclpy.validate_topic_name import validate_topic_name
 from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
@@ -60,7 +59,10 @@ RCLError = rclpy_implementation.RCLError
 
 _POLLS = 4.0  # Hz in simulated time, rate of polls for publishers of commands and localizers
 _PATIENCE = 10.0  # s of wall time to wait for latched messages
-_Timeout = Annotated[float, Rule(at_least=0.0)]
+_Domain = Annotated[int, Rule(at_least=0, at_most=MAX_DOMAIN)]
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+_Topic = Annotated[str, Rule(pattern=_TOPIC, write="a topic name, such as /cmd_vel")]
+_Remap = Annotated[Mapping[_Topic, _Topic], Rule(write='a dict such as {"cmd_vel": "/cmd_vel"}')]
 _USE_SIM_TIME = Parameter("use_sim_time", value=True)
 _NAV2_RULES = ("-r", "~/cmd_vel:=cmd_vel", "-r", "~/odom:=odom")
 _OWN_TOPICS = {"/rosout", "/parameter_events"}  # topics of every node
@@ -88,17 +90,16 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self,
         simulation: S,
         core: SimulationCore,
-        domain_id: int | None,
+        domain_id: _Domain | None,
         *,
-        remap: Mapping[str, str],
+        remap: _Remap,
         nav2_topics: bool,
-        callback_timeout: float,
+        callback_timeout: Annotated[float, Rule(above=0.0, infinite=True)],
     ) -> None:
         """Create the nodes of the simulation's robots; see ``Simulation.ros`` for the arguments.
 
         rclpy's default context is initialized, with use_sim_time for all nodes, if necessary.
         """
-        _check_arguments(domain_id, remap)
         if Lockstep._current is not None:
             text = "the robots of another simulation in this process already use ROS topics"
             raise OneBotError(f"{text}; close it first, or put all robots into one simulation")
@@ -172,6 +173,10 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 text = 'so remap has no effect; write rclpy.init(args=["--ros-args", "-r", "a:=b"])'
                 raise OneBotError(f"{early} before ros(), {text}")
             return False
+        if domain_id is None:
+            text = os.environ.get("ROS_DOMAIN_ID") or "0"
+            if not text.isdecimal() or int(text) > MAX_DOMAIN:
+                raise OneBotError(f"ROS_DOMAIN_ID={text}: write a number from 0 to {MAX_DOMAIN}")
         rules = [word for name, new in remap.items() for word in ("-r", f"{name}:={new}")]
         with patch.dict(os.environ), ros_errors():
             use_local_discovery()
@@ -186,7 +191,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         self._closing.callback(rclpy.try_shutdown)
         return True
 
-    def add(self, *nodes: Node, timeout: _Timeout = _PATIENCE) -> None:
+    def add(self, *nodes: Node) -> None:
         """Put nodes in lockstep, and deliver the last latched messages to them.
 
         ``close`` destroys them.
@@ -194,7 +199,6 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         Args:
             nodes: nodes of rclpy's default context. If use_sim_time of a node is false, it is set,
                 and its timers start now.
-            timeout: wall time to wait for latched messages, s.
 
         Raises:
             OneBotError: a node cannot be in lockstep, or its QoS of a robot's topic is
@@ -208,7 +212,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                 self._executor.add_node(node)
         if apart := sorted({*self._unconnected(nodes)}):
             raise OneBotError(f"not connected with the robot: {'; '.join(apart)}")
-        self._settle(timeout)
+        self._settle()
         self._warn_of_silent_topics(nodes)
 
     def remove(self, *nodes: Node) -> None:
@@ -236,23 +240,19 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._interface.publish(snapshots, stamp)
             if self._poll_due.due():
                 self._interface.poll()
-                self._await_latched(_PATIENCE)  # transforms to which it has just subscribed
-                self._interface.poll()
-                self._executor.look_for_events = True
+                # ``_settle`` awaits the latched messages of the poll's new subscriptions.
+                self._executor.changed = self._executor.look_for_events = True
         except RCLError:
             if self._is_running():  # else a thread has just shut rclpy down
                 raise
         self._settle()
 
-    def settle(self, timeout: _Timeout = _PATIENCE) -> None:
+    def _settle(self) -> None:
         """Run callbacks until none is ready; an exception in a callback is raised here.
 
         Publishers and subscriptions created by them are connected when this returns, and have
-        received the last latched messages, for which it waits ``timeout`` s of wall time.
+        received the last latched messages.
         """
-        self._settle(timeout)
-
-    def _settle(self, timeout: float = _PATIENCE) -> None:
         while True:
             self._executor.run_ready()
             if not self._executor.changed or not self._context.ok():
@@ -260,7 +260,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
             self._executor.changed = False
             self._warn_of_wall_timers()
             self._publish_links()
-            self._await_latched(timeout)
+            self._await_latched()
 
     def close(self) -> None:
         """Destroy the nodes; the simulation continues without ROS."""
@@ -347,11 +347,11 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
                     if compatibility == QoSCompatibility.ERROR:
                         yield f"{topic}: incompatible QoS: {reason.strip('; ')}"
 
-    def _await_latched(self, timeout: float) -> None:
+    def _await_latched(self) -> None:
         """Wait until subscriptions have received the last messages from DDS threads."""
         for publisher in _publishers(self._executor.nodes):
             if is_transient_local(publisher.qos_profile) and publisher.get_subscription_count():
-                publisher.wait_for_all_acked(Duration(seconds=timeout))
+                publisher.wait_for_all_acked(Duration(seconds=_PATIENCE))
 
     def _warn_of_silent_topics(self, nodes: Sequence[Node]) -> None:
         """Log topics without a publisher or a subscription, with the robots' most similar topic."""
@@ -487,24 +487,6 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         for robot_type in robot_types - {kind}:
             text = f"{_named(node)} uses {topic} as {kind}, but the robot uses it as {robot_type}"
             raise OneBotError(f"{text}; in one process, a topic has one type")
-
-
-def _check_arguments(domain_id: int | None, remap: Mapping[str, str]) -> None:
-    """Check the arguments of ``Lockstep``; ``Simulation.ros`` has checked their types.
-
-    Raises:
-        OneBotError: one of them is not valid.
-    """
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0" if domain_id is None else domain_id
-    is_number = isinstance(domain, int) or domain.isdecimal()
-    if not is_number or not 0 <= int(domain) <= MAX_DOMAIN:
-        name = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
-        raise OneBotError(f"{name} must be a number from 0 to {MAX_DOMAIN}, not {domain!r}")
-    for name in (*remap, *remap.values()):
-        try:
-            validate_topic_name(name)
-        except InvalidTopicNameException as error:
-            raise OneBotError(f"remap: {name!r} is not a topic name: {error}") from None
 
 
 def _publishers(nodes: Sequence[Node]) -> Iterator[Publisher]:

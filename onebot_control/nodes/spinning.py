@@ -7,8 +7,6 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from onebot_description.ros.run_node import spin_until
-
 _PATIENCE = 10.0  # s for the thread to end
 
 
@@ -37,7 +35,11 @@ class NodeThread:
 
     def _run(self) -> None:
         try:
-            spin_until(self._ended, self._executor)
+            # spin_until_future_complete would add a callback to the future with each message, and
+            # never remove any.
+            self._ended.add_done_callback(lambda _: self._executor.create_task(lambda: None))
+            while not self._ended.done():
+                self._executor.spin_once()
         except ExternalShutdownException:
             pass
         except BaseException as error:

@@ -18,7 +18,8 @@ from typing import ParamSpec
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
@@ -50,20 +51,17 @@ _TWO_TYPES = ("incompatible type", "subscription: invalid allocator")
 
 
 def run_node(
-    make_node: MakeNode,
-    args: Sequence[str] | None = None,
-    *,
-    events: bool = False,
-    whole_graph: bool = False,
+    make_node: MakeNode, args: Sequence[str] | None = None, *, whole_graph: bool = False
 ) -> int:
     """Run a node, or several in one process, until Ctrl-C, SIGTERM or an error.
+
+    It spins on rclpy's events executor, which takes a quarter of the time per message.
 
     Args:
         make_node: creates the node or nodes, after rclpy is initialized. This function, callbacks
             of nodes (see ``ends_node``), and ``destroy_node`` may raise OneBotError, which ends
             the process with one line on stderr.
         args: arguments as in sys.argv (with ``--ros-args``); None for sys.argv itself.
-        events: spin on rclpy's events executor, which takes a quarter of the time per message.
         whole_graph: whether the node inspects all topics (see ``configure_discovery``).
 
     Returns:
@@ -80,14 +78,14 @@ def run_node(
             return _fail(f"bad ROS arguments: {first_line(error)}")
         _stops.append(stop)
         try:
-            return _spin(make_node, stop, signals, events)
+            return _spin(make_node, stop, signals)
         finally:
             signal.alarm(0)
             _stops.remove(stop)
             rclpy.try_shutdown()
 
 
-def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool) -> int:
+def _spin(make_node: MakeNode, stop: Future, signals: StopSignals) -> int:
     nodes: Sequence[Node] = ()
     executor: Executor | None = None
     try:
@@ -97,12 +95,13 @@ def _spin(make_node: MakeNode, stop: Future, signals: StopSignals, events: bool)
                     built = make_node()
                 gc.enable()  # start_node disables it
                 nodes = [built] if isinstance(built, Node) else built
-                executor = _make_executor(events)
+                executor = EventsExecutor()
                 for node in nodes:
                     executor.add_node(node)
-                    if events:
-                        MissedMessages(node)
-                spin_until(stop, executor)
+                    MissedMessages(node)
+                executor.spin_until_future_complete(stop, _A_YEAR)
+                if error := stop.exception():
+                    raise error
             finally:
                 _destroy(nodes, executor)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -123,14 +122,6 @@ def _destroy(nodes: Sequence[Node], executor: Executor | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         signal.alarm(0)
         executor.shutdown()
-
-
-def _make_executor(events: bool) -> Executor:
-    if events:
-        from rclpy.experimental.events_executor import EventsExecutor
-
-        return EventsExecutor()
-    return SingleThreadedExecutor()
 
 
 class MissedMessages:
@@ -157,20 +148,6 @@ class MissedMessages:
                 handle, kind = subscription.handle, subscription.msg_type
                 while message := handle.take_message(kind, subscription.raw):
                     subscription.callback(message[0])
-
-
-def spin_until(stop: Future, executor: Executor) -> None:
-    """Spin until any thread completes ``stop``; raise its exception, if it has one."""
-    if not isinstance(executor, SingleThreadedExecutor):
-        executor.spin_until_future_complete(stop, _A_YEAR)
-    else:
-        # spin_until_future_complete would add a callback to the future with each message, and
-        # never remove any.
-        stop.add_done_callback(lambda _: executor.create_task(lambda: None))
-        while not stop.done():
-            executor.spin_once()
-    if error := stop.exception():
-        raise error
 
 
 _stops: list[Future] = []  # completed when the nodes of this process have to stop
@@ -241,7 +218,6 @@ def run_described_node(
     args: Sequence[str] | None,
     *,
     default_file: Callable[[], Path] | None = None,
-    events: bool = False,
 ) -> int:
     """Run a node whose command line is ``[FILE] [--ros-args ...]``; return the exit code.
 
@@ -254,7 +230,6 @@ def run_described_node(
             name neither the line nor what to write. None for no check.
         args: arguments as in sys.argv; None for sys.argv itself.
         default_file: returns the parameter file to use if the command line names none.
-        events: see ``run_node``.
     """
     arguments = list(sys.argv if args is None else args)
     parser = argparse.ArgumentParser(
@@ -274,7 +249,7 @@ def run_described_node(
             check_files(ros.files)
     except OneBotError as error:
         return _fail(str(error))
-    return run_node(lambda: make_node(chosen.description, ros), arguments, events=events)
+    return run_node(lambda: make_node(chosen.description, ros), arguments)
 
 
 def _fail(message: str) -> int:

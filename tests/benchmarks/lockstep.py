@@ -15,17 +15,16 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from multiprocessing import get_context
 
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import JointState, LaserScan
+from sensor_msgs.msg import JointState
 
 from onebot_bringup.launcher.orphans import die_with_this_thread
 from onebot_control import Simulation
 from onebot_description.ros.domains import used_domain
 from tests.benchmarks.measuring import BARE_STEP, WrongAnswer, bare_step, fastest
 from tests.benchmarks.report import Report, Result
+from tests.onebot_control.test_lockstep import Stopper, TimedStopper
 from tests.orphans import end_with_this_process
 
 _MAZE = {"world": "maze", "y": 0.8, "sensors": True}
@@ -34,35 +33,6 @@ _PACE, _PACE_OF_THREE = 20.0, 12.0  # times real time, at least, on the computer
 _PERIOD = 0.1  # s of simulated time: one scan
 _ROUNDS = 20
 _NEAREST = 0.3  # m, from the lidar to the wall at the end
-
-
-class _ByScans(Node):
-    """Drives towards a wall, and stops before it; it commands with each scan."""
-
-    def __init__(self) -> None:
-        super().__init__("stopper")
-        self._commands = self.create_publisher(Twist, "velocity_controller/cmd_vel", 10)
-        self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
-
-    def on_scan(self, scan: LaserScan) -> None:
-        self.command(scan.ranges[len(scan.ranges) // 2] - 0.5)
-
-    def command(self, room: float) -> None:
-        command = Twist()
-        command.linear.x = max(0.0, min(0.5, 0.8 * room))
-        self._commands.publish(command)
-
-
-class _ByTimer(_ByScans):
-    """Commands by a timer of 20 Hz on simulated time."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._room = 0.0
-        self.create_timer(0.05, lambda: self.command(self._room))
-
-    def on_scan(self, scan: LaserScan) -> None:
-        self._room = scan.ranges[len(scan.ranges) // 2] - 0.5
 
 
 class _Log(Node):
@@ -106,8 +76,8 @@ def run(quick: bool) -> Report:
     """Measure the pace, and count the runs that end alike."""
     results: list[Result] = []
     for what, nodes, wanted in (
-        ("by scans", (_ByScans,), _PACE),
-        ("by scans, with a log and an estimator", (_ByScans, _Log, _Estimator), _PACE_OF_THREE),
+        ("by scans", (Stopper,), _PACE),
+        ("by scans, with a log and an estimator", (Stopper, _Log, _Estimator), _PACE_OF_THREE),
     ):
         pace, bare_step = _pace(nodes, *((0.5, 1) if quick else (5.0, 6)))
         goal = round(wanted * BARE_STEP / bare_step, 1)
@@ -117,7 +87,7 @@ def run(quick: bool) -> Report:
 
 def _loaded(seconds: float, runs: int, loops: int) -> Iterator[Result]:
     """Count the runs beside busy loops that end as one without them does."""
-    for what, node in (("by scans", _ByScans), ("by a timer", _ByTimer)):
+    for what, node in (("by scans", Stopper), ("by a timer", TimedStopper)):
         with used_domain():
             alone = _outcome(node, seconds)
         with _busy(loops):
@@ -148,7 +118,7 @@ def _pace(nodes: Sequence[type[Node]], seconds: float, runs: int) -> tuple[float
     return _PERIOD / fastest(taken), fastest(steps)
 
 
-def _outcome(kind: type[_ByScans], seconds: float) -> tuple[float, ...]:
+def _outcome(kind: type[Stopper], seconds: float) -> tuple[float, ...]:
     """Return where the robot is after so long, all its digits."""
     with Simulation(**_MAZE) as simulation:
         simulation.ros().add(kind())
@@ -184,7 +154,7 @@ def _start_worker() -> None:
     subprocess.Popen(command, preexec_fn=die_with_this_thread())
 
 
-def _outcomes(kind: type[_ByScans], seconds: float, runs: int) -> list[tuple[float, ...]]:
+def _outcomes(kind: type[Stopper], seconds: float, runs: int) -> list[tuple[float, ...]]:
     """Return where the robot is after each run; some processes share the runs."""
     context = get_context("spawn")
     with ProcessPoolExecutor(min(runs, _WORKERS), context, _start_worker) as pool:

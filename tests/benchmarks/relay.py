@@ -31,4 +31,4 @@ class Relay(Node):
 
 if __name__ == "__main__":
     content = Path(sys.argv[1]).read_bytes()
-    sys.exit(run_node(lambda: Relay(content), [], events=True))
+    sys.exit(run_node(lambda: Relay(content), []))

@@ -62,7 +62,7 @@ def main(loop: str) -> int:
     """Run a loop until Ctrl-C; return the exit code."""
     if loop == "sleep":
         sys.setswitchinterval(0.0005)  # as the controller does
-        return run_node(Sleeper, [], events=True)
+        return run_node(Sleeper, [])
     setattr(control_loop, "Pacer", TimedPacer)  # noqa: B010 - the loop makes its own
     return velocity_controller.main()
 

@@ -1,4 +1,4 @@
-"""Starts a real launcher in a process of its own, on small scripts, for the launcher's tests."""
+"""Starts a real launcher in a process of its own, on small modules, for the launcher's tests."""
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -9,24 +9,24 @@ from tests.support import RunningProcess, wait_for
 
 _DRIVER = """
 import sys
-from onebot_bringup.launcher.launcher import Grace, Launcher
-from onebot_bringup.launcher.process import NodeProcess, python_node
+from onebot_bringup.launcher import launcher
+from onebot_bringup.launcher.process import NodeProcess as Node
 
-def script(name, path, on_exit="shutdown", **more):
-    return NodeProcess(name, (sys.executable, "-u", path), on_exit, **more)
-
-sys.exit(Launcher("test", {grace}).run({nodes}))
+if {patient}:
+    launcher._TERMINATE = launcher._KILL = launcher._GIVE_UP = 300.0
+sys.exit(launcher.Launcher("test").run({nodes}))
 """
 
 # A script waits for a signal; signal.pause() would miss one that came just before it.
 IDLE = "while True:\n    time.sleep(0.05)\n"
-# Beyond any deadline of the tests: on a slow machine, too, a node has the time to stop by itself.
-PATIENT = "Grace(terminate=300.0, kill=300.0, give_up=300.0)"
 
 
-def command_of(nodes: str, grace: str = PATIENT) -> list[str]:
-    """A command that launches the nodes that the Python expression ``nodes`` lists."""
-    return [sys.executable, "-c", _DRIVER.format(nodes=nodes, grace=grace)]
+def command_of(nodes: str, *, patient: bool = True) -> list[str]:
+    """A command that launches the nodes that the Python expression ``nodes`` lists.
+
+    A ``patient`` one gives them all the time to stop by themselves, as on a slow machine.
+    """
+    return [sys.executable, "-c", _DRIVER.format(nodes=nodes, patient=patient)]
 
 
 Start = Callable[..., RunningProcess]
@@ -34,13 +34,13 @@ Start = Callable[..., RunningProcess]
 
 @contextmanager
 def launchers(folder: Path, scripts: Mapping[str, str]) -> Iterator[Start]:
-    """Start launchers in ``folder``, where the scripts lie; end them afterwards."""
+    """Start launchers in ``folder``, where the modules lie; end them afterwards."""
     for name, text in scripts.items():
         (folder / f"{name}.py").write_text(text)
     with ExitStack() as stack:
 
-        def make(nodes: str, grace: str = PATIENT) -> RunningProcess:
-            process = RunningProcess(command_of(nodes, grace), folder, check=False)
+        def make(nodes: str, *, patient: bool = True) -> RunningProcess:
+            process = RunningProcess(command_of(nodes, patient=patient), folder, check=False)
             return stack.enter_context(process)
 
         yield make

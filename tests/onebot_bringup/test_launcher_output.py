@@ -30,9 +30,8 @@ for number in range({LINES}):
 sys.stdout.write("no newline at the end")
 """
 BEGIN = """
-import os, signal, sys, time
+import os, sys, time
 from pathlib import Path
-signal.signal(signal.SIGINT, signal.SIG_DFL)
 Path(sys.argv[0]).with_suffix(".pid").write_text(f"{os.getpid()}\\n")
 """
 TICKER = """
@@ -58,7 +57,7 @@ def test_no_line_is_lost_broken_or_without_its_prefix(start: Start) -> None:
 
     Standard output and error stay apart; in files they have no color.
     """
-    nodes = "[script('a', 'talker.py', 'ignore'), script('b', 'talker.py', 'ignore')]"
+    nodes = "[Node('a', 'talker', on_exit='ignore'), Node('b', 'talker', on_exit='ignore')]"
     launcher = start(nodes)
     assert launcher.wait() == 0
     for text, letter in ((launcher.out, "x"), (launcher.err, "y")):
@@ -88,7 +87,7 @@ def test_a_line_on_a_terminal(monkeypatch: pytest.MonkeyPatch, no_color: str, pr
     master, slave = pty.openpty()
     with open(slave, "w") as terminal:
         monkeypatch.setattr("sys.stdout", terminal)
-        console = Console("test", ["a"], lambda: None)
+        console = Console("test", ["a"])
         console.line("a", console.out, HOSTILE.encode())
         assert os.read(master, 1000).decode() == f"{prefix} {SHOWN}\r\n"
         console.close(PATIENCE)
@@ -100,7 +99,7 @@ def test_a_stalled_reader_neither_stops_the_nodes_nor_the_launcher(tmp_path: Pat
     """With nobody reading the pipe, a node can go on printing, and Ctrl-C still works."""
     read, write = os.pipe()
     process = subprocess.Popen(
-        command_of("[script('t', 'ticker.py')]"),
+        command_of("[Node('t', 'ticker')]"),
         stdout=write,
         cwd=tmp_path,
     )
@@ -122,7 +121,7 @@ def test_a_reader_that_leaves_stops_everything_quietly(tmp_path: Path, script: s
     So does a reader that is killed, as ros2 launch may be, while nobody prints anything.
     """
     process = subprocess.Popen(
-        command_of(f"[script('t', '{script}.py')]"),
+        command_of(f"[Node('t', '{script}')]"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=tmp_path,

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from onebot_bringup.launcher.launcher import Grace
 from tests.onebot_bringup.launcher_support import IDLE, Start, alive, launchers, number_in
 from tests.support import wait_for
 
@@ -55,7 +54,7 @@ def test_a_signal_stops_all_nodes_with_exit_code_zero(
     start: Start, tmp_path: Path, number: int
 ) -> None:
     """Whatever asks the launcher to stop, nodes get SIGINT, and their last line is shown."""
-    launcher = start("[script('a', 'polite.py'), script('b', 'polite.py')]")
+    launcher = start("[Node('a', 'polite'), Node('b', 'polite')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     launcher.process.send_signal(number)
     assert launcher.wait() == 0
@@ -66,34 +65,15 @@ def test_a_signal_stops_all_nodes_with_exit_code_zero(
 
 def test_a_node_that_hangs_while_it_stops_has_stopped(start: Start) -> None:
     """``run_node`` ends it by SIGALRM."""
-    launcher = start("[script('a', 'hanging.py')]")
+    launcher = start("[Node('a', 'hanging')]")
     launcher.says("ready")
     assert launcher.interrupt() == 0
-
-
-def test_nohup_is_respected(tmp_path: Path, start: Start) -> None:
-    """With SIGHUP ignored from the start, a closed terminal does not stop the launcher."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # which the launcher inherits
-    try:
-        launcher = start("[script('a', 'polite.py')]")
-    finally:
-        signal.signal(signal.SIGHUP, before)
-    launcher.says("ready")
-    launcher.process.send_signal(signal.SIGHUP)
-    assert launcher.interrupt() == 0
-    assert "SIGHUP" not in launcher.out and "SIGINT: stopping" in launcher.out
-
-
-def test_all_is_over_within_five_seconds() -> None:
-    """By the launcher's clock; each signal has its time before the next."""
-    grace = Grace()
-    assert 0.0 < grace.terminate < grace.kill < grace.give_up < 5.0
 
 
 def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path) -> None:
     """Ctrl-C ends even a node that ignores SIGINT and SIGTERM; the exit code says so."""
-    nodes = "[script('mule', 'stubborn.py'), script('a', 'polite.py')]"
-    launcher = start(nodes, grace="Grace()")
+    nodes = "[Node('mule', 'stubborn'), Node('a', 'polite')]"
+    launcher = start(nodes, patient=False)
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     assert launcher.interrupt() == 1
     assert not alive(number_in(tmp_path / "stubborn.pid"))
@@ -104,7 +84,7 @@ def test_a_node_that_ignores_all_signals_is_killed(start: Start, tmp_path: Path)
 
 def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
     """Who presses Ctrl-C again does not wait for the grace period."""
-    launcher = start("[script('mule', 'stubborn.py')]")
+    launcher = start("[Node('mule', 'stubborn')]")
     launcher.says("ready")
     launcher.process.send_signal(signal.SIGINT)
     launcher.says("SIGINT: stopping")
@@ -117,7 +97,7 @@ def test_a_second_interrupt_kills_at_once(start: Start, tmp_path: Path) -> None:
 
 def test_what_a_dead_node_started_is_killed(start: Start, tmp_path: Path) -> None:
     """When a node dies, what it started goes with it, though the launcher runs on."""
-    launcher = start("[script('parent', 'parent.py', 'ignore'), script('a', 'polite.py')]")
+    launcher = start("[Node('parent', 'parent', on_exit='ignore'), Node('a', 'polite')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     os.kill(number_in(tmp_path / "parent.pid"), signal.SIGKILL)
     grandchild = number_in(tmp_path / "stubborn.pid")
@@ -127,7 +107,7 @@ def test_what_a_dead_node_started_is_killed(start: Start, tmp_path: Path) -> Non
 
 def test_a_killed_launcher_leaves_no_orphan(start: Start, tmp_path: Path) -> None:
     """After SIGKILL of the launcher its nodes end, even those that ignore all other signals."""
-    launcher = start("[script('mule', 'stubborn.py'), script('a', 'polite.py')]")
+    launcher = start("[Node('mule', 'stubborn'), Node('a', 'polite')]")
     wait_for(lambda: launcher.out.count("ready") == 2, "both nodes")
     pids = [number_in(tmp_path / f"{name}.pid") for name in ("stubborn", "polite")]
     launcher.process.kill()
@@ -142,7 +122,7 @@ def test_interrupt_while_a_module_is_importing_shows_no_traceback(
         "from pathlib import Path\nimport os, time\n"
         "Path('slow.pid').write_text(f'{os.getpid()}\\n')\ntime.sleep(600)\n"
     )
-    launcher = start("[python_node('slow', 'slow_import')]")
+    launcher = start("[Node('slow', 'slow_import')]")
     pid = number_in(tmp_path / "slow.pid")
     assert launcher.interrupt() == 0
     assert launcher.err == "" and not alive(pid)

@@ -6,9 +6,8 @@ classes of the same signatures.
 
 import importlib.util
 import sys
-from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,20 +22,13 @@ FILES = {
 }
 
 
-@dataclass
-class LaunchContext:
-    """What the actions of one launch share."""
-
-    launch_configurations: dict[str, str] = field(default_factory=dict)
-
-
 class OpaqueFunction:
     """Calls a function, and starts what it returns."""
 
     def __init__(self, *, function: Any) -> None:
         self.function = function
 
-    def execute(self, context: LaunchContext) -> list[Any]:
+    def execute(self, context: Any) -> list[Any]:
         return self.function(context) or []
 
 
@@ -46,33 +38,25 @@ class DeclareLaunchArgument:
     def __init__(self, name: str, *, default_value: str, description: str) -> None:
         self.name, self.default_value, self.description = name, default_value, description
 
-    def execute(self, context: LaunchContext) -> list[Any]:
+    def execute(self, context: Any) -> list[Any]:
         context.launch_configurations.setdefault(self.name, self.default_value)
         return []
-
-
-class ExecuteProcess:
-    """Starts a process."""
-
-    def __init__(self, *, cmd: list[str], name: str, output: str) -> None:
-        self.cmd, self.name, self.output = cmd, name, output
-
-
-class LaunchDescription:
-    """What a launch file returns."""
-
-    def __init__(self, initial_entities: list[Any]) -> None:
-        self.entities = initial_entities
 
 
 @pytest.fixture(autouse=True)
 def launch(monkeypatch: pytest.MonkeyPatch) -> None:
     package, actions = ModuleType("launch"), ModuleType("launch.actions")
-    package.LaunchDescription = LaunchDescription
-    for each in (DeclareLaunchArgument, ExecuteProcess, OpaqueFunction):
+    package.LaunchDescription = list  # type: ignore[attr-defined]
+    actions.ExecuteProcess = SimpleNamespace  # type: ignore[attr-defined]
+    for each in (DeclareLaunchArgument, OpaqueFunction):
         setattr(actions, each.__name__, each)
     monkeypatch.setitem(sys.modules, "launch", package)
     monkeypatch.setitem(sys.modules, "launch.actions", actions)
+
+
+def context_of(**configurations: str) -> Any:
+    """What the actions of one launch share."""
+    return SimpleNamespace(launch_configurations=configurations)
 
 
 def entities(script: ModuleType) -> list[Any]:
@@ -80,10 +64,10 @@ def entities(script: ModuleType) -> list[Any]:
     spec = importlib.util.spec_from_file_location("python_launch_file", FILES[script])
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.generate_launch_description().entities
+    return module.generate_launch_description()
 
 
-def visit(script: ModuleType, context: LaunchContext) -> list[str]:
+def visit(script: ModuleType, context: Any) -> list[str]:
     """Execute what is described, in order; the command that it starts."""
     (process,) = [action for each in entities(script) for action in each.execute(context)]
     assert process.output == "screen"
@@ -113,10 +97,10 @@ def test_only_what_was_given_is_on_the_command_line(tmp_path: Path) -> None:
     )
     given = {"model": str(model), "viewer": "none", "own": "part"}
     for script in FILES:
-        python, _, module, *words = visit(script, LaunchContext({**given, "robot_ip": "10.0.0.1"}))
+        python, _, module, *words = visit(script, context_of(**given, robot_ip="10.0.0.1"))
         assert (python, module) == (sys.executable, script.__name__)
         assert words == [f"{name}:={value}" for name, value in given.items()]
-    context = LaunchContext({"mesh_enabled": "false"})  # of OneBot's own model
+    context = context_of(mesh_enabled="false")  # of OneBot's own model
     assert visit(onebot_bringup, context)[3:] == ["mesh_enabled:=false"]
 
 
@@ -132,13 +116,13 @@ def test_a_pushed_namespace_is_the_robots(
     pushed: str, given: dict[str, str], expected: str
 ) -> None:
     """PushRosNamespace around the included file, as it counts for a Node."""
-    context = LaunchContext({"viewer": "none", "ros_namespace": pushed, **given})
+    context = context_of(viewer="none", ros_namespace=pushed, **given)
     assert visit(onebot_bringup, context)[3:] == ["viewer:=none", f"namespace:={expected}"]
 
 
 def test_two_in_one_launch_file_do_not_mix():
     """What the first one declares is no choice of the user's to the second."""
-    context = LaunchContext({"viewer": "none"})
+    context = context_of(viewer="none")
     first = visit(onebot_bringup, context)
     context.launch_configurations["namespace"] = "r2"
     assert visit(onebot_bringup, context) == [*first, "namespace:=r2"]

@@ -47,7 +47,7 @@ class Stepped:
         self.ros.add()
         for message in messages:
             publisher.publish(message)
-            self.ros.settle()
+            self.ros.add()
             self.simulation.run(apart)
         self.client.destroy_publisher(publisher)
 
@@ -60,7 +60,7 @@ class Stepped:
         client = self.client.create_client(kind, name)
         assert client.wait_for_service(10.0), name
         future = client.call_async(kind.Request(**request))
-        self.ros.settle()
+        self.ros.add()
         self.simulation.run(until=future.done, timeout=5.0)
         self.client.destroy_client(client)
         return future.result()

@@ -2,12 +2,10 @@
 
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from onebot_control import Contact, OneBotError, RobotSetup, Simulation
-from onebot_control.physics.contacts import ContactRecorder
 from onebot_description.description import Description, parse_description
 from tests.onebot_control.arm_models import box, joint, link
 
@@ -302,34 +300,6 @@ def test_the_ground_is_an_obstacle_for_an_arm():
         simulation.run(1.0)
         assert robot.collided
         assert set(forces(robot.contacts, "link", "other")) == {("left_tip", "ground")}
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"model": DIFF_DRIVE},
-        {"model": DIFF_DRIVE, "world": "maze"},
-        {"robots": {name: RobotSetup(y=row, model=DIFF_DRIVE) for row, name in enumerate("abc")}},
-    ],
-)
-def test_contacts_cost_nothing_if_nobody_asks_and_nothing_is_near(
-    arguments: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-):
-    """Only the last cycle of a run has its contacts recorded, in each of its two steps."""
-    with Simulation(**arguments) as simulation:
-        for robot in simulation.robots.values():
-            robot.drive(0.2)
-        simulation.step(3)  # what is near is not known until they have moved
-        calls, record = list[int](), ContactRecorder.record
-        monkeypatch.setattr(ContactRecorder, "record", lambda of: calls.append(1) or record(of))
-        simulation.run(2.0)
-        assert len(calls) == 2
-        simulation.run(until=lambda: simulation.time > 2.5)
-        assert len(calls) == 2
-        assert all(forces(robot.contacts, "other") for robot in simulation.robots.values())
-        assert len(calls) == 3  # that of the last step
-        simulation.run(1.0)
-        assert len(calls) == 203
 
 
 def test_recorded_contacts_change_nothing():

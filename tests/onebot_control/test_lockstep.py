@@ -87,16 +87,6 @@ def test_a_node_stops_at_the_same_place_each_time(make: Callable[[], Stopper]) -
     assert stopped(make) == stopped(make)
 
 
-@pytest.mark.parametrize("command", [Twist, TwistStamped])
-def test_a_node_is_connected_when_it_has_been_added(command: type) -> None:
-    """Also if the robot changes the type of its subscription, and nothing else is waited for."""
-    with Simulation() as simulation, simulation.ros() as ros:
-        node = Node("commander")
-        publisher = node.create_publisher(command, COMMANDS, 10)
-        ros.add(node)
-        assert publisher.get_subscription_count() == 1
-
-
 def test_each_measurement_that_is_due_is_published() -> None:
     """At 10 Hz from the first cycle on; it is what the robot measures then in Python."""
     with Simulation(**MAZE) as simulation, simulation.ros() as ros:

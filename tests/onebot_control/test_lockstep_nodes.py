@@ -349,7 +349,7 @@ def test_an_exception_in_a_timer(ros: Lockstep[Simulation]) -> None:
 
 def test_after_close_each_method_says_so(ros: Lockstep[Simulation]) -> None:
     ros.close()
-    for call in (lambda: ros.add(None), lambda: ros.remove(None), ros.settle):
+    for call in (ros.add, lambda: ros.add(None), lambda: ros.remove(None)):
         with pytest.raises(OneBotError, match=r"have been closed; call simulation\.ros\(\) again"):
             call()
     ros.close()
@@ -363,8 +363,6 @@ def test_what_is_no_node_is_refused() -> None:
                 ros.add(thing)
             with pytest.raises(OneBotError, match="is not in lockstep"):
                 ros.remove(thing)
-        with pytest.raises(OneBotError, match='timeout: "1" is a string'):
-            ros.add(timeout="1")  # type: ignore[arg-type]
         ros.add(node := Ticker())
         simulation.run(1.0)
         assert node.ticks == TENTHS
@@ -372,12 +370,12 @@ def test_what_is_no_node_is_refused() -> None:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"domain_id": 300}, "domain_id must be a number from 0 to 232, not 300"),
+    ({"domain_id": 300}, "domain_id: 300 is above 232; write a number from 0 to 232"),
     ({"domain_id": -1}, "domain_id"),
     ({"domain_id": "1"}, "domain_id"),
     ({"domain_id": True}, "domain_id"),
-    ({"remap": ["cmd_vel"]}, "remap: .* write a dict such as"),
-    ({"remap": {"cmd vel": "a"}}, "remap: 'cmd vel' is not a topic name"),
+    ({"remap": ["cmd_vel"]}, "remap: .* write a dict"),
+    ({"remap": {"cmd vel": "a"}}, 'remap: "cmd vel" is not valid; write a topic name'),
     ({"remap": {"a": 1}}, "remap.a: 1 is a number"),
     ({"nav2_topics": 1}, "nav2_topics: 1 is a number; write True or False"),
     ({"callback_timeout": 0.0}, "callback_timeout"),

@@ -110,9 +110,6 @@ def test_rays():
         assert 0.6 < world.ray((0, 0, 0.06), (-1, 0, 0)) < 1.0  # the robot
         # A robot without a lidar looks along x of its root link, and not at itself.
         assert world.robot.distance_ahead() == pytest.approx(3.5, abs=1e-3)
-        for wrong in ((0, 0, 0), (0, math.nan, 0), (math.inf, 0, 0)):
-            with pytest.raises(ValueError, match="three finite numbers"):
-                world.ray((0, 0, 1), wrong)
 
 
 def test_boxes():
@@ -127,8 +124,6 @@ def test_boxes():
         pushed = world.boxes["crate"]
         assert (pushed.x, pushed.y, pushed.z) == pytest.approx((2.68, 0.0, 0.1), abs=5e-3)
         assert (pushed.roll, pushed.pitch) == pytest.approx((0.0, 0.0), abs=1e-3)
-        with pytest.raises(OneBotError, match='no box "crates" can move .did you mean "crate"'):
-            world.boxes["crates"]
         world.reset()
         assert world.boxes["crate"] == crate
     with Simulation() as bare:
@@ -146,15 +141,9 @@ def test_until_something_is_true():
         robot.drive(0.0)
         with pytest.raises(TimeoutError, match=r"in 1.5 s of simulated time.*at x 0\.\d+ m"):
             world.run(until=lambda: robot.pose.x > 9.0, timeout=1.5)
-        for wrong in (-1.0, math.nan, math.inf):
-            with pytest.raises(ValueError, match="duration"):
-                world.run(wrong)
-        for arguments in ({}, {"seconds": 1.0, "until": lambda: True}):
-            with pytest.raises(ValueError, match="until"):
-                world.run(**arguments)
 
 
-def test_several_robots(tmp_path: Path):
+def test_several_robots():
     """Each is driven for itself, sees the others, and has noise of its own."""
     robots = {
         "one": RobotSetup(),
@@ -174,13 +163,6 @@ def test_several_robots(tmp_path: Path):
     setups = {"one": RobotSetup(model=ONEBOT), "two": RobotSetup(x=2.0, model=DIFF_DRIVE)}
     with Simulation(robots=setups, sensors=True) as world:
         assert len(world.robots["one"].scan().ranges) > 100
-    including = tmp_path / "mine.xacro"
-    including.write_text(
-        '<robot name="mine" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        '<xacro:include filename="$(find onebot_description)/urdf/onebot.urdf.xacro"/></robot>'
-    )
-    with Simulation(including, sensors=True) as world:
-        assert len(world.robot.scan().ranges) > 100
     with pytest.raises(OneBotError, match="would stand in the same place"):
         Simulation(robots={"one": RobotSetup(), "two": RobotSetup(x=0.1)})
     with pytest.raises(OneBotError, match="give each RobotSetup its own"):

@@ -47,18 +47,6 @@ def test_two_threads_do_not_mix_up_each_others_stdout(capfd):
     assert capfd.readouterr().out == "heard\n"
 
 
-def test_catches_only_the_descriptors_asked_for(capfd):
-    with captured() as lines:
-        os.write(1, b"one\n")
-        os.write(2, b"two\n")
-    assert lines == ["one"]
-    with captured(2) as lines:
-        os.write(1, b"three\n")
-        os.write(2, b"four\n")
-    assert lines == ["four"]
-    assert tuple(capfd.readouterr()) == ("three\n", "two\n")
-
-
 def test_import_is_silent_even_with_stdout_closed():
     """PyBullet announces itself on import; a daemon may have no stdout at all."""
     code = "import onebot_control.physics.spawning"

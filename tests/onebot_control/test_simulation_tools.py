@@ -31,11 +31,6 @@ def test_steps_and_functions_that_are_called_after_each():
         end()
         simulation.step(2)
         assert len(times) == 6
-        for wrong in (-1, 1.5, "1", None):
-            with pytest.raises(ValueError, match="control cycles"):
-                simulation.step(wrong)  # type: ignore[arg-type]
-        with pytest.raises(ValueError, match="function"):
-            simulation.on_step(3)  # type: ignore[arg-type]
 
         def fail() -> None:
             raise RuntimeError("mine")
@@ -69,9 +64,6 @@ def test_a_log_is_arrays_of_poses_and_joints():
         simulation.record(seconds=0.5, rate=20.0)
         simulation.run(3.0)
         assert simulation.log["time"] == pytest.approx(np.arange(2.55, 3.01, 0.05))
-        for arguments in ({"seconds": -1.0}, {"seconds": math.nan}, {"rate": 0.0}):
-            with pytest.raises(ValueError, match=r"duration|above 0"):
-                simulation.record(**arguments)
     robots = {"a": RobotSetup(model=DIFF_DRIVE), "b": RobotSetup(y=1.0, model=DIFF_DRIVE)}
     with Simulation(robots=robots) as simulation:
         simulation.record()
@@ -116,11 +108,6 @@ def test_a_push_accelerates_by_its_force():
         robot.teleport(0.0, 0.0)  # ends it
         simulation.run(0.1)
         assert abs(robot.pose.y) < 1e-4
-        for force, seconds in (((0, 0), 1.0), ((0, 0, math.nan), 1.0), ((1, 0, 0), -1.0)):
-            with pytest.raises(ValueError, match="finite"):
-                robot.push(force, seconds)
-        with pytest.raises(OneBotError, match='no link "left_weel".*left_wheel'):
-            robot.push((1.0, 0.0, 0.0), 1.0, link="left_weel")
 
 
 def test_a_push_on_an_arm_loads_its_motor():
@@ -235,16 +222,6 @@ def test_a_map_of_the_ground_truth():
         simulation.run(until=lambda: simulation.boxes["box"].x > 0.6, timeout=20.0)
         moved = simulation.occupancy_grid(0.1, bounds=(-1.0, -1.0, 2.0, 1.0))
         assert moved.data[10, 16] == 100 and moved.data[10, 14] == 0
-        for arguments in (
-            {"resolution": 0.0},
-            {"height": -1.0},
-            {"bounds": (0.0, 0.0, 0.0, 1.0)},
-            {"bounds": (0.0, 0.0, math.inf, 1.0)},
-        ):
-            with pytest.raises(ValueError, match=r"above 0|bounds"):
-                simulation.occupancy_grid(**arguments)
-        with pytest.raises(OneBotError, match="bounds="):
-            simulation.occupancy_grid(height=9.0)
         with pytest.raises(OneBotError, match="larger resolution"):
             simulation.occupancy_grid(1e-6)
     with Simulation(DIFF_DRIVE) as bare:
@@ -268,8 +245,3 @@ def test_pictures_from_anywhere():
         above = is_red(simulation.picture((0, 0, 6), (0, 0, 0), width=200, height=200))
         rows, columns = np.nonzero(above)
         assert rows.mean() < 60 and abs(columns.mean() - 100) < 2
-        for wrong in ((0, 0, math.nan), (1.0, 1.0, 1.0), (1.0, 2.0)):
-            with pytest.raises(ValueError, match="finite|same point"):
-                simulation.picture(wrong, (1.0, 1.0, 1.0))
-        with pytest.raises(ValueError, match="pixels"):
-            simulation.picture((0, 0, 1), (1, 0, 0), width=0)

@@ -43,13 +43,6 @@ def test_any_control_rate_has_whole_steps(cycles):
     assert 200.0 <= fitted.rate * (1.0 + 1e-8) and fitted.rate <= 1000.0 * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("duration", "steps"), [(0.005, 1), (0.01, 2), (1.0, 200), (0.01 + 1e-9, 2), (0.1 * 3, 60)]
-)
-def test_steps_of_a_duration(duration, steps):
-    assert PhysicsSettings().steps(duration) == steps
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_places_up_to_the_farthest(sign):
     assert checked_place(sign * 1e4, 0, 99) == (sign * 1e4, 0.0, 99.0)
