@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from onebot_description.ros import run_node
+from onebot_control.nodes import spinning
 from onebot_description.ros.discovery import configure_discovery
 from tests.support import PATIENCE, RunningProcess, wait_for
 
@@ -63,7 +63,7 @@ class Peer:
 
     def _spin(self) -> None:
         try:
-            run_node.spin_until(self._ended, self._executor)
+            spinning.spin_until(self._ended, self._executor)
         except ExternalShutdownException:
             pass
 

@@ -35,11 +35,7 @@ class NodeThread:
 
     def _run(self) -> None:
         try:
-            # spin_until_future_complete would add a callback to the future with each message, and
-            # never remove any.
-            self._ended.add_done_callback(lambda _: self._executor.create_task(lambda: None))
-            while not self._ended.done():
-                self._executor.spin_once()
+            spin_until(self._ended, self._executor)
         except ExternalShutdownException:
             pass
         except BaseException as error:
@@ -47,3 +43,12 @@ class NodeThread:
         self._executor.shutdown()
         for node in self._nodes:
             node.destroy_node()
+
+
+def spin_until(stop: Future, executor: SingleThreadedExecutor) -> None:
+    """Spin until any thread completes ``stop``."""
+    # spin_until_future_complete would add a callback to the future with each message, and never
+    # remove any.
+    stop.add_done_callback(lambda _: executor.create_task(lambda: None))
+    while not stop.done():
+        executor.spin_once()
