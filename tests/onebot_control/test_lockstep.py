@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 import rclpy
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -30,11 +30,11 @@ pytestmark = pytest.mark.usefixtures("ros_domain")
 class Stopper(Node):
     """Drives ahead, and stops half a meter before what it sees."""
 
-    def __init__(self, command: type = Twist) -> None:
+    def __init__(self) -> None:
         super().__init__("stopper")
         self.scans: list[LaserScan] = []
         self.speed = -1.0
-        self.commands = self.create_publisher(command, COMMANDS, 10)
+        self.commands = self.create_publisher(Twist, COMMANDS, 10)
         self.create_subscription(LaserScan, "scan", self.on_scan, qos_profile_sensor_data)
 
     def on_scan(self, scan: LaserScan) -> None:
@@ -43,12 +43,9 @@ class Stopper(Node):
 
     def command(self, room: float) -> None:
         self.speed = min(0.5, 0.8 * room) if room > 0.1 else 0.0
-        message = self.commands.msg_type()
-        twist = message.twist if isinstance(message, TwistStamped) else message
-        twist.linear.x = self.speed
-        if isinstance(message, TwistStamped):
-            message.header.stamp = self.get_clock().now().to_msg()
-        self.commands.publish(message)
+        command = Twist()
+        command.linear.x = self.speed
+        self.commands.publish(command)
 
 
 class TimedStopper(Stopper):
@@ -78,11 +75,7 @@ def stopped(make: Callable[[], Stopper]) -> tuple[Any, ...]:
         return simulation.time, robot.pose, robot.odometry, seen
 
 
-@pytest.mark.parametrize(
-    "make",
-    [lambda: Stopper(TwistStamped), TimedStopper],
-    ids=["by scans", "by a timer"],
-)
+@pytest.mark.parametrize("make", [Stopper, TimedStopper], ids=["by scans", "by a timer"])
 def test_a_node_stops_at_the_same_place_each_time(make: Callable[[], Stopper]) -> None:
     assert stopped(make) == stopped(make)
 
