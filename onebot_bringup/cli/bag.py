@@ -207,11 +207,21 @@ class _Player:
             await_acknowledgements(publisher)
 
     def _advertise(self) -> None:
+        """Create the publishers, except those whose name or type ROS rejects."""
         from rosgraph_msgs.msg import Clock
 
+        from onebot_bringup.introspection.interfaces import message_class
+        from onebot_description.ros.topic_subscription import RCLError
+
         for topic in self._chosen():
-            if (publisher := self._publisher(topic)) is not None:
-                self._publishers[topic] = publisher
+            try:
+                self._session.full_name(topic)
+                kind = message_class(self._bag.topics[topic])
+                qos = played_qos(self._bag.offered[topic])
+                self._publishers[topic] = self._session.node.create_publisher(kind, topic, qos)
+            except (OneBotError, RCLError) as error:
+                reason = str(error).partition("\n")[0]
+                warn(f"{topic} is not played: {reason}")
         if not self._publishers:
             raise OneBotError(f"{self._bag.source} has nothing to play")
         if self._begin > self._bag.end_ns:
@@ -227,21 +237,6 @@ class _Player:
                 raise OneBotError(f"{self._bag.source} has no topic {name}{hint}")
         excluded_topics = {*args.exclude_topics, *([] if args.clock is None else [_CLOCK])}
         return [topic for topic in args.topics or topics if topic not in excluded_topics]
-
-    def _publisher(self, topic: str) -> Any:
-        """Return a topic's publisher; None, with a warning, if ROS rejects the name or the type."""
-        from onebot_bringup.introspection.interfaces import message_class
-        from onebot_description.ros.topic_subscription import RCLError
-
-        try:
-            self._session.full_name(topic)
-            kind = message_class(self._bag.topics[topic])
-            qos = played_qos(self._bag.offered[topic])
-            return self._session.node.create_publisher(kind, topic, qos)
-        except (OneBotError, RCLError) as error:
-            reason = str(error).partition("\n")[0]
-            warn(f"{topic} is not played: {reason}")
-            return None
 
     def _play(self) -> None:
         latched = {topic for topic in self._publishers if _are_latched(self._bag.offered[topic])}

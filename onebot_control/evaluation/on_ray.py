@@ -89,8 +89,9 @@ def _common_facts(packed: bytes) -> dict[str, str]:
         processors.add(others[PROCESSOR])
         for package in facts.keys() - {PROCESSOR}:
             if others.get(package) != facts[package]:
-                text = f"has {package} {others.get(package)}, but this computer {facts[package]}"
-                raise OneBotError(f"{name} {text}; install the same version")
+                other = f"{package} {others[package]}" if package in others else f"no {package}"
+                text = f"{name} has {other}, but this computer {facts[package]}"
+                raise OneBotError(f"{text}; install the same version")
     return {**facts, PROCESSOR: " and ".join(sorted(processors))}
 
 

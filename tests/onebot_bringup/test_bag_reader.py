@@ -9,16 +9,16 @@ import pytest
 import zstandard
 from mcap.writer import IndexType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.typesys import Stores
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
-from tests.onebot_bringup.bag_support import cdr, write_words
+from tests.onebot_bringup.bag_support import STRING, cdr, write_words
+from tests.onebot_bringup.other_robots import OtherRobot
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
 CONTROL = f"""\
 builtin_interfaces/Time stamp
 float32 steering_angle
@@ -34,23 +34,9 @@ WORDS = [cdr(f"word {index}") for index in range(20)]
 
 def foreign(folder, plugin, mode=CompressionMode.NONE, words=WORDS):
     """A recording written by rosbags."""
-    writer = Writer(folder, version=9, storage_plugin=plugin)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        one = writer.add_connection("/words", "std_msgs/msg/String", typestore=TYPES)
+    with OtherRobot(folder, Stores.ROS2_JAZZY, plugin, mode) as robot:
         for index, word in enumerate(words):
-            writer.write(one, 1000 + index, word)
-
-
-def write_foreign_types(folder, plugin):
-    """A recording of types that are not installed, by their definitions and without."""
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
-        for topic, kind, text in (
-            ("/control", "autoware_msgs/msg/Control", CONTROL),
-            ("/in_idl", "other_msgs/msg/InIdl", f"{'=' * 80}\nIDL: other_msgs/msg/InIdl\n"),
-        ):
-            one = writer.add_connection(topic, kind, msgdef=text, rihs01="RIHS01_" + "0" * 64)
-            writer.write(one, 1000, b"\0\1\0\0" + bytes(12))
+            robot.write("/words", word, index / 1000, kind=STRING)
 
 
 def change(folder, *statements):
@@ -108,7 +94,12 @@ def test_damaged_compression(tmp_path):
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_definitions(tmp_path, plugin):
     """Those in the file come first, of types that are not installed too; then the installed."""
-    write_foreign_types(tmp_path / "bag", plugin)
+    with OtherRobot(tmp_path / "bag", Stores.ROS2_JAZZY, plugin) as robot:
+        for kind, text in (
+            ("autoware_msgs/msg/Control", CONTROL),
+            ("other_msgs/msg/InIdl", f"{'=' * 80}\nIDL: other_msgs/msg/InIdl\n"),
+        ):
+            robot.write(f"/{kind[:5]}", cdr(""), kind=kind, definition=text)
     bag = Bag(tmp_path / "bag")
     text, *nested = bag.definition("autoware_msgs/msg/Control").split("=" * 80 + "\n")
     assert text == "builtin_interfaces/Time stamp\nfloat32 steering_angle\n"

@@ -7,8 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
@@ -17,13 +16,11 @@ from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.bag import played_qos
 from onebot_description.ros.topic_qos import is_reliable, is_transient_local
 from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
-from tests.onebot_bringup.bag_support import cdr, write_words
+from tests.onebot_bringup.bag_support import write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
+from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
 from tests.ros_support import LATCHED, Peer
 from tests.support import PATIENCE, wait_for
-
-SECOND = 1_000_000_000
-START = 1_700_000_000 * SECOND
 
 
 def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,18 +42,13 @@ def test_info(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def recording(folder: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+def recording(folder: Path) -> Path:
     """Ten words in 1.8 s, the first of them latched on a topic of its own, and an odd type."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
-        once, words, odd = (
-            writer.add_connection(name, "std_msgs/msg/String", typestore=types)
-            for name in ("/once", "/words", "/odd")
-        )
-        writer.write(once, START, cdr("once"))
-        writer.write(odd, START, cdr("odd"))
+    with OtherRobot(folder, Stores.ROS2_JAZZY) as robot:
+        robot.write("/once", String(data="once"))
+        robot.write("/odd", String(data="odd"))
         for index in range(10):
-            writer.write(words, START + index * SECOND // 5, cdr(f"word {index}"))
+            robot.write("/words", String(data=f"word {index}"), index / 5)
     with closing(sqlite3.connect(next(folder.glob("*.db3")))) as database, database:
         latched = "- {history: 3, depth: 0, reliability: 1, durability: 1}\n"  # numbers, as before
         database.execute(

@@ -76,24 +76,17 @@ def drive(case: Case) -> dict[str, Any]:
 kept: Simulation | None = None
 
 
-def test_a_table_has_a_row_for_each_case() -> None:
-    """In their order, with what went wrong; what killed a worker once is a row like any other."""
-    table = evaluate(simple, [Case(seed=seed) for seed in range(7)], workers=2)
-    assert table.column_names == ["seed", "reached", "half", "ranges", "error"]
-    assert table["seed"].to_pylist() == [*range(7)]
-    assert table["half"].to_pylist() == [seed / 2 for seed in range(7)]
-    assert table["ranges"].type == pa.list_(pa.float64())
-    assert table["error"].null_count == 7 and table["error"].type == pa.string()
-    assert fact_of(table, "factors") == ["seed"] and fact_of(table, "numpy") == np.__version__
-    assert fact_of(table, "processor")
-
-
 def test_nothing_that_goes_wrong_ends_a_study(tmp_path: Path) -> None:
+    """A row for each case, in order; what killed a worker once is a row like any other."""
     cases = [{"seed": 1, "kind": kind, "file": tmp_path / "died"} for kind in ("", *ENDS, "")]
     table = evaluate(simple, cases, workers=2, timeout=2.0)
     errors = [None, *(error for _, error in ENDS.values()), None]
     assert table["error"].to_pylist() == errors
     assert table["reached"].to_pylist() == [None if error else True for error in errors]
+    assert table.column_names == ["seed", "kind", "file", "reached", "half", "ranges", "error"]
+    assert table["ranges"].type == pa.list_(pa.float64())
+    assert fact_of(table, "factors") == ["kind"] and fact_of(table, "numpy") == np.__version__
+    assert fact_of(table, "processor")
     assert table["file"].to_pylist() == [str(tmp_path / "died")] * len(errors)
     text = summary(table)
     assert "11 episodes, 8 with an error" in text and "reached: 3 of 11, 27.3 %" in text
