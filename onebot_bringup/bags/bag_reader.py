@@ -132,9 +132,18 @@ class Bag(Contents):
         return target
 
     def _find(self) -> list[Path]:
+        """Return the files with the messages, in order."""
         source = self.source
         if source.is_dir():
-            return self._in_folder()
+            # By rosbag2's numbers in their names, which is all that metadata.yaml would add; it is
+            # missing if ros2 bag was killed.
+            storages = filter(_is_storage, source.iterdir())
+            paths = sorted(storages, key=lambda path: natural_order(path.name))
+            # ros2 bag leaves a file that it has decompressed beside the compressed one.
+            files = {path.name.removesuffix(_COMPRESSED): path for path in paths}
+            if not files:
+                raise OneBotError(f"{source} is not a recording: it has no .mcap or .db3 file")
+            return list(files.values())
         if not source.exists():
             raise OneBotError(f"there is no recording {source}")
         if source.suffix == _ROS1:
@@ -148,18 +157,6 @@ class Bag(Contents):
                 ".rrd, or a folder that ros2 bag has made"
             )
         return [source]
-
-    def _in_folder(self) -> list[Path]:
-        """Return the files in the order of the numbers that rosbag2 puts into their names.
-
-        Their order is all that metadata.yaml would add; it is missing if ros2 bag was killed.
-        """
-        paths = sorted(self.source.iterdir(), key=lambda path: natural_order(path.name))
-        # ros2 bag leaves a file that it has decompressed beside the compressed one.
-        files = {path.name.removesuffix(_COMPRESSED): path for path in paths if _is_storage(path)}
-        if not files:
-            raise OneBotError(f"{self.source} is not a recording: it has no .mcap or .db3 file")
-        return list(files.values())
 
 
 def _is_storage(path: Path) -> bool:

@@ -22,7 +22,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Iterable, Set
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,24 +104,6 @@ def _pattern(name: str, text: str) -> re.Pattern[str] | None:
         raise OneBotError(f"{name}:={text} is not a regular expression: {error}") from None
 
 
-@dataclass(frozen=True)
-class Selection:
-    """The topics to record; without names and pattern, all except hidden ones and ROS's own."""
-
-    names: Set[str] = frozenset()  # full names
-    pattern: re.Pattern[str] | None = None  # selects further topics
-    excluded: re.Pattern[str] | None = None  # always excludes topics
-
-    def has(self, topic: str) -> bool:
-        if self.excluded is not None and self.excluded.search(topic):
-            return False
-        if self.pattern is not None and self.pattern.search(topic):
-            return True
-        if self.names or self.pattern is not None:
-            return topic in self.names
-        return not is_hidden(topic) and topic not in _LEFT_OUT
-
-
 class BagRecorder(Node):
     """The node; see the module's docstring.
 
@@ -134,11 +116,9 @@ class BagRecorder(Node):
         self._bag: BagWriter | None = None
         parameters = read(RecorderParameters, declare(self, RecorderParameters))
         refuse_undeclared(self, RecorderParameters)
-        self._selection = Selection(
-            {self.resolve_topic_name(name) for name in parameters.topics},
-            _pattern("regex", parameters.regex),
-            _pattern("exclude_regex", parameters.exclude_regex),
-        )
+        self._names = {self.resolve_topic_name(name) for name in parameters.topics}
+        self._pattern = _pattern("regex", parameters.regex)
+        self._excluded = _pattern("exclude_regex", parameters.exclude_regex)
         self._simulated = bool(self.get_parameter("use_sim_time").value)
         self._recorded: dict[str, _Recorded] = {}
         self._warn = Throttled(self.get_logger().warning)
@@ -184,13 +164,21 @@ class BagRecorder(Node):
         if not self._recorded:
             self._subscribe_to_known()
         for topic, _ in self.get_topic_names_and_types():
-            if self._selection.has(topic):
+            if self._is_wanted(topic):
                 self._update(topic)
+
+    def _is_wanted(self, topic: str) -> bool:
+        """Names and pattern add up; without any, all but hidden topics and ROS's own are wanted."""
+        if self._excluded and self._excluded.search(topic):
+            return False
+        if self._names or self._pattern:
+            return topic in self._names or bool(self._pattern and self._pattern.search(topic))
+        return not is_hidden(topic) and topic not in _LEFT_OUT
 
     def _subscribe_to_known(self) -> None:
         for name, (kind, latched) in _KNOWN.items():
             topic = self.resolve_topic_name(name)
-            if self._selection.has(topic):
+            if self._is_wanted(topic):
                 self._record(topic, kind, make_qos(_DEPTH, reliable=True, latched=latched))
 
     def _update(self, topic: str) -> None:

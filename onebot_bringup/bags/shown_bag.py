@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from onebot_bringup.bags.bag_reader import Bag
 from onebot_bringup.viewer.core.inbox import DESCRIPTION
@@ -36,8 +36,7 @@ _REPORT_EVERY = 2.0  # s
 Log = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Shown:
+class Shown(NamedTuple):
     """Summary of what was shown of a recording."""
 
     robot: str  # name of the first robot; "" if the recording has no description
