@@ -21,6 +21,16 @@ T = TypeVar("T")
 Check = Callable[[], object]
 
 
+# What a browser gives of a gamepad, whose hardware no test has.
+GAMEPAD = """
+window.pad = { axes: [0, 0, 0, 0], mapping: "standard", there: true, stop: false };
+navigator.getGamepads = () => pad.there ? [{
+  index: 0, connected: true, mapping: pad.mapping, timestamp: performance.now(), axes: pad.axes,
+  buttons: [{ pressed: false }, { pressed: pad.stop }],
+}] : [null];
+"""
+
+
 class Page:
     """The page in a tab of ``driver``."""
 
@@ -194,6 +204,16 @@ class Page:
         """Press ("keyDown") or lift ("keyUp") a key, by its code; returns before it has acted."""
         key = " " if code == "Space" else code.removeprefix("Key").lower()
         self.devtools("Input.dispatchKeyEvent", type=kind, code=code, key=key)
+
+    def stick(self, *axes: float, **changes: object) -> None:
+        """Move the sticks of ``GAMEPAD``, the others to their middle; change what else it has."""
+        change = {"axes": [*axes, *[0] * (4 - len(axes))], **changes}
+        self.driver.execute_script("Object.assign(window.pad, arguments[0])", change)
+        self.wait_for_states(3)  # it is read every 50 ms
+
+    def drive_by_stick(self, axes: Sequence[float], reached: Check) -> None:
+        """Drive with a gamepad's sticks, until ``reached``."""
+        self.drive_until(lambda: self.stick(*axes), self.stick, reached, f"{axes} to drive")
 
     def touch(self, fingers: dict[int, tuple[str, float]]) -> None:
         """Have these fingers on the screen and no others.

@@ -11,9 +11,12 @@ from onebot_bringup.cli.options import Parser, positional
 from onebot_bringup.cli.run import EXECUTABLES
 from onebot_bringup.cli.running_controllers import running_controllers
 from onebot_bringup.cli.session import Session
+from onebot_bringup.cli.tf import received_frames
+from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.launch.completion import choose, complete_command, files
 from onebot_bringup.launch.nodes import BRINGUPS
 from onebot_description.errors import OneBotError
+from onebot_description.ros.wire.interface_text import installed_interfaces
 
 _SHELLS = ("bash", "zsh", "fish")
 
@@ -80,6 +83,7 @@ def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callabl
 
     def completer(*, parsed_args: Namespace, **_: object) -> list[str]:
         with suppress(OneBotError), Session() as session:
+            session.discover()
             return list(names(session, parsed_args))
         return []
 
@@ -87,34 +91,19 @@ def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callabl
 
 
 def _types(parser: argparse.ArgumentParser, **_: object) -> list[str]:
-    from onebot_description.ros.wire.interface_text import installed_interfaces
-
     return list(installed_interfaces("srv" if parser.prog.startswith("onebot service") else "msg"))
 
 
-def _discover(session: Session) -> Session:
-    session.discover()
-    return session
-
-
 def _parameters(session: Session, given: Namespace) -> list[str]:
-    from onebot_bringup.introspection.parameter_client import ParameterClient
-
     return ParameterClient(session, session.find_node(given.node)).names()
-
-
-def _frames(session: Session, _: Namespace) -> Iterable[str]:
-    from onebot_bringup.cli.tf import received_frames
-
-    return received_frames(session)
 
 
 # Completers by the metavar of an argument.
 _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
-    "TOPIC": _discovered(lambda session, _: [name for name, _ in _discover(session).topics()]),
-    "NODE": _discovered(lambda session, _: _discover(session).nodes()),
-    "SERVICE": _discovered(lambda session, _: [name for name, _ in _discover(session).services()]),
+    "TOPIC": _discovered(lambda session, _: dict(session.topics())),
+    "NODE": _discovered(lambda session, _: session.nodes()),
+    "SERVICE": _discovered(lambda session, _: dict(session.services())),
     "PARAMETER": _discovered(_parameters),
     "TYPE": _types,
-    **dict.fromkeys(("A", "B"), _discovered(_frames)),
+    **dict.fromkeys(("A", "B"), _discovered(lambda session, _: received_frames(session))),
 }

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from onebot_bringup.cli.options import Subcommand, flag
-from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.cli.session import Session, in_session
 from onebot_description.errors import OneBotError, alike, did_you_mean
 
 
@@ -55,7 +55,6 @@ class Named:
             in_session(self.print_names),
             flag("-t --show-types", "show the types too"),
             flag(f"-a --all --include-hidden-{word}s", f"hidden {word}s too", dest="hidden"),
-            SPIN_TIME,
         )
 
 

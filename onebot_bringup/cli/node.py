@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 
 from onebot_bringup.cli.options import Subcommand, flag, positional
-from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.cli.session import Session, in_session
 from onebot_bringup.introspection.interfaces import is_hidden
 
 
@@ -59,13 +59,11 @@ COMMANDS = {
         "list the nodes",
         nodes,
         flag("-a --all", "hidden nodes too"),
-        SPIN_TIME,
     ),
     "info": Subcommand(
         "show a node's topics and services",
         info,
         positional("NODE", "such as /robot_state_publisher"),
         flag("--include-hidden", "hidden ones too"),
-        SPIN_TIME,
     ),
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, flag, positional
-from onebot_bringup.cli.session import SPIN_TIME, Session, in_session
+from onebot_bringup.cli.session import Session, in_session
 from onebot_bringup.introspection import parameter_values
 from onebot_bringup.introspection.parameter_client import ParameterClient
 from onebot_bringup.introspection.parameter_values import NOT_SET
@@ -46,7 +46,7 @@ def _nodes_to_list(session: Session, args: Namespace) -> list[str]:
         return [session.find_node(args.node)]
     session.discover()
     services = {name for name, _ in session.services(hidden=True)}
-    nodes = sorted(set(session.nodes(args.include_hidden_nodes)))
+    nodes = sorted(set(session.nodes()))
     return [node for node in nodes if f"{node}/list_parameters" in services]
 
 
@@ -116,8 +116,6 @@ COMMANDS = {
         "list the parameters of a node, or of all",
         list_parameters,
         positional("NODE", f"{_EXAMPLE} (all nodes)", nargs="?"),
-        flag("--include-hidden-nodes", "hidden nodes too"),
-        SPIN_TIME,
     ),
     "get": Subcommand(
         "show a parameter", get, _NODE, _PARAMETER, flag("--hide-type", "print the value only")

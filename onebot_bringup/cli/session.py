@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from onebot_bringup.cli.options import not_negative, option
 from onebot_bringup.introspection.interfaces import is_hidden
 from onebot_description.elements.packages import use_environment_prefix
 from onebot_description.errors import OneBotError, did_you_mean
@@ -27,7 +26,6 @@ from onebot_description.ros.names import absolute, node_name
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _QUIET = 0.5  # s without changes (over two announcements) after which discovery is complete
-_MIN_DISCOVERY = 0.5  # s
 _MAX_DISCOVERY = 2.0  # s
 _LOOKUP = 3.5  # s to discover a name, since participants announce themselves every 3 s
 PATIENCE = 1.0  # s after which a waiting command prints what it waits for
@@ -40,12 +38,9 @@ class Session:
     Ctrl-C, SIGTERM and a terminal that is closed raise KeyboardInterrupt within the context.
     """
 
-    def __init__(
-        self, ros_args: Sequence[str] = (), name: str | None = None, spin_time: float | None = None
-    ) -> None:
+    def __init__(self, ros_args: Sequence[str] = (), name: str | None = None) -> None:
         self._ros_args = list(ros_args)  # begins with --ros-args, unless empty
         self._name = name or f"_onebot_{os.getpid()}"  # a hidden node's name
-        self._spin_time = spin_time  # s for discovery; None: until the graph is stable
 
     def __enter__(self) -> "Session":
         use_local_discovery()
@@ -78,7 +73,6 @@ class Session:
             raise OneBotError(f"ROS does not start: {first_line(error)}") from None
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        self._began = time.monotonic()
 
     def __exit__(self, *raised: Any) -> bool | None:
         import rclpy
@@ -112,22 +106,16 @@ class Session:
         self.spin_until(time.monotonic() + seconds)
 
     def discover(self) -> None:
-        """Wait until discovery is complete: for ``spin_time``, or until nothing changes."""
-        if self._spin_time is not None:
-            self.spin_until(self._began + self._spin_time)
-            return
+        """Wait until discovery is complete: until nothing changes."""
         if not self.look_for(self._sees_other_nodes, "other nodes"):
             return
         graph, started = self._graph(), time.monotonic()
-        changed = started
-        while True:
+        now = changed = started
+        while now - changed < _QUIET and now - started < _MAX_DISCOVERY:
             self.spin_for(_POLL)
             now, graph_now = time.monotonic(), self._graph()
             if graph_now != graph:
                 graph, changed = graph_now, now
-            is_quiet = now - self._began > _MIN_DISCOVERY and now - changed > _QUIET
-            if is_quiet or now - started > _MAX_DISCOVERY:
-                return
 
     def _sees_other_nodes(self) -> bool:
         return len(self.node.get_node_names()) > 1
@@ -246,14 +234,6 @@ def await_acknowledgements(publisher: Any, seconds: float = 1.0) -> None:
         publisher.wait_for_all_acked(Duration(seconds=seconds))
 
 
-SPIN_TIME = option(
-    "--spin-time",
-    "SECONDS",
-    "time for discovery (default: until nothing new is discovered, at most 2 s)",
-    not_negative,
-)
-
-
 def in_session(
     body: Callable[[Session, argparse.Namespace], int | None],
 ) -> Callable[[argparse.Namespace], int | None]:
@@ -261,7 +241,7 @@ def in_session(
 
     @functools.wraps(body)
     def run(args: argparse.Namespace) -> int | None:
-        with Session(args.ros_args, spin_time=getattr(args, "spin_time", None)) as session:
+        with Session(args.ros_args) as session:
             return body(session, args)
 
     return run

@@ -154,23 +154,15 @@ def _finds_viewer(session: Session) -> bool:
     """Whether the robot has a viewer; prints a notice if not."""
     from std_msgs.msg import String
 
+    from onebot_bringup.steering.view_proxy import View
     from onebot_description.ros.topic_qos import LATCHED
 
     pages: list[String] = []
     session.node.create_subscription(String, "rerun_viewer/page", pages.append, LATCHED)
     is_there = session.look_for(
-        lambda: any(page_answers(page.data) for page in pages),
+        lambda: any(View.parse(page.data) for page in pages),
         "the robot's view, a rerun_viewer with a page",
     )
     if not is_there:
         print("no viewer found: starting one")
     return bool(is_there)
-
-
-def page_answers(address: str) -> bool:
-    """Whether the page still responds; the latched topic keeps its address even if not."""
-    from onebot_bringup.serving.ports import answers
-    from onebot_bringup.steering.view_proxy import View
-
-    view = View.parse(address)
-    return view is not None and answers(view.port)

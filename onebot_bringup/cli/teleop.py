@@ -13,33 +13,31 @@ import termios
 import tty
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from typing import Any
 
-from onebot_bringup.cli.options import Parser, flag, not_negative, option, positive
+from onebot_bringup.cli.options import Parser, not_negative, option, positive
 from onebot_bringup.cli.running_robots import chosen_commands
-from onebot_bringup.cli.session import Session, await_acknowledgements
+from onebot_bringup.cli.session import Session
+from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import OneBotError
 from onebot_description.timing.wake_detector import WAKE, boot_time
 
-# For each key: x (forward), y (left), z (up), turn to the left; each -1, 0 or 1. Reverse curves
-# turn as a car does with the same steering angle, as in teleop_twist_keyboard.
-_MOVES: dict[str, tuple[int, int, int, int]] = {
-    **dict.fromkeys(("i", "I", "up"), (1, 0, 0, 0)),
-    **dict.fromkeys((",", "<", "down"), (-1, 0, 0, 0)),
-    **dict.fromkeys(("j", "left"), (0, 0, 0, 1)),
-    **dict.fromkeys(("l", "right"), (0, 0, 0, -1)),
-    "u": (1, 0, 0, 1),
-    "o": (1, 0, 0, -1),
-    "m": (-1, 0, 0, -1),
-    ".": (-1, 0, 0, 1),
-    "U": (1, 1, 0, 0),
-    "O": (1, -1, 0, 0),
-    "J": (0, 1, 0, 0),
-    "L": (0, -1, 0, 0),
-    "M": (-1, 1, 0, 0),
-    ">": (-1, -1, 0, 0),
-    "t": (0, 0, 1, 0),
-    "b": (0, 0, -1, 0),
+# For each key: forward, left, turn to the left; each -1, 0 or 1. Reverse curves turn as a car does
+# with the same steering angle, as in teleop_twist_keyboard.
+_MOVES: dict[str, tuple[int, int, int]] = {
+    **dict.fromkeys(("i", "I", "up"), (1, 0, 0)),
+    **dict.fromkeys((",", "<", "down"), (-1, 0, 0)),
+    **dict.fromkeys(("j", "left"), (0, 0, 1)),
+    **dict.fromkeys(("l", "right"), (0, 0, -1)),
+    "u": (1, 0, 1),
+    "o": (1, 0, -1),
+    "m": (-1, 0, -1),
+    ".": (-1, 0, 1),
+    "U": (1, 1, 0),
+    "O": (1, -1, 0),
+    "J": (0, 1, 0),
+    "L": (0, -1, 0),
+    "M": (-1, 1, 0),
+    ">": (-1, -1, 0),
 }
 # For each key: factor on the speed, factor on the turning speed.
 _SPEEDS: dict[str, tuple[float, float]] = {
@@ -59,13 +57,14 @@ _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
 _ZEROS = 3  # zero commands published when a key is released, in case one gets lost
-_SUBSCRIBER_PERIOD = 1.0  # s between polls for subscribers
+_PERIOD = 0.05  # s between commands
+_SUBSCRIBER_PERIOD = 0.25  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
 _LONGEST_WAIT = 0.1  # s for a key, so that a longer gap shows that the process did not run
 _LOCKED = f"\t(locked: {_UNLOCK} unlocks)"
 
 HELP = """\
-Reading from the keyboard and publishing {kind} on {topic}
+Reading from the keyboard and publishing on {topic}
 ---------------------------
 Moving around, while a key is held:
    u    i    o
@@ -77,9 +76,6 @@ Sideways (for robots that can), with Shift:
    J    K    L
    M    <    >
 
-t : up (+z)
-b : down (-z)
-
 space : stop, and lock the robot for everybody
 r : unlock it (driving keys do not)
 anything else : stop
@@ -90,11 +86,6 @@ e/c : increase/decrease only angular speed by 10%
 
 CTRL-C or Esc to quit
 """
-
-
-Velocity = tuple[float, float, float, float]
-"""Forward, left and up, m/s, and counterclockwise, rad/s."""
-STILL: Velocity = (0.0, 0.0, 0.0, 0.0)
 
 
 class KeyDriver:
@@ -143,9 +134,9 @@ class KeyDriver:
     def velocity(self, now: float) -> Velocity:
         """Return the velocity at ``now``: zero when no key is held."""
         if not self.moving(now):
-            return STILL
-        x, y, z, turn = _MOVES[self._key or ""]
-        return x * self.speed, y * self.speed, z * self.speed, turn * self.turn
+            return Velocity()
+        ahead, left, turn = _MOVES[self._key or ""]
+        return Velocity(ahead * self.speed, turn * self.turn, left * self.speed)
 
 
 @contextlib.contextmanager
@@ -218,11 +209,8 @@ _OPTIONS = (
         default="",
         nargs="?",
     ),
-    flag("--stamped", "publish TwistStamped instead of Twist"),
     option("--speed", "M/S", "initial speed (0.5 m/s)", positive, 0.5),
     option("--turn", "RAD/S", "initial turn rate (1 rad/s)", positive, 1.0),
-    option("--frame-id", "FRAME", "of TwistStamped", default=""),
-    option("--rate", "HZ", "messages per second (20)", positive, 20.0),
     option(
         "--hold",
         "S",
@@ -235,26 +223,22 @@ _OPTIONS = (
 
 class _Teleop:
     def __init__(self, session: Session, args: Namespace) -> None:
-        from geometry_msgs.msg import Twist, TwistStamped
-
-        from onebot_bringup.steering.command_topic import RobotLock
+        from onebot_bringup.steering.command_topic import CommandTopic
         from onebot_control.nodes.command_controllers import Controllers
 
-        self._session, self._args = session, args
-        self._kind = TwistStamped if args.stamped else Twist
-        self._topic = chosen_commands(session, args.robot)
-        self._publisher = session.node.create_publisher(self._kind, self._topic, 10)
+        self._session = session
+        topic = chosen_commands(session, args.robot)
+        self._commands = CommandTopic(session.node, topic, self._on_lock)
         self._driver = KeyDriver(args.speed, args.turn, args.hold)
-        self._lock = RobotLock(session.node, self._topic, self._on_lock)
         self._controllers = Controllers(session.node, lambda: None)
-        self._shown = ""
-        self._note, self._next_poll = "", boot_time() + _SUBSCRIBER_PERIOD
+        self._shown = self._note = ""
+        self._next_poll = 0.0
 
     def drive(self, fd: int) -> None:
         """Read keys from a terminal and publish, until a key quits."""
         signal.signal(signal.SIGCONT, lambda *_: WAKE.resumed())
         termios.tcflush(fd, termios.TCIFLUSH)  # drop what was typed before it could be read
-        print(HELP.format(kind=self._kind.__name__, topic=self._topic))
+        print(HELP.format(topic=self._commands.topic))
         zeros, due, began = 0, boot_time(), WAKE.check()
         while True:
             self._show()
@@ -274,18 +258,18 @@ class _Teleop:
                 zeros, due = _ZEROS, now  # publish the first one at once
             if now < due:
                 continue
-            due = max(due + 1.0 / self._args.rate, now)
+            due = max(due + _PERIOD, now)
             if moving or zeros > 0:
                 zeros -= not moving
-                self._publish(self._driver.velocity(now))
+                self._commands.publish(self._driver.velocity(now))
 
     def _press(self, key: str, now: float) -> None:
         self._driver.press(key, now)
         if key == _LOCK:
-            self._lock.set(True)
-            self._on_lock(self._lock.locked)
+            self._commands.lock(True)
+            self._on_lock(self._commands.locked)
         elif key == _UNLOCK:
-            self._lock.set(False)
+            self._commands.lock(False)
             self._driver.locked = False
 
     def _on_lock(self, locked: bool) -> None:
@@ -295,19 +279,10 @@ class _Teleop:
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
         for _ in range(_ZEROS):
-            self._publish(STILL)
-        await_acknowledgements(self._publisher, 0.5)
+            self._commands.publish(Velocity())
+        self._commands.flush()
         with contextlib.suppress(OSError):  # the terminal's window is closed
             print(flush=True)
-
-    def _publish(self, velocity: Velocity) -> None:
-        message: Any = self._kind()
-        twist = message.twist if self._args.stamped else message
-        if self._args.stamped:
-            message.header.stamp = self._session.node.get_clock().now().to_msg()
-            message.header.frame_id = self._args.frame_id
-        twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = velocity
-        self._publisher.publish(message)
 
     def _show(self) -> None:
         """Update the status line when the speeds or the subscribers changed."""
@@ -324,13 +299,10 @@ class _Teleop:
 
     def _subscriber_note(self) -> str:
         """Return what is known about the robot: its minimum turning radius, or that it is gone."""
-        from onebot_bringup.steering.command_topic import command_subscribers
-
-        if self._publisher.get_subscription_count():
-            ends = command_subscribers(self._session.node, self._topic)
-            self._controllers.update(end.node for end in ends if end.node)
-            radius = max((c.minimum_radius for c in self._controllers.known), default=0.0)
-            return f"\tminimum radius {radius:.3g} m" if radius else ""
-        types = self._session.subscribed_types(self._topic)
-        hint = f", but of {', '.join(types)}: see --stamped" if types else " yet"
-        return f"\t(no subscriber of {self._kind.__name__}{hint})"
+        commands = self._commands
+        commands.update(self._controllers.names)
+        self._controllers.update(end.node for end in commands.subscribers if end.node)
+        radius = max((c.minimum_radius for c in self._controllers.known), default=0.0)
+        if not commands.listeners:
+            return "\t(no subscriber yet)"
+        return f"\tminimum radius {radius:.3g} m" if radius else ""

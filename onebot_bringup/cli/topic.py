@@ -9,10 +9,10 @@ from functools import partial
 from threading import Event
 from typing import Any, NoReturn
 
-from onebot_bringup.cli import qos
 from onebot_bringup.cli.names import TOPICS
 from onebot_bringup.cli.options import (
     ALLOW_NON_FINITE,
+    Option,
     Subcommand,
     count,
     flag,
@@ -21,7 +21,7 @@ from onebot_bringup.cli.options import (
     positional,
     positive,
 )
-from onebot_bringup.cli.session import SPIN_TIME, Session, await_acknowledgements, in_session
+from onebot_bringup.cli.session import Session, await_acknowledgements, in_session
 from onebot_bringup.introspection.interfaces import message_class
 from onebot_bringup.introspection.rates import Bandwidth, Intervals
 from onebot_description.errors import OneBotError
@@ -33,6 +33,52 @@ _SETTLE = 0.1  # s to discover further publishers
 _KEEP_ALIVE = 0.1  # s before pub exits, for subscribers that acknowledge nothing
 
 _TOPIC = positional("TOPIC", "such as /joint_states")
+_POLICIES = {
+    "reliability": ("reliable", "best_effort"),
+    "durability": ("transient_local", "volatile"),
+}
+
+
+def _qos_options(default: str) -> tuple[Option, ...]:
+    """Return the options; ``default`` describes in the help which profile is used without them."""
+    presets = ("default", "sensor_data")
+    return (
+        option("--qos-profile", None, f"a preset to start from ({default})", choices=presets),
+        option("--qos-depth", "N", "queue size", natural),
+        *(option(f"--qos-{name}", None, None, choices=_POLICIES[name]) for name in _POLICIES),
+    )
+
+
+def _profile(args: Namespace, preset: str) -> Any:
+    """Return the profile that the options define, starting from a preset."""
+    from rclpy import qos
+
+    chosen = qos.QoSPresetProfiles.get_from_short_key(args.qos_profile or preset)
+    for name in _POLICIES:
+        if key := getattr(args, f"qos_{name}"):
+            policy = getattr(qos, f"{name.capitalize()}Policy")
+            setattr(chosen, name, policy.get_from_short_key(key))
+    if args.qos_depth is not None:
+        chosen.depth = args.qos_depth
+    return chosen
+
+
+def _matching(node: Any, topic: str, args: Namespace) -> Any:
+    """Return the strictest profile that is compatible with all publishers of a topic.
+
+    The options take precedence. Without publishers it is ``sensor_data``, compatible with any.
+    """
+    from onebot_description.ros.topic_qos import compatible_qos, is_transient_local
+
+    chosen = _profile(args, "sensor_data")
+    offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
+    is_given = any(value is not None for name, value in vars(args).items() if name[:4] == "qos_")
+    if is_given or not offered:
+        return chosen
+    suited = compatible_qos(offered, chosen.depth)
+    if is_transient_local(suited):  # receive everything that publishers of a latched topic keep
+        suited.depth = max(suited.depth, 100)
+    return suited
 
 
 def _await_class(
@@ -85,9 +131,9 @@ def echo(session: Session, args: Namespace) -> None:
 
     def on_message(message: Any) -> None:
         nonlocal printed
-        part = pick(message, args.field) if args.field else message
-        if args.once and printed or not _passes(part, args.filter):
+        if args.once and printed:
             return
+        part = pick(message, args.field) if args.field else message
         printed += 1
         if args.csv:
             print(message_to_csv(part, **options))
@@ -98,21 +144,12 @@ def echo(session: Session, args: Namespace) -> None:
             print(part, end="\n---\n")
 
     topic, kind = _await_class(session, args.topic, args.type, args.timeout)
-    profile = qos.matching(session.node, topic, args)
+    profile = _matching(session.node, topic, args)
     session.node.create_subscription(kind, topic, on_message, profile)
-    message = "message that passes --filter" if args.filter else "message"
-    notice = partial(_no_message, session, topic, message)
+    notice = partial(_no_message, session, topic)
     if not session.await_or_report(lambda: printed, notice, args.timeout, _NO_MESSAGE):
-        raise OneBotError(f"no {message} on {topic} within {args.timeout:g} s")
+        raise OneBotError(f"no message on {topic} within {args.timeout:g} s")
     session.spin(lambda: args.once)
-
-
-def _passes(message: Any, condition: str | None) -> bool:
-    """Whether the expression of ``--filter`` is true for a message, or a part of one."""
-    try:
-        return condition is None or bool(eval(condition, {"m": message}))
-    except Exception as error:  # whatever the user's expression raises
-        raise OneBotError(f"--filter: {type(error).__name__}: {error}") from None
 
 
 _ECHO = (
@@ -121,37 +158,26 @@ _ECHO = (
     flag("--once", "print one message and exit"),
     option("--timeout", "S", "give up after S seconds", positive),
     option("--field", "FIELD", "print only a part: pose.pose.position, position[0]"),
-    option(
-        "--filter",
-        "EXPR",
-        "print only messages for which this Python expression of m, the message (or its FIELD), "
-        "is true, such as 'm.linear.x > 0.1'",
-    ),
     flag("--csv", "print values separated by commas"),
     flag("--flow-style", "one line per message"),
     flag("-f --full-length", "print lists and strings in full"),
     option("-l --truncate-length", "N", "cut lists and strings after N items (128)", natural, 128),
     flag("--no-arr", "print no list's items"),
-    SPIN_TIME,
-    *qos.options("compatible with the publishers"),
+    *_qos_options("compatible with the publishers"),
 )
 
 
-def _no_message(session: Session, topic: str, message: str = "message") -> str:
+def _no_message(session: Session, topic: str) -> str:
     publishers = session.node.count_publishers(topic)
     question = "" if publishers else TOPICS.question(session, topic)
-    return f"note: no {message} on {topic} yet; {publishers} publisher(s){question}"
+    return f"note: no message on {topic} yet; {publishers} publisher(s){question}"
 
 
 @in_session
 def hz(session: Session, args: Namespace) -> NoReturn:
     """Print the rate of a topic each second."""
-    meter, clock = Intervals(args.window), session.node.get_clock()
-
-    def now() -> float:
-        return time.monotonic() if args.wall_time else float(clock.now().nanoseconds * 1e-9)
-
-    _measure(session, args, lambda _: meter.arrived(now()), meter.report)
+    meter = Intervals(args.window)
+    _measure(session, args, lambda _: meter.arrived(time.monotonic()), meter.report)
 
 
 @in_session
@@ -172,8 +198,7 @@ def _measurement(window: int) -> tuple[Any, ...]:
     return (
         _TOPIC,
         option("-w --window", "N", text, count, window),
-        SPIN_TIME,
-        *qos.options("compatible with the publishers"),
+        *_qos_options("compatible with the publishers"),
     )
 
 
@@ -191,7 +216,7 @@ def _measure(
         first.set()
         arrived(data)
 
-    profile = qos.matching(session.node, topic, args)
+    profile = _matching(session.node, topic, args)
     session.node.create_subscription(kind, topic, on_message, profile, raw=True)
     notice = partial(_no_message, session, topic)
     session.await_or_report(first.is_set, notice, patience=_NO_MESSAGE)
@@ -229,7 +254,7 @@ def pub(args: Namespace) -> None:
     wait = int(not is_endless) if args.wait is None else args.wait
     with Session(args.ros_args) as session:
         topic = session.full_name(args.topic)
-        publisher = session.node.create_publisher(kind, topic, qos.profile(args, "default"))
+        publisher = session.node.create_publisher(kind, topic, _profile(args, "default"))
         _await_subscribers(session, publisher, wait, args.max_wait_time_secs)
         print("publisher: beginning loop")
         _publish(session, publisher, message, times, args)
@@ -307,7 +332,7 @@ _PUB = (
     ),
     option("--max-wait-time-secs", "S", "wait no longer than S seconds", positive),
     ALLOW_NON_FINITE,
-    *qos.options("default: reliable, volatile, depth 10"),
+    *_qos_options("default: reliable, volatile, depth 10"),
 )
 
 
@@ -324,14 +349,7 @@ COMMANDS = {
         info,
         _TOPIC,
         flag("-v --verbose", "show each node and its quality of service"),
-        SPIN_TIME,
     ),
-    "hz": Subcommand(
-        "measure the rate of messages",
-        hz,
-        flag("--wall-time", "by this computer's clock, not by simulated time"),
-        *_measurement(10000),
-        endless=lambda _: True,
-    ),
+    "hz": Subcommand("measure the rate", hz, *_measurement(10000), endless=lambda _: True),
     "bw": Subcommand("measure the bandwidth", bw, *_measurement(100), endless=lambda _: True),
 }

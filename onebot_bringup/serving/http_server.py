@@ -11,7 +11,7 @@ import socket
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from onebot_bringup.serving.event_loop import STOP_TIMEOUT, LoopThread
+from onebot_bringup.serving.event_loop import LoopThread
 
 _IDLE_TIMEOUT = 5.0  # s for the head of a request, and between two requests
 _BODY_TIMEOUT = 5.0  # s for the body of a request
@@ -50,7 +50,7 @@ class ServerThread(LoopThread):
             access_log=None,
             logger=_LOGGER,
             handle_signals=False,
-            shutdown_timeout=STOP_TIMEOUT / 4,  # time for pending responses
+            shutdown_timeout=0.1,  # s; some responses are endless
             keepalive_timeout=_IDLE_TIMEOUT,
             lingering_time=_LINGERING,
         )

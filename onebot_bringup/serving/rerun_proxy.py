@@ -6,6 +6,7 @@ computers (Rerun's page sends usage statistics).
 
 import asyncio
 import re
+from collections.abc import AsyncIterator
 from pathlib import Path
 from urllib.parse import quote
 
@@ -50,10 +51,7 @@ class RerunProxy:
         """
         self._policy, self._unavailable = policy, unavailable
         self._head = f"<head><script>{script}</script>".encode() if script else b"<head>"
-        self._session: aiohttp.ClientSession | None = None
-        self._streams: dict[aiohttp.ClientResponse, web.Request] = {}
-        app.on_startup.append(self._open)
-        app.on_shutdown.append(self._close)
+        app.cleanup_ctx.append(self._open)
 
     async def forward_page(self, request: web.Request, port: int, path: str) -> web.StreamResponse:
         """Respond with the part of the page at ``path`` of 127.0.0.1:``port``."""
@@ -86,7 +84,6 @@ class RerunProxy:
         sock_read: float | None = None,  # s
         host: str = LOOPBACK,
     ) -> web.StreamResponse:
-        assert self._session is not None
         answer = web.StreamResponse()
         try:
             async with self._session.request(
@@ -97,11 +94,7 @@ class RerunProxy:
                 allow_redirects=False,
                 timeout=aiohttp.ClientTimeout(total=None, sock_connect=5.0, sock_read=sock_read),
             ) as response:
-                self._streams[response] = request
-                try:
-                    await self._copy(response, request, answer)
-                finally:
-                    del self._streams[response]
+                await self._copy(response, request, answer)
         except (aiohttp.ClientError, ConnectionError):
             if not answer.prepared:
                 raise web.HTTPBadGateway(text=f"{self._unavailable}\n") from None
@@ -134,22 +127,15 @@ class RerunProxy:
                 await answer.write(chunk)
         await answer.write_eof()
 
-    async def _open(self, _: web.Application) -> None:
+    async def _open(self, _: web.Application) -> AsyncIterator[None]:
         self._session = aiohttp.ClientSession(
             connector=aiohttp.TCPConnector(limit=0),
             cookie_jar=aiohttp.DummyCookieJar(),
             headers={"Accept-Encoding": "identity"},  # this proxy reads the HTML
             auto_decompress=False,
         )
-
-    async def _close(self, _: web.Application) -> None:
-        """End all forwarding: recordings are endless, and browsers may have stopped reading."""
-        for response, request in self._streams.items():
-            response.close()
-            if request.transport is not None:
-                request.transport.abort()
-        if self._session is not None:
-            await self._session.close()
+        async with self._session:
+            yield
 
 
 async def _relay(source: aiohttp.StreamReader, answer: web.StreamResponse) -> None:

@@ -11,7 +11,6 @@ import time
 from dataclasses import dataclass
 
 from PIL import Image
-from rclpy.node import Node
 from sensor_msgs.msg import Image as ImageMessage
 
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
@@ -61,9 +60,8 @@ class _Camera:
 class CameraFeed:
     """Follows the robot's cameras; call all methods except ``picture`` in the node's thread."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._topics = FollowedTopics(node, 1)
+    def __init__(self, topics: FollowedTopics) -> None:
+        self._topics = topics
         self._cameras: dict[str, _Camera] = {}
 
     @property
@@ -72,26 +70,25 @@ class CameraFeed:
         names = [name for name, camera in self._cameras.items() if camera.shows]
         return tuple(sorted(names, key=lambda name: (name.count("/"), name)))
 
-    def update(self, namespace: RobotNamespace, watched: bool) -> None:
-        """Follow publishers as they appear and disappear; call this several times per second.
+    def needed(self, namespace: RobotNamespace, watched: bool) -> dict[str, str]:
+        """Return the topics to follow, with their types; call this several times per second.
 
         Args:
             namespace: namespace of the robot.
             watched: whether there is a page.
         """
-        names = namespace.topics(self._node, {_IMAGE})
+        names = namespace.topics(self._topics.node, {_IMAGE})
         self._cameras = {name: self._cameras.get(name) or _Camera() for name in names}
         for name, camera in self._cameras.items():
-            message, _ = self._topics.newest(name)
+            message = self._topics.newest(name).message
             if camera.shows is None and message is not None:
                 camera.shows = message.encoding in _MODES
         recently = time.monotonic() - _UNUSED
-        followed = [
-            name
+        return {
+            name: _IMAGE
             for name, camera in self._cameras.items()
             if camera.used > recently or (watched and camera.shows is None)
-        ]
-        self._topics.update(dict.fromkeys(followed, _IMAGE))
+        }
 
     def picture(self, name: str) -> bytes | None:
         """Return a camera's newest picture as JPEG, and follow the camera for a while.
@@ -102,5 +99,5 @@ class CameraFeed:
         if camera is None:
             return None
         camera.used = time.monotonic()
-        message, age = self._topics.newest(name)
-        return None if message is None or age > _OLD else jpeg(message)
+        newest = self._topics.newest(name)
+        return None if newest.message is None or newest.age > _OLD else jpeg(newest.message)

@@ -117,30 +117,23 @@ def _bound(
     return Bound(forward, min([forward, *reverse]), forward, source)
 
 
-@dataclass(frozen=True)
-class Braking:
-    """How the robot brakes when it is commanded to stop; None if not limited."""
-
-    deceleration: float | None  # m/s2
-    jerk: float | None  # m/s3
-
-
-def braking_of(limits: Iterable[SpeedLimits | None]) -> Braking | None:
+def braking_of(limits: Iterable[SpeedLimits | None]) -> dict[str, float | None] | None:
     """Return the braking along an axis of the controller that brakes last.
 
     Args:
         limits: each controller's limits of that axis; None: it does not have the axis.
 
     Returns:
-        The braking; None if no controller has the axis.
+        The ``deceleration`` in m/s2 and the ``jerk`` in m/s3, None if not limited; None if no
+        controller has the axis.
     """
     limiters = [SpeedLimiter(speed_limits) for speed_limits in limits if speed_limits is not None]
     if not limiters:
         return None
-    return Braking(
-        _least(limiter.deceleration for limiter in limiters),
-        _least(limiter.braking_jerk for limiter in limiters),
-    )
+    return {
+        "deceleration": _least(limiter.deceleration for limiter in limiters),
+        "jerk": _least(limiter.braking_jerk for limiter in limiters),
+    }
 
 
 def _least(values: Iterable[float]) -> float | None:

@@ -21,13 +21,7 @@ from onebot_description.ros.topic_subscription import RCLError
 
 _DEPTH = 10
 _CONTROLLER = re.compile(r"/\w*controller$")  # its command topic is in its namespace
-_OBSERVERS = (  # nodes that subscribe to commands but are certainly not robots
-    "rerun_viewer",
-    "steering_viewer",
-    "bag_recorder",
-    "rosbag2_recorder",
-    "rosbag2_player",
-)
+_OBSERVERS = ("_viewer", "_recorder", "_player")  # endings of nodes that are no robots
 
 
 @dataclass(frozen=True)
@@ -41,7 +35,7 @@ class CommandSubscriber:
     def observes(self) -> bool:
         """Whether its name is that of a node that only records or shows commands."""
         name = self.node.rpartition("/")[2]
-        return name.startswith("_") or name in _OBSERVERS
+        return name.startswith("_") or name.endswith(_OBSERVERS)
 
 
 def command_subscribers(node: Node, topic: str) -> list[CommandSubscriber]:

@@ -11,21 +11,15 @@ from rclpy.node import Node
 from onebot_description.ros.frame_tree import FrameTree
 from onebot_description.ros.topic_qos import compatible_qos, is_transient_local, make_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
-from onebot_description.ros.wire.interfaces import load_interface
-from onebot_description.ros.wire.message_arrays import (
-    BAD_MESSAGE,
-    TfArrays,
-    odometry_sample,
-    tf_arrays,
-)
+from onebot_description.ros.wire.interfaces import TFMessage, load_interface
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, odometry_sample, tf_arrays
 from onebot_description.ros.wire.messages import deserialize_message
 from onebot_description.timing.wake_detector import boot_time
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-_TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
-_TF_TOPICS = dict.fromkeys(("/tf", _STATIC), _TF)
+_STATIC = "/tf_static"
 _TF_DEPTH = 100  # queue depth; /tf has several publishers
-_READERS: Mapping[str, Callable[[bytes], Any]] = {ODOMETRY: odometry_sample, _TF: tf_arrays}
+_READERS: Mapping[str, Callable[[bytes], Any]] = {ODOMETRY: odometry_sample}
 
 
 class RobotNamespace(NamedTuple):
@@ -52,11 +46,16 @@ class RobotNamespace(NamedTuple):
         }
 
 
-class _Received:
+class Received:
     """A message that was received; it is decoded when it is first needed."""
 
     def __init__(self, kind: str, data: bytes) -> None:
         self._kind, self._data, self.time = kind, data, boot_time()
+
+    @property
+    def age(self) -> float:
+        """Seconds since it was received."""
+        return boot_time() - self.time
 
     @cached_property
     def message(self) -> Any:
@@ -69,81 +68,67 @@ class _Received:
             return None
 
 
+class Nothing:
+    """Stands for the message of a topic from which none was received."""
+
+    message, time, age = None, -math.inf, math.inf
+
+
 class FollowedTopics:
     """Subscribes to topics while they are needed, and keeps the newest message of each.
 
     All methods but ``update`` may be called from any thread.
 
     Attributes:
+        node: the node that subscribes.
         topics: message types by topic name.
+        transforms: TF, which is followed if it is needed.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        depth: int,
-        received: Mapping[str, Callable[[str, Any], None]] | None = None,
-    ) -> None:
-        """Follow nothing yet.
-
-        Args:
-            node: the node that subscribes.
-            depth: the queue depth.
-            received: by type, functions called with the topic's name and each valid message.
-        """
-        self._node, self._depth, self._received = node, depth, received or {}
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.transforms = FollowedTransforms(node)
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
         self.topics: Mapping[str, str] = {}
-        self._newest: dict[str, _Received] = {}  # keys: topics
+        self._newest: dict[str, Received] = {}  # keys: topics
 
-    def newest(self, topic: str) -> tuple[Any, float]:
-        """Return the newest message of a topic, and its age in s; None and infinity for none.
-
-        The message is None if it is invalid.
-        """
-        newest = self._newest.get(topic)
-        return (newest.message, boot_time() - newest.time) if newest else (None, math.inf)
+    def newest(self, topic: str) -> Received | Nothing:
+        """Return the newest message of a topic, if there is one."""
+        return self._newest.get(topic) or Nothing()
 
     def recent(self, types: Container[str], max_age: float) -> list[Any]:
         """Return each topic's newest message of some types, unless older than ``max_age``, s."""
         newest = [self.newest(topic) for topic, kind in self.topics.items() if kind in types]
-        return [message for message, age in newest if age < max_age and message is not None]
+        return [one.message for one in newest if one.age < max_age and one.message is not None]
 
-    def update(self, topics: Mapping[str, str]) -> set[str]:
+    def update(self, topics: Mapping[str, str]) -> None:
         """Follow exactly these topics; call this several times per second.
 
         Args:
             topics: message types by topic name.
-
-        Returns:
-            The types of the topics that are no longer followed.
         """
         self.topics = topics
-        gone = self._subscriptions.keys() - topics.items()
-        for topic in gone:
+        for topic in self._subscriptions.keys() - topics.items():
             self._subscriptions.pop(topic).close()
             self._newest.pop(topic[0], None)
         for name, kind in topics.items():
             if (name, kind) not in self._subscriptions:
                 received = partial(self._receive, name)
                 self._subscriptions[name, kind] = TopicSubscription(
-                    self._node, name, received, load_interface
+                    self.node, name, received, load_interface
                 )
-            offered = offers(self._node, name, [kind]).get(kind)
+            offered = offers(self.node, name, [kind]).get(kind)
             if offered:
                 with contextlib.suppress(TypeConflictError):  # the page publishes on it
-                    qos = compatible_qos(offered, self._depth)
-                    if self._depth == 1 and not is_transient_local(qos):
+                    qos = compatible_qos(offered, 1)
+                    if not is_transient_local(qos):
                         # Only the newest counts. Fast DDS's reliable reader leaked pictures of a
                         # camera: 5 to 9 MB a minute.
                         qos = make_qos(1, reliable=False, latched=False)
                     self._subscriptions[name, kind].update(kind, qos)
-        return {kind for _, kind in gone}
 
     def _receive(self, topic: str, kind: str, data: bytes) -> None:
-        self._newest[topic] = newest = _Received(kind, data)
-        if kind in self._received and newest.message is not None:
-            self._received[kind](topic, newest.message)
+        self._newest[topic] = Received(kind, data)
 
 
 class FollowedTransforms:
@@ -154,13 +139,23 @@ class FollowedTransforms:
     """
 
     def __init__(self, node: Node) -> None:
+        self._node = node
+        self._subscriptions: list[Any] = []
         self.tree = FrameTree()
-        self._topics = FollowedTopics(node, _TF_DEPTH, {_TF: self._receive})
 
     def update(self, needed: bool) -> None:
         """Follow TF if it is ``needed``; call this several times per second."""
-        if self._topics.update(_TF_TOPICS if needed else {}):
-            self.tree = FrameTree()
+        if needed == bool(self._subscriptions):
+            return
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+        self.tree = FrameTree()
+        for topic in ("/tf", _STATIC) if needed else ():
+            qos = make_qos(_TF_DEPTH, reliable=True, latched=topic == _STATIC)
+            receive = partial(self._receive, topic)
+            subscription = self._node.create_subscription(TFMessage, topic, receive, qos, raw=True)
+            self._subscriptions.append(subscription)
 
-    def _receive(self, topic: str, transforms: TfArrays) -> None:
-        self.tree.add(transforms, static=topic == _STATIC)
+    def _receive(self, topic: str, data: bytes) -> None:
+        with contextlib.suppress(*BAD_MESSAGE):
+            self.tree.add(tf_arrays(data), static=topic == _STATIC)

@@ -6,21 +6,14 @@ tree. There are no subscriptions while no page shows the map.
 
 import io
 import math
-import secrets
 import time
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
-from rclpy.node import Node
 
-from onebot_bringup.steering.followed_topics import (
-    FollowedTopics,
-    FollowedTransforms,
-    RobotNamespace,
-)
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.matrices import of_transform, to_planar, transformed
@@ -33,7 +26,6 @@ _MAP = "map"  # the name of the topic, and of the frame
 _GRID, _SCAN = "nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/LaserScan"
 _PATH, _POLYGON = "nav_msgs/msg/Path", "geometry_msgs/msg/PolygonStamped"
 _NAVIGATOR = {"plan": _PATH, "local_costmap/published_footprint": _POLYGON}  # also Nav2's
-_DEPTH = 100  # queue depth
 _KNOWN = np.arange(256) <= 100  # whether a cell's byte is a percentage; others are unknown
 _SHADES = np.where(_KNOWN, 255 - np.arange(256) * 255 // 100, 0).astype(np.uint8)
 _ALPHA = (_KNOWN * 255).astype(np.uint8).tobytes()
@@ -42,54 +34,47 @@ _OLD = 5.0  # s after which a scan is no longer shown
 _SETTLING = 0.8  # s to wait for the first transforms
 
 
-@dataclass(frozen=True)
-class PublishedMap:
-    """A map that was received."""
-
-    message: OccupancyGrid
-    version: str = field(default_factory=lambda: secrets.token_hex(4))  # differs between maps
-
-    def picture(self) -> bytes:
-        """Return a PNG with a pixel per cell: free white, occupied black, unknown transparent."""
-        info = self.message.info
-        cells = np.frombuffer(self.message.data, np.uint8).reshape(info.height, info.width)
-        picture = Image.fromarray(cells[::-1], "P")
-        picture.putpalette(_SHADES.repeat(3).tolist())
-        file = io.BytesIO()
-        picture.save(file, "PNG", compress_level=1, transparency=_ALPHA)
-        return file.getvalue()
+def picture(grid: OccupancyGrid) -> bytes:
+    """Return a PNG with a pixel per cell: free white, occupied black, unknown transparent."""
+    info = grid.info
+    cells = np.frombuffer(grid.data, np.uint8).reshape(info.height, info.width)
+    image = Image.fromarray(cells[::-1], "P")
+    image.putpalette(_SHADES.repeat(3).tolist())
+    file = io.BytesIO()
+    image.save(file, "PNG", compress_level=1, transparency=_ALPHA)
+    return file.getvalue()
 
 
 class Ground:
-    """Subscribes to the map's data while pages show it; call it only in the node's thread."""
+    """The map's data, followed while pages show it; call it only in the node's thread."""
 
-    def __init__(self, node: Node, odometry: OdometryTopic) -> None:
-        self._node, self._odometry = node, odometry
-        self._topics = FollowedTopics(node, _DEPTH, {_GRID: self._on_grid})
-        self._transforms = FollowedTransforms(node)
+    def __init__(self, topics: FollowedTopics, odometry: OdometryTopic) -> None:
+        self._node, self._topics, self._odometry = topics.node, topics, odometry
+        self._transforms = topics.transforms
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
-        self.grid: PublishedMap | None = None
+        self._map = f"/{_MAP}"  # its topic
 
-    def update(self, namespace: RobotNamespace) -> None:
-        """Follow publishers of the robot's map, or of the common map, and of its scans.
+    def needed(self, namespace: RobotNamespace) -> dict[str, str]:
+        """Return the topics to follow: the robot's map, or the common map, and its scans.
 
         Call this several times per second.
         """
-        topics: dict[str, str] = {}
-        if time.monotonic() < self._used + _UNUSED:
-            own_map = f"{namespace.name}/{_MAP}"
-            grid = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
-            topics = namespace.topics(self._node, {_SCAN}) | {grid: _GRID}
-            for name, kind in _NAVIGATOR.items():
-                topics[f"{namespace.name}/{name}"] = kind
-        self._transforms.update(bool(topics))
-        if _GRID in self._topics.update(topics):
-            self.grid = None
+        if time.monotonic() > self._used + _UNUSED:
+            return {}
+        own_map = f"{namespace.name}/{_MAP}"
+        self._map = own_map if self._node.count_publishers(own_map) else f"/{_MAP}"
+        navigator = {f"{namespace.name}/{name}": kind for name, kind in _NAVIGATOR.items()}
+        return namespace.topics(self._node, {_SCAN}) | {self._map: _GRID} | navigator
 
-    def _on_grid(self, _: str, message: OccupancyGrid) -> None:
-        info = message.info
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The newest map, if it is valid; from any thread."""
+        grid: OccupancyGrid | None = self._topics.newest(self._map).message
+        if grid is None:
+            return None
+        info = grid.info
         cells = info.width * info.height if 0.0 < info.resolution < math.inf else 0
-        self.grid = PublishedMap(message) if 0 < cells == len(message.data) else None
+        return grid if 0 < cells == len(grid.data) else None
 
     def fields(self, frame: str = "") -> dict[str, Any]:
         """Return what a page shows in ``frame``; "" for the usual one (see the module).
@@ -156,15 +141,16 @@ class Ground:
         grid = self.grid
         if grid is None:
             return None
-        info, origin = grid.message.info, grid.message.info.origin
+        info, origin = grid.info, grid.info.origin
         place, turn = origin.position, origin.orientation
         pose = self._pose(
             frame,
-            grid.message.header.frame_id,
+            grid.header.frame_id,
             Transform((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)),
         )
         size = {"width": info.width * info.resolution, "height": info.height * info.resolution}
-        return {"version": grid.version, **pose, **size} if pose is not None else None
+        version = str(self._topics.newest(self._map).time)  # differs between maps
+        return {"version": version, **pose, **size} if pose is not None else None
 
     def _pose(self, frame: str, of: str, transform: Transform) -> dict[str, float] | None:
         """Transform a pose in the frame ``of`` to ``frame``; None if that is not possible."""

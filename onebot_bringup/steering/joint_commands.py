@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.steering.arbiter import ZEROS
@@ -33,23 +32,22 @@ Joints = Mapping[str, SteeredJoint]
 class JointCommands:
     """Moves the joints of the robot that is steered.
 
-    ``publish``, ``lock`` and ``fields`` are called from any thread, ``update`` from the node's.
+    ``publish``, ``lock`` and ``fields`` are called from any thread, ``needed`` from the node's.
     """
 
-    def __init__(self, node: Node, locked: Callable[[bool], None]) -> None:
+    def __init__(self, topics: FollowedTopics, locked: Callable[[bool], None]) -> None:
         """Follow nothing yet; ``locked`` is called when another node has changed the lock."""
-        self._node, self._locked = node, locked
-        self._topics = FollowedTopics(node, 1)
+        self._node, self._topics, self._locked = topics.node, topics, locked
         self._lock = threading.Lock()
         self._controllers: dict[str, _JointController] = {}  # controllers, by topic of the state
         self._description: Description | None = None
         self._joints: Joints = {}
         self._robot_lock: RobotLock | None = None
 
-    def update(
+    def needed(
         self, namespace: RobotNamespace, description: Description | None, watched: bool
-    ) -> None:
-        """Follow the robot's joint controllers; call this several times per second.
+    ) -> dict[str, str]:
+        """Return the topics of the robot's joint controllers; call this several times per second.
 
         Args:
             namespace: namespace of the robot.
@@ -63,8 +61,9 @@ class JointCommands:
         needed = watched or any(controller.stopping for controller in self._controllers.values())
         topics = namespace.topics(self._node, {_STATE}) if needed else {}
         prefix = f"{namespace.name}/"
-        self._follow({n: k for n, k in topics.items() if n.removeprefix(prefix).count("/") == 1})
+        self._follow({n for n in topics if n.removeprefix(prefix).count("/") == 1})
         self._update_lock(f"{namespace.name}/{_LOCK}")
+        return dict.fromkeys(self._controllers, _STATE)
 
     def publish(self, velocities: Mapping[str, float]) -> None:
         """Move joints at these velocities, rad/s or m/s by name; stop others that moved."""
@@ -101,11 +100,11 @@ class JointCommands:
             if (joint := joints.get(name)) is not None and joint.max_speed
         ]
 
-    def _follow(self, topics: Mapping[str, str]) -> None:
-        gone = self._controllers.keys() - topics.keys()
+    def _follow(self, topics: set[str]) -> None:
+        gone = self._controllers.keys() - topics
         new = {
-            topic: _JointController(self._node, self._topics, topic)
-            for topic in sorted(topics.keys() - self._controllers.keys())
+            topic: _JointController(self._topics, topic)
+            for topic in sorted(topics - self._controllers.keys())
             if topic.endswith(f"/{_STATE_TOPIC}")
         }
         with self._lock:
@@ -113,27 +112,23 @@ class JointCommands:
             self._controllers.update(new)
         for controller in closed:
             controller.close()
-        self._topics.update({topic: _STATE for topic in self._controllers})
 
     def _update_lock(self, topic: str) -> None:
-        has_lock = self._node.count_publishers(f"{topic}_locked") > 0
-        lock = self._robot_lock
-        if lock is not None and not (has_lock and lock.topic == topic):
+        if self._robot_lock is None or self._robot_lock.topic != topic:
             with self._lock:
-                self._robot_lock = None
-            lock.close()
-        elif lock is None and has_lock:
-            self._robot_lock = RobotLock(self._node, topic, self._locked)
+                if self._robot_lock is not None:
+                    self._robot_lock.close()
+                self._robot_lock = RobotLock(self._node, topic, self._locked)
 
 
 class _JointController:
     """A joint_trajectory_controller and the state of its joints."""
 
-    def __init__(self, node: Node, topics: FollowedTopics, topic: str) -> None:
+    def __init__(self, topics: FollowedTopics, topic: str) -> None:
         """Prepare its publisher; ``topic`` is the topic of its state."""
-        self._node, self._topics, self._topic = node, topics, topic
+        self._node, self._topics, self._topic = topics.node, topics, topic
         commands = topic.removesuffix(_STATE_TOPIC) + _COMMAND_TOPIC
-        self._publisher = node.create_publisher(JointTrajectory, commands, _DEPTH)
+        self._publisher = self._node.create_publisher(JointTrajectory, commands, _DEPTH)
         self._names: tuple[str, ...] = ()  # its joints, in the order that pages show
         self.stopping = 0  # stop commands left to publish
         self._stop: JointTrajectory | None = None  # the stop command that is repeated
@@ -167,8 +162,9 @@ class _JointController:
 
     def _state(self, max_age: float) -> tuple[Any, float] | None:
         """Return its latest state and the state's age, s; None if older than ``max_age``."""
-        state, age = self._topics.newest(self._topic)
-        return (state, age) if state is not None and age <= max_age else None
+        newest = self._topics.newest(self._topic)
+        age = newest.age
+        return (newest.message, age) if newest.message is not None and age <= max_age else None
 
 
 def _trajectory(

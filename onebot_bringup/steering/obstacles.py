@@ -1,7 +1,7 @@
 """Computes how far the steered robot can go until it meets an obstacle that its sensors see.
 
-Every LaserScan and Range whose frame is on /tf is used, in the direction of travel. The ground is
-not an obstacle: a cliff sensor sees it all the time, a tilted scanner at a distance.
+Every LaserScan whose frame is on /tf is used, in the direction of travel. The ground is not an
+obstacle: a cliff sensor sees it all the time, a tilted scanner at a distance.
 """
 
 import math
@@ -10,15 +10,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from rclpy.node import Node
-from sensor_msgs.msg import LaserScan, Range
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from onebot_bringup.steering.followed_topics import (
-    FollowedTopics,
-    FollowedTransforms,
-    RobotNamespace,
-)
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.arrays import Floats
@@ -26,9 +21,8 @@ from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.matrices import transformed
 
-_SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"})
+_SCAN = "sensor_msgs/msg/LaserScan"
 _STRING = "std_msgs/msg/String"
-_CONE_RAYS = 9  # number of rays across the cone of a Range
 _OLD = 1.0  # s after which a scan is ignored
 _STANDING = 0.01  # m/s; below this speed there is no direction
 _ROUGHNESS, _TILT = 0.03, 0.03  # m, rad: tolerance, as ground and robot are not quite level
@@ -47,27 +41,12 @@ class Readings(NamedTuple):
         ranges = np.asarray(scan.ranges, float)
         angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         met = (ranges >= scan.range_min) & (ranges <= scan.range_max) & np.isfinite(ranges + angles)
-        return cls._level(angles[met], ranges[met])
-
-    @classmethod
-    def from_range(cls, message: Range) -> "Readings":
-        """Return readings on rays across the cone, since the object may be on any of them.
-
-        A detector of one fixed distance reports -inf for an object within it (REP-117).
-        """
-        met = message.range if message.range != -math.inf else message.max_range
-        if not message.min_range <= met <= message.max_range:
-            return cls._level(np.empty(0), np.empty(0))
-        half = message.field_of_view / 2.0
-        return cls._level(np.linspace(-half, half, _CONE_RAYS), np.full(_CONE_RAYS, met))
+        directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
+        return cls(directions[met], ranges[met])
 
     def points(self, sensor: Floats) -> Floats:
         """Return the points (N, 3), m, that a sensor at a pose (4, 4) has hit."""
         return transformed(self.ranges[:, None] * self.directions, sensor)
-
-    @classmethod
-    def _level(cls, angles: Floats, ranges: Floats) -> "Readings":
-        return cls(np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1), ranges)
 
 
 class Footprint(NamedTuple):
@@ -142,18 +121,17 @@ class Obstacles:
     """
 
     def __init__(
-        self, node: Node, odometry: OdometryTopic, command: Callable[[], Velocity]
+        self, topics: FollowedTopics, odometry: OdometryTopic, command: Callable[[], Velocity]
     ) -> None:
         """Follow nothing yet.
 
         Args:
-            node: the node that subscribes.
+            topics: what the node follows.
             odometry: gives the direction while the command is zero.
             command: returns the current command.
         """
-        self._node, self._odometry, self._command = node, odometry, command
-        self._topics = FollowedTopics(node, 1, {_STRING: self._on_description})
-        self._transforms = FollowedTransforms(node)
+        self._topics, self._odometry, self._command = topics, odometry, command
+        self._description: String | None = None
         self._footprint: Footprint | None = None
         self.robot: Description | None = None
 
@@ -171,33 +149,29 @@ class Obstacles:
             return None
         base = odometry.child_frame_id.removeprefix("/")  # usually the root link
         nearest = math.inf
-        for message in self._topics.recent(_SENSORS, _OLD):
-            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), base)
+        for scan in self._topics.recent({_SCAN}, _OLD):
+            pose = self._topics.transforms.tree.pose(scan.header.frame_id.removeprefix("/"), base)
             if pose is not None:
-                is_range = isinstance(message, Range)
-                readings = (Readings.from_range if is_range else Readings.from_scan)(message)
-                points = footprint.obstacles(readings, pose)
+                points = footprint.obstacles(Readings.from_scan(scan), pose)
                 nearest = min(nearest, footprint.clearance(points, velocity))
         return nearest if nearest < math.inf else None
 
-    def update(self, namespace: RobotNamespace, watched: bool) -> None:
-        """Follow publishers as they appear and disappear; call this several times per second.
+    def needed(self, namespace: RobotNamespace, watched: bool) -> dict[str, str]:
+        """Return the topics to follow, with their types; call this several times per second.
 
         Args:
             namespace: namespace of the robot.
             watched: whether there is a page.
         """
-        sensors = namespace.topics(self._node, _SENSORS) if watched else {}
-        description = {f"{namespace.name}/robot_description": _STRING} if watched else {}
-        self._transforms.update(bool(sensors))
-        if _STRING in self._topics.update(sensors | description):
-            self._footprint = self.robot = None
-
-    def _on_description(self, _: str, message: String) -> None:
-        self.robot, self._footprint = described(message.data), None
-        if self.robot is not None:
-            # Loading meshes takes seconds, and must not block the node.
-            threading.Thread(target=self._measure, args=(self.robot,), daemon=True).start()
+        topic = f"{namespace.name}/robot_description"
+        message = self._topics.newest(topic).message
+        if message is not self._description:
+            self._description, self._footprint = message, None
+            self.robot = described(message.data) if message is not None else None
+            if self.robot is not None:
+                # Loading meshes takes seconds, and must not block the node.
+                threading.Thread(target=self._measure, args=(self.robot,), daemon=True).start()
+        return namespace.topics(self._topics.node, {_SCAN}) | {topic: _STRING} if watched else {}
 
     def _measure(self, robot: Description) -> None:
         footprint = Footprint.from_description(robot)

@@ -4,8 +4,6 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from rclpy.node import Node
-
 from onebot_bringup.steering.followed_topics import ODOMETRY, FollowedTopics
 from onebot_description.geometry.poses import yaw_of
 from onebot_description.ros.names import node_name
@@ -36,29 +34,28 @@ def choose_odometry(
 class OdometryTopic:
     """Subscribes to the robot's odometry."""
 
-    def __init__(self, node: Node, fixed: str) -> None:
-        self._node, self._fixed = node, fixed
-        self._topics = FollowedTopics(node, 1)
+    def __init__(self, topics: FollowedTopics, fixed: str) -> None:
+        self._node, self._topics, self._fixed = topics.node, topics, fixed
         self.topic = ""  # full name; "" for none
 
-    def update(self, commands: str, controllers: Collection[str]) -> None:
-        """Follow the robot's odometry; call this several times per second.
+    def needed(self, commands: str, controllers: Collection[str]) -> dict[str, str]:
+        """Return the topic to follow, if there is one; call this several times per second.
 
         See ``choose_odometry`` for the arguments.
         """
         self.topic = self._fixed or choose_odometry(self._publishers(), commands, controllers)
-        self._topics.update({self.topic: ODOMETRY} if self.topic else {})
+        return {self.topic: ODOMETRY} if self.topic else {}
 
     @property
     def sample(self) -> OdometrySample | None:
         """The latest odometry; None if there is none, or if it cannot be decoded."""
-        sample: OdometrySample | None = self._topics.newest(self.topic)[0]
+        sample: OdometrySample | None = self._topics.newest(self.topic).message
         return sample
 
     @property
     def age(self) -> float:
         """Seconds since the latest odometry was received; infinite if there is none."""
-        return self._topics.newest(self.topic)[1]
+        return self._topics.newest(self.topic).age
 
     def fields(self) -> dict[str, Any] | None:
         """Return the latest odometry for the page's state: m, rad, m/s, rad/s, and its age in s.

@@ -8,18 +8,18 @@ message).
 
 import json
 import math
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Flag, auto
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import clamp
+from onebot_description.parameters.reader import REQUIRED, ConfigError, parameter, read
+
+T = TypeVar("T")
 
 MAX_LENGTH = 1024  # characters, ten times the longest message that a page sends
-_TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-_LONGEST_TOPIC = 200  # characters; DDS has a limit of 255
 
 
 class ProtocolError(OneBotError):
@@ -98,15 +98,16 @@ class DriveMessage:
     server knows the maximum age of a command without comparing clocks.
     """
 
-    linear: float  # m/s
-    angular: float  # rad/s
-    stamp: float  # s, by the server's boot_time(); ms in the message
-    joints: Mapping[str, float]  # velocities of moving joints by name, rad/s or m/s
-    lateral: float = 0.0  # m/s
+    linear: float = parameter(REQUIRED, "m/s")
+    angular: float = parameter(REQUIRED, "rad/s")
+    stamp: float = parameter(REQUIRED, "s, by the server's boot_time()")
+    joints: Mapping[str, float] = parameter({}, "velocities of joints by name, rad/s or m/s")
+    lateral: float = parameter(0.0, "m/s")
 
     @property
     def command(self) -> Command:
-        return Command(Velocity(self.linear, self.angular, self.lateral), self.joints)
+        joints = {name: velocity for name, velocity in self.joints.items() if velocity}
+        return Command(Velocity(self.linear, self.angular, self.lateral), joints)
 
 
 @dataclass(frozen=True)
@@ -123,72 +124,28 @@ class Stop:
 class ChooseTopic:
     """Publish commands on this topic from now on."""
 
-    topic: str
+    topic: str = parameter(REQUIRED, "its name", not_empty=True)
 
 
 @dataclass(frozen=True)
 class SetLimits:
     """Limits of commands that an operator chose for all pages; None for the robot's own."""
 
-    linear: float | None = None  # m/s, above zero
-    angular: float | None = None  # rad/s
-    lateral: float | None = None  # m/s
+    linear: float | None = parameter(None, "m/s", above=0.0)
+    angular: float | None = parameter(None, "rad/s", above=0.0)
+    lateral: float | None = parameter(None, "m/s", above=0.0)
 
 
 Message = DriveMessage | Release | Stop | ChooseTopic | SetLimits
-Check = Callable[[str, Any], Any]
-"""Converts the JSON value of a field, given its name first; raises a ProtocolError."""
 
-
-def number(name: str, value: Any) -> float:
-    """Check that a field is a finite number, and return it."""
-    if not isinstance(value, float) or not math.isfinite(value):
-        raise ProtocolError(f"{name} must be a finite number")
-    return value
-
-
-def _seconds(name: str, value: Any) -> float:
-    return number(name, value) / 1000.0
-
-
-def _limit(name: str, value: Any) -> float | None:
-    limit = None if value is None else number(name, value)
-    if limit is not None and limit <= 0.0:
-        raise ProtocolError(f"{name} must be above zero")
-    return limit
-
-
-def text(name: str, value: Any) -> str:
-    """Check that a field is a non-empty text, and return it."""
-    if not isinstance(value, str) or not value:
-        raise ProtocolError(f"{name} must be a text")
-    return value
-
-
-def _joints(name: str, value: Any) -> dict[str, float]:
-    if not isinstance(value, dict):
-        raise ProtocolError(f"{name} must have velocities by the joints' names")
-    velocities = {joint: number(name, velocity) for joint, velocity in value.items()}
-    return {joint: velocity for joint, velocity in velocities.items() if velocity}
-
-
-def _topic(name: str, value: Any) -> str:
-    if isinstance(value, str) and len(value) <= _LONGEST_TOPIC and _TOPIC.fullmatch(value):
-        return value
-    raise ProtocolError(f"{name} must be the name of a ROS topic, such as /cmd_vel")
-
-
-MESSAGES: Mapping[str, tuple[type[Message], Mapping[str, Check]]] = {
-    "drive": (
-        DriveMessage,
-        {**dict.fromkeys(Velocity._fields, number), "stamp": _seconds, "joints": _joints},
-    ),
-    "release": (Release, {}),
-    "stop": (Stop, {}),
-    "topic": (ChooseTopic, {"topic": _topic}),
-    "limits": (SetLimits, dict.fromkeys(Velocity._fields, _limit)),
+MESSAGES: Mapping[str, type[Message]] = {
+    "drive": DriveMessage,
+    "release": Release,
+    "stop": Stop,
+    "topic": ChooseTopic,
+    "limits": SetLimits,
 }
-"""The messages that a page may send, with the checks of their fields."""
+"""The messages that a page may send."""
 
 
 def parse(data: str | bytes) -> Message:
@@ -203,37 +160,32 @@ def parse(data: str | bytes) -> Message:
     kind = fields.pop("type", None)
     if not isinstance(kind, str) or kind not in MESSAGES:
         raise ProtocolError(f"the type must be one of {', '.join(MESSAGES)}")
-    message, checks = MESSAGES[kind]
     try:
-        return message(**_checked(f'a message of type "{kind}", beside its type,', fields, checks))
+        return _checked(MESSAGES[kind], fields)
     except ProtocolError as error:
         error.about = kind
         raise
 
 
-def read_request(what: str, data: str, checks: Mapping[str, Check]) -> dict[str, Any]:
-    """Parse a JSON object and check its fields.
-
-    Args:
-        what: what it is called in errors.
-        data: the JSON text.
-        checks: the check of each field.
+def read_request(kind: type[T], data: str) -> T:
+    """Parse a JSON object as a dataclass of parameters.
 
     Raises:
         ProtocolError: it is invalid.
     """
-    return _checked(what, _json_object(data), checks)
+    return _checked(kind, _json_object(data))
 
 
-def _checked(what: str, fields: Mapping[str, Any], checks: Mapping[str, Check]) -> dict[str, Any]:
-    if fields.keys() != checks.keys():
-        raise ProtocolError(f"{what} has {', '.join(checks) or 'no fields'}, no others")
-    return {name: check(name, fields[name]) for name, check in checks.items()}
+def _checked(kind: type[T], fields: Mapping[str, Any]) -> T:
+    try:
+        return read(kind, fields)
+    except ConfigError as error:
+        raise ProtocolError(error.problems[0].message()) from None
 
 
 def _json_object(data: str | bytes) -> dict[str, Any]:
     try:
-        fields = json.loads(data, parse_int=float)
+        fields = json.loads(data)
         json.dumps(fields, ensure_ascii=False).encode()  # no half characters
     except (ValueError, RecursionError):
         raise ProtocolError("a message must be JSON") from None

@@ -64,7 +64,7 @@ class SteeringServer:
         self.app.router.add_get("/ws", self._serve_page)
         self.app.router.add_static("/static", STATIC, follow_symlinks=True)  # colcon's
         self.view.add_to(self.app)
-        self.tools.add_to(self.app)
+        self.app.add_routes(self.tools.routes())
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
@@ -135,7 +135,7 @@ class SteeringServer:
         """Send the state to one page, ten times a second."""
         send = page.socket.send_str
         try:
-            await send(message_text("welcome", id=page.name, stamp=_stamp()))
+            await send(message_text("welcome", id=page.name, stamp=boot_time()))
             while not page.socket.closed:
                 await send(message_text("state", **self._state(page)))
                 await asyncio.sleep(STATE_PERIOD)
@@ -146,7 +146,7 @@ class SteeringServer:
         arbiter, view = self.arbiter.state, self.view.viewer.view
         limits = arbiter.limits
         return {
-            "stamp": _stamp(),
+            "stamp": boot_time(),  # s; a page returns it in its next messages
             "received": page.received,  # number of messages from this page
             "late": page.name in arbiter.late,  # whether its commands are too old to drive
             "driver": arbiter.driver,  # the name of the page that drives
@@ -171,18 +171,11 @@ async def _send_error(page: _Page, sentence: str, about: str | None) -> None:
     await page.socket.send_str(message_text("error", message=sentence, about=about))
 
 
-def _stamp() -> int:
-    """Return the current time, ms, which a page returns in its next messages."""
-    return int(boot_time() * 1000.0)
-
-
 def _policy(request: web.Request, status: int) -> dict[str, str]:
-    # Some browsers do not include ws: in 'self'. The guard has already validated the host.
-    socket = f" ws://{request.host}" if status < 400 else ""
     other_host = other_site(request.host) if status < 400 else ""
     view = f" http://{other_host}" if other_host else ""
     return {
         "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; object-src 'none'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'self'; "
-        f"frame-src 'self'{view}; connect-src 'self'{socket}{view}"
+        f"frame-src 'self'{view}; connect-src 'self'{view}"
     }

@@ -30,8 +30,8 @@ Subscribes:
     displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
-    robot_description (std_msgs/String), each LaserScan and Range in the robot's namespace: while
-        there is a page. Each Image there: while a page shows it, and once to read its encoding.
+    robot_description (std_msgs/String), each LaserScan in the robot's namespace: while there is a
+        page. Each Image there: while a page shows it, and once to read its encoding.
 
 Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands, every two seconds:
@@ -45,6 +45,7 @@ if __name__ == "__main__":  # first: the imports take a second
     start_node()
 
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -58,12 +59,7 @@ from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, r
 from onebot_bringup.steering.access import Access, token_for
 from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.camera import CameraFeed
-from onebot_bringup.steering.command_limits import (
-    Braking,
-    Limits,
-    braking_of,
-    limits_of,
-)
+from onebot_bringup.steering.command_limits import Limits, braking_of, limits_of
 from onebot_bringup.steering.command_topic import (
     CommandedRobot,
     CommandTopic,
@@ -71,10 +67,9 @@ from onebot_bringup.steering.command_topic import (
     commanded_robots,
     namespace_of,
 )
-from onebot_bringup.steering.followed_topics import RobotNamespace
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
-from onebot_bringup.steering.navigator_status import NavigatorStatus
 from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
@@ -89,11 +84,12 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
 from onebot_description.ros.run_node import first_line, run_node, steady_timer
-from onebot_description.timing.throttled import Throttled
 from onebot_description.timing.wake_detector import WAKE
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
+_LONGEST = 300  # characters of the navigator's state
+_TEXT = "std_msgs/msg/String"
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
 
@@ -129,30 +125,24 @@ class SteeringPage(Node):
         self._server: ServerThread | None = None
         self._settings = settings = SteeringParameters.from_node(self)
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
-        self._odometry = OdometryTopic(self, settings.odom_topic)
+        self._topics = topics = FollowedTopics(self)
+        self._odometry = odometry = OdometryTopic(topics, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
-        self._braking: Mapping[str, Braking | None] = {}  # keys are axes
-        self._topics: tuple[str, ...] = ()
+        self._braking: Mapping[str, Any] = {}  # by axis
+        self._command_topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
-        self._joints = JointCommands(self, self._on_lock)
+        self._joints = JointCommands(topics, self._on_lock)
         self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.certain)
-        self._viewer = Viewer(self, settings.viewer_page, self._on_view)
-        self._warn = Throttled(self.get_logger().warning)
-        self._timeouts = 0  # number of timeouts logged so far
-        self._ground = Ground(self, self._odometry)
-        self._cameras = CameraFeed(self)
-        self._navigation = NavigatorStatus(self)
-        self._obstacles = Obstacles(
-            self, self._odometry, lambda: self._arbiter.state.command.velocity
-        )
+        self._viewer = Viewer(self, settings.viewer_page)
+        self._ground = Ground(topics, odometry)
+        self._cameras = CameraFeed(topics)
+        self._obstacles = Obstacles(topics, odometry, lambda: self._arbiter.state.command.velocity)
         self._thread = OtherThread(self)
         self._serve()
-        if settings.await_view:
-            steady_timer(self, settings.await_view, self._announce)
-        else:
-            self._announce()
+        self._await_view_until = time.monotonic() + settings.await_view
+        self._announce()
         steady_timer(self, 1.0 / settings.rate, self._arbiter.tick)
-        steady_timer(self, _TIMEOUT_PERIOD, self._check_driver)
+        steady_timer(self, _TIMEOUT_PERIOD, self._arbiter.check_timeout)
         steady_timer(self, _GRAPH_PERIOD, self._poll_graph)
 
     def _serve(self) -> None:
@@ -185,7 +175,9 @@ class SteeringPage(Node):
         self._url = f"http://{reachable_as(listener)}{query}"
 
     def _announce(self) -> None:
-        """Print the page's address and open it, once."""
+        """Print the page's address and open it, once, when the view is there or late."""
+        if self._viewer.view is None and time.monotonic() < self._await_view_until:
+            return
         url, self._url = self._url, ""
         if not url:
             return
@@ -200,23 +192,32 @@ class SteeringPage(Node):
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
-            "topics": self._topics,  # command topics to choose from
+            "topics": self._command_topics,  # command topics to choose from
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
             "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
-            "others": self._navigation.others(commands.others),  # other publishers of commands
-            "navigation": self._navigation.line,  # state of the robot's navigator
+            "others": [node for node in commands.others if node != self._navigator],
+            "navigation": self._navigation(),  # state of the robot's navigator
             # Locked wheels or joints ignore all commands until a page moves them again.
             "locked": commands.locked or self._joints.locked,
             "wheels_locked": commands.locked,
             "joints": self._joints.fields(),
             "controllers": self._controllers.names,  # the nodes whose limits are known
-            "braking": {axis: asdict(b) if b else None for axis, b in self._braking.items()},
+            "braking": self._braking,
             "odometry": self._odometry.fields(),
             "cameras": self._cameras.topics,  # the topics of its cameras' pictures
             "legend": self._viewer.legend,  # the legend of the view
             "obstacle": self._obstacles.clearance,  # m until the robot meets an obstacle
         }
+
+    @property
+    def _navigator(self) -> str:
+        return f"{namespace_of(self._commands.topic)}/navigator"
+
+    def _navigation(self) -> str:
+        """Return what the navigator does; empty if there is none, or it has had no goal yet."""
+        message = self._topics.newest(f"{self._navigator}/status").message
+        return "" if message is None or message.data == "idle" else str(message.data)[:_LONGEST]
 
     def _nodes(self) -> Mapping[str, Any]:
         first = self._controllers.names
@@ -224,16 +225,8 @@ class SteeringPage(Node):
         nodes = sorted({node for node, _, service in services if service == "list_parameters"})
         return {"nodes": sorted(nodes, key=lambda node: node not in first), **self._viewer.fields()}
 
-    def _check_driver(self) -> None:
-        self._arbiter.check_timeout()
-        if self._timeouts != self._arbiter.timeouts:
-            self._timeouts = self._arbiter.timeouts
-            self._warn(
-                "timeout", "stopped: no message from the page that drives, or one that is too old"
-            )
-
     def _choose(self, name: str) -> None:
-        topic = str(self.resolve_topic_name(name))
+        topic = _topic(self, "topic", name)
         if topic == self._commands.topic:
             return
         self._arbiter.halt()
@@ -246,19 +239,24 @@ class SteeringPage(Node):
         robots = self._controllers.names
         commands.update(robots)
         self._controllers.update(end.node for end in commands.subscribers)
-        self._odometry.update(commands.topic, robots)
-        self._topics = command_topics(self)
+        self._command_topics = command_topics(self)
         self._robots = commanded_robots(self)
         name = namespace_of(commands.topic)
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
-        self._ground.update(namespace)
-        self._navigation.update(namespace)
-        self._cameras.update(namespace, watched)
+        status = f"{self._navigator}/status"
+        framed = self._ground.needed(namespace) | self._obstacles.needed(namespace, watched)
+        self._topics.transforms.update(len(framed) > 1)  # more than the description
+        self._topics.update(
+            framed
+            | self._odometry.needed(commands.topic, robots)
+            | ({status: _TEXT} if self.count_publishers(status) else {})
+            | self._cameras.needed(namespace, watched)
+            | self._joints.needed(namespace, self._obstacles.robot, watched)
+        )
         self._viewer.publish_cameras(self._cameras.topics)
-        self._obstacles.update(namespace, watched)
-        self._joints.update(namespace, self._obstacles.robot, watched)
         self._viewer.update()
+        self._announce()
 
     def _command(self, command: Command) -> None:
         self._commands.publish(command.velocity)
@@ -277,23 +275,11 @@ class SteeringPage(Node):
 
     def _on_controllers(self) -> None:
         controllers = self._controllers.known
-        limits = self._settings.limits(controllers)
         self._braking = {
             "linear": braking_of(controller.linear for controller in controllers),
             "lateral": braking_of(controller.lateral for controller in controllers),
         }
-        self._arbiter.set_limits(limits)
-        if len(controllers) > 1:
-            names = ", ".join(self._controllers.names)
-            self.get_logger().warning(
-                f"{len(controllers)} controllers subscribe to {self._commands.topic} ({names}):"
-                " each gets every command, within the strictest of their limits:"
-                f" {limits.linear.forward:g} m/s, {limits.angular.forward:g} rad/s"
-            )
-
-    def _on_view(self) -> None:
-        if self._viewer.view is not None:
-            self._announce()
+        self._arbiter.set_limits(self._settings.limits(controllers))
 
     def destroy_node(self) -> None:
         """Stop the robot, then the server and the node."""

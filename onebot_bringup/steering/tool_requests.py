@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -31,10 +32,11 @@ from onebot_bringup.introspection.parameter_values import text_of, type_label
 from onebot_bringup.serving.http_server import body_of
 from onebot_bringup.steering.camera import CameraFeed
 from onebot_bringup.steering.command_topic import CommandTopic
-from onebot_bringup.steering.ground import Ground
-from onebot_bringup.steering.protocol import ProtocolError, read_request, text
-from onebot_bringup.steering.tools import ToolPublishers, parse_click
+from onebot_bringup.steering.ground import Ground, picture
+from onebot_bringup.steering.protocol import ProtocolError, read_request
+from onebot_bringup.steering.tools import Click, ToolPublishers
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import REQUIRED, parameter
 
 T = TypeVar("T")
 
@@ -71,13 +73,18 @@ class OtherThread:
             OneBotError: the node does not spin, or is ending; an action not yet begun is dropped.
         """
         done: Future[T] = Future()
-        try:
-            if executor := self.spin(lambda: self._node.executor, _TIMEOUT):
-                executor.create_task(partial(_run, action, done))
-                self.spin(done.done, _TIMEOUT)
-        finally:
-            cancelled = done.cancel()
-        if cancelled:
+
+        def run() -> None:
+            if done.set_running_or_notify_cancel():
+                try:
+                    done.set_result(action())
+                except Exception as error:
+                    done.set_exception(error)
+
+        if executor := self.spin(lambda: self._node.executor, _TIMEOUT):
+            executor.create_task(run)
+            self.spin(done.done, _TIMEOUT)
+        if done.cancel():
             raise OneBotError("the page's node is not answering")
         self.spin(done.done, math.inf)  # the action has begun
         return done.result()
@@ -94,68 +101,56 @@ class OtherThread:
         self._closed.set()
 
 
-def _run(action: Callable[[], T], done: "Future[T]") -> None:
-    if not done.set_running_or_notify_cancel():
-        return
-    try:
-        done.set_result(action())
-    except Exception as error:
-        done.set_exception(error)
-
-
+@dataclass
 class ToolRequests:
     """The routes below /tools/, which call parts of the node in its thread."""
 
-    def __init__(
-        self,
-        thread: OtherThread,
-        commands: CommandTopic,
-        ground: Ground,
-        cameras: CameraFeed,
-        publishers: ToolPublishers,
-        nodes: Callable[[], Mapping[str, Any]],
-    ) -> None:
-        self._thread, self._commands, self._nodes = thread, commands, nodes
-        self._ground, self._cameras, self._publishers = ground, cameras, publishers
+    thread: OtherThread
+    commands: CommandTopic
+    ground: Ground
+    cameras: CameraFeed
+    publishers: ToolPublishers
+    nodes: Callable[[], Mapping[str, Any]]
 
-    def add_to(self, app: web.Application) -> None:
-        router = app.router
-        router.add_get("/tools/ground", self._get_ground)
-        router.add_get("/tools/map.png", self._get_map)
-        router.add_get("/tools/camera.jpg", self._get_camera)
-        router.add_get("/tools/nodes", self._get_nodes)
-        router.add_post("/tools/click", self._click)
-        router.add_get("/tools/parameters", self._get_parameters)
-        router.add_post("/tools/parameters", self._set_parameters)
+    def routes(self) -> list[web.RouteDef]:
+        return [
+            web.get("/tools/ground", self._get_ground),
+            web.get("/tools/map.png", self._get_map),
+            web.get("/tools/camera.jpg", self._get_camera),
+            web.get("/tools/nodes", self._get_nodes),
+            web.post("/tools/click", self._click),
+            web.get("/tools/parameters", self._get_parameters),
+            web.post("/tools/parameters", self._set_parameters),
+        ]
 
     async def _get_ground(self, request: web.Request) -> web.Response:
         frame = request.query.get("frame", "")
 
         def look() -> Mapping[str, Any]:
-            self._publishers.prepare()
-            fields = self._ground.fields(frame)
-            return {**fields, "command_topic": self._commands.topic} if fields else {}
+            self.publishers.prepare()
+            fields = self.ground.fields(frame)
+            return {**fields, "command_topic": self.commands.topic} if fields else {}
 
-        return await _json(lambda: self._thread.spin(lambda: self._thread.call(look), _TIMEOUT))
+        return await _json(lambda: self.thread.spin(lambda: self.thread.call(look), _TIMEOUT))
 
     async def _get_map(self, _: web.Request) -> web.Response:
-        grid = self._ground.grid
-        picture = await asyncio.to_thread(grid.picture) if grid is not None else None
-        return _picture(picture, "image/png")
+        grid = self.ground.grid
+        data = await asyncio.to_thread(picture, grid) if grid is not None else None
+        return _picture(data, "image/png")
 
     async def _get_camera(self, request: web.Request) -> web.Response:
         topic = request.query.get("topic", "")
-        return _picture(await asyncio.to_thread(self._cameras.picture, topic), "image/jpeg")
+        return _picture(await asyncio.to_thread(self.cameras.picture, topic), "image/jpeg")
 
     async def _get_nodes(self, _: web.Request) -> web.Response:
-        return await _json(lambda: self._thread.call(self._nodes))
+        return await _json(lambda: self.thread.call(self.nodes))
 
     async def _click(self, request: web.Request) -> web.Response:
         data = (await body_of(request)).decode(errors="replace")
 
         def publish() -> Mapping[str, Any]:
-            click = parse_click(data)
-            topic, subscribers = self._thread.call(partial(self._publishers.publish, click))
+            click = read_request(Click, data)
+            topic, subscribers = self.thread.call(partial(self.publishers.publish, click))
             return {"topic": topic, "subscribers": subscribers}
 
         return await _json(publish)
@@ -168,11 +163,12 @@ class ToolRequests:
         data = (await body_of(request)).decode(errors="replace")
 
         def change() -> Mapping[str, Any]:
-            node, values = parse_values(data)
-            results = self._client(node).set(list(values.items()), same_types=True)
+            request = read_request(SetParameters, data)
+            client = self._client(request.node)
+            results = client.set(list(request.values.items()), same_types=True)
             rejected = {
                 name: result.reason or "the node rejected it"
-                for name, result in zip(values, results, strict=True)
+                for name, result in zip(request.values, results, strict=True)
                 if not result.successful
             }
             return {"rejected": rejected}
@@ -180,9 +176,9 @@ class ToolRequests:
         return await _json(change)
 
     def _client(self, node: str) -> ParameterClient:
-        if node not in self._thread.call(self._nodes)["nodes"]:
+        if node not in self.thread.call(self.nodes)["nodes"]:
             raise OneBotError(f'there is no node "{node}"')
-        return ParameterClient(self._thread, node)
+        return ParameterClient(self.thread, node)
 
 
 def _picture(data: bytes | None, kind: str) -> web.Response:
@@ -198,24 +194,12 @@ async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
         return web.json_response({"error": f"{error}."}, status=status)
 
 
-def _values(name: str, value: Any) -> Mapping[str, str]:
-    if not isinstance(value, dict) or not all(isinstance(item, str) for item in value.values()):
-        raise ProtocolError(f"{name} must have a text in YAML for each parameter")
-    return value
+@dataclass(frozen=True)
+class SetParameters:
+    """A request to set parameters of a node."""
 
-
-def parse_values(data: str) -> tuple[str, Mapping[str, str]]:
-    """Parse a request to set parameters.
-
-    Returns:
-        The node, and the values in YAML by name.
-
-    Raises:
-        ProtocolError: the request is invalid.
-    """
-    checks = {"node": text, "values": _values}
-    fields = read_request("a request to set parameters", data, checks)
-    return fields["node"], fields["values"]
+    node: str = parameter(REQUIRED, "its full name", not_empty=True)
+    values: Mapping[str, str] = parameter({}, "values in YAML, by name")
 
 
 def rows_of(client: ParameterClient) -> list[Mapping[str, Any]]:

@@ -9,9 +9,9 @@ from geometry_msgs.msg import PointStamped, PoseStamped, PoseWithCovarianceStamp
 from rclpy.node import Node
 
 from onebot_bringup.steering.command_topic import CommandTopic, namespace_of
-from onebot_bringup.steering.protocol import ProtocolError, number, read_request, text
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import about_z
+from onebot_description.parameters.reader import REQUIRED, parameter
 from onebot_description.ros.wire.messages import fill_diagonal
 
 _DEPTH = 10
@@ -37,32 +37,12 @@ _ESTIMATE = (0.5**2, 0.5**2, 0.0, 0.0, 0.0, (math.pi / 12.0) ** 2)
 class Click:
     """A click on the ground that a page sent."""
 
-    tool: str  # one of TOOLS
-    frame: str
-    x: float  # m
-    y: float  # m
-    yaw: float  # rad; not used for a point
-    command_topic: str  # identifies the robot that it is for
-
-
-def _tool(name: str, value: Any) -> str:
-    if not isinstance(value, str) or value not in TOOLS:
-        raise ProtocolError(f"{name} must be one of {', '.join(TOOLS)}")
-    return value
-
-
-_FIELDS = {
-    "tool": _tool, "frame": text, "x": number, "y": number, "yaw": number, "command_topic": text
-}  # fmt: skip
-
-
-def parse_click(data: str) -> Click:
-    """Parse a click that a page sent.
-
-    Raises:
-        ProtocolError: it is invalid.
-    """
-    return Click(**read_request("a click", data, _FIELDS))
+    tool: str = parameter(REQUIRED, "the tool", choices=tuple(TOOLS))
+    frame: str = parameter(REQUIRED, "the frame of the place", not_empty=True)
+    x: float = parameter(REQUIRED, "m")
+    y: float = parameter(REQUIRED, "m")
+    yaw: float = parameter(REQUIRED, "rad; not used for a point")
+    command_topic: str = parameter(REQUIRED, "identifies the robot that it is for")
 
 
 def message_of(click: Click, stamp: Any) -> Any:
@@ -90,11 +70,10 @@ class ToolPublishers:
 
     def prepare(self) -> None:
         """Create the publishers before the first click, since discovery takes a moment."""
-        topics = {self._topic(tool): tool.kind for tool in TOOLS.values()}
-        for topic in self._publishers.keys() - topics.keys():
-            self._node.destroy_publisher(self._publishers.pop(topic))
-        for topic in topics.keys() - self._publishers.keys():
-            self._publishers[topic] = self._node.create_publisher(topics[topic], topic, _DEPTH)
+        for tool in TOOLS.values():
+            topic = self._topic(tool)
+            if topic not in self._publishers:
+                self._publishers[topic] = self._node.create_publisher(tool.kind, topic, _DEPTH)
 
     def publish(self, click: Click) -> tuple[str, int]:
         """Publish a click; return the topic's full name and the number of its subscribers.

@@ -15,7 +15,7 @@ import hmac
 import json
 import re
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -73,9 +73,9 @@ class Viewer:
         view: the address of its page; None if there is none.
     """
 
-    def __init__(self, node: Node, page_topic: str, changed: Callable[[], None]) -> None:
-        """Follow its ~/page and ~/displays; ``changed`` is called after each message of ~/page."""
-        self._node, self._topic, self._changed = node, page_topic, changed
+    def __init__(self, node: Node, page_topic: str) -> None:
+        """Follow its ~/page and ~/displays."""
+        self._node, self._topic = node, page_topic
         self._warn = Throttled(node.get_logger().warning)
         self._name = page_topic.rpartition("/")[0]
         self._shown: list[Row] = []
@@ -113,7 +113,6 @@ class Viewer:
         self.view = View.parse(message.data)
         if message.data and self.view is None:
             self._warn("page", f"{self._topic} has no address of a page on this computer")
-        self._changed()
 
     def _on_displays(self, message: String) -> None:
         self._shown, self._legend = parse_displays(message.data)

@@ -57,3 +57,14 @@ def tab(chromium: "Page") -> "Iterator[Page]":
     chromium.let_go()
     chromium.emulate_nothing()
     chromium.devtools("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+@pytest.fixture
+def gamepad(tab: "Page", request: pytest.FixtureRequest) -> Iterator[None]:
+    """Pages that are opened after it have one, or what the test's parameter makes of it."""
+    from tests.steering_browser_support import GAMEPAD
+
+    source = getattr(request, "param", GAMEPAD)
+    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=source)
+    yield
+    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)

@@ -123,7 +123,7 @@ def test_a_tap_is_a_step(steered: Steered) -> None:
     assert steered.sent() == [ZERO] and steered.command == ZERO
     for _ in range(ZEROS + 2):
         steered.arbiter.tick()
-    assert steered.sent() == [ZERO] * (ZEROS - 1) and steered.arbiter.timeouts == 0
+    assert steered.sent() == [ZERO] * (ZEROS - 1)
 
 
 def test_nothing_but_a_release_waits_for_the_step(steered: Steered) -> None:
@@ -249,14 +249,14 @@ def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) ->
     for _ in range(10):
         steered.drive("a")
         steered.wait(COMMAND_TIMEOUT * 0.9)
-    assert steered.command == FORWARD and steered.arbiter.timeouts == 0
+    assert steered.command == FORWARD
     steered.drive("a")
     steered.wait(COMMAND_TIMEOUT)
     assert steered.command == FORWARD and not steered.arbiter.state.late
     steered.sent()
     steered.wait(0.001)
     steered.wait(10.0)
-    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1
+    assert steered.sent() == [ZERO]
     assert steered.driver == "a" and steered.arbiter.state.late == {"a"}
     steered.drive("a", age=9.9)
     assert steered.command == ZERO and steered.arbiter.state.late == {"a"}
@@ -375,23 +375,6 @@ def test_a_raised_limit_waits_for_the_next_press(
     assert steered.command == Velocity(way * (raised or 3.0), 0.0)
     steered.drive("b", Velocity(way * 9.0, 0.0))  # another driver presses, too
     assert steered.command == Velocity(way * (raised or 3.0), 0.0)
-
-
-def test_sideways_the_same_rules_hold(steered: Steered) -> None:
-    """Its limits, with one factor for all axes; a robot that does not go sideways stands."""
-    diagonal, arbiter = Velocity(0.5, 0.25, -0.5), steered.arbiter
-    steered.drive("a", diagonal)
-    assert steered.sent() == [ZERO] and steered.command == ZERO
-    arbiter.set_limits(limits(3.0, 4.0, 0.25))
-    steered.drive("a", diagonal)
-    assert steered.command == ZERO, "what it may do now waits for the next press"
-    steered.release("a")
-    steered.drive("a", diagonal)
-    assert steered.sent()[-1] == steered.command == Velocity(0.25, 0.125, -0.25)
-    arbiter.handle("b", SetLimits(None, None, 0.125))
-    assert steered.command == Velocity(0.125, 0.0625, -0.125)
-    steered.wait(COMMAND_TIMEOUT + 0.001)
-    assert steered.sent() == [ZERO]
 
 
 def test_what_was_sent_before_the_process_woke_does_not_drive(steered: Steered) -> None:

@@ -27,15 +27,6 @@ CAR = {
 }
 LATERAL = ".speeds .lateral", "#lateral-limit", "[name=sideways]", ".keys .lateral"
 
-# What a browser gives of a gamepad, whose hardware no test has.
-GAMEPAD = """
-window.sticks = [0, 0, 0, 0];
-navigator.getGamepads = () => [{
-  index: 0, connected: true, mapping: window.mapping ?? "standard", timestamp: 0,
-  axes: window.sticks, buttons: [],
-}];
-"""
-
 
 @pytest.fixture
 def robot(ros_domain: int) -> Iterator[Peer]:
@@ -53,14 +44,12 @@ def heard(robot: Peer, request: pytest.FixtureRequest) -> list[Twist]:
 
 
 @pytest.fixture
-def page(heard: list[Twist], tab: Page) -> Iterator[Page]:
+def page(heard: list[Twist], gamepad: None, tab: Page) -> Iterator[Page]:
     """Its page, once the limits are known."""
-    hook = tab.devtools("Page.addScriptToEvaluateOnNewDocument", source=GAMEPAD)
     with steering(topic=TOPIC) as node:
         tab.open(node.address)
         wait_for(lambda: tab.limit("linear") == "0.5", "the controller's limits")
         yield tab
-    tab.devtools("Page.removeScriptToEvaluateOnNewDocument", **hook)
 
 
 def speeds(twist: Twist) -> tuple[float, float, float]:
@@ -163,22 +152,13 @@ def test_joystick_slider_and_gamepad_drive_sideways(page: Page, heard: list[Twis
         ([0, 0, 1, 0], (0.0, 0.0, -1.0)),
         ([0, -1, -1, 0], (0.5, 0.0, 1.0)),
     ):
-        _drive_by_sticks(page, sticks, at(heard, *wanted))
+        page.drive_by_stick(sticks, at(heard, *wanted))
+        page.stick()
         wait_to_stop(page, heard)
-    page.driver.execute_script("window.mapping = ''")  # the third axis may be a trigger
-    _drive_by_sticks(page, [-1, 0, -1, 0], at(heard, 0.0, 0.0, 1.0))
+    page.stick(mapping="")  # the third axis may be a trigger
+    page.drive_by_stick([-1, 0, -1, 0], at(heard, 0.0, 0.0, 1.0))
+    page.stick()
     assert "sideways" in page.find("#sticks").get_attribute("title")
-
-
-def _drive_by_sticks(page: Page, sticks: list[float], reached: Callable[[], bool]) -> None:
-    """Drive with a gamepad, and let its sticks come back to their middle."""
-
-    def put(*axes: float) -> None:
-        page.driver.execute_script("window.sticks = arguments[0]", axes)
-        page.wait_for_states(2)
-
-    page.drive_until(lambda: put(*sticks), lambda: put(0, 0, 0, 0), reached, f"{sticks} to drive")
-    put(0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("heard", [CAR], indirect=True)
@@ -212,7 +192,8 @@ def test_a_car_is_steered(page: Page, heard: list[Twist]) -> None:
     wait_for(lambda: across(page) == pytest.approx(bend, abs=0.01), "the bar")
     page.let_go()
     wait_to_stop(page, heard)
-    _drive_by_sticks(page, [1, -1, 0, 0], lambda: heard and heard[-1].linear.x > 0.3)
+    page.drive_by_stick([1, -1], lambda: heard and heard[-1].linear.x > 0.3)
+    page.stick()
     assert "steers" in page.find("#sticks").get_attribute("title")
 
 

@@ -8,7 +8,6 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.onebot_bringup.joints_support import STANDING, UPPER, Arm, described
 from tests.onebot_bringup.steering_support import TOPIC, Steering, steering
-from tests.onebot_bringup.test_steering_page_looks import findings
 from tests.onebot_control.arm_support import MODULE
 from tests.ros_support import NodeProcess
 from tests.steering_browser_support import Page
@@ -135,14 +134,6 @@ def test_arrow_keys_move_the_joint_with_the_focus(
     assert len(arm.commands) == count
 
 
-def test_positions_are_unknown_without_a_server(tab: Page, arm: Arm) -> None:
-    with steering(check=False) as node:
-        page = opened(tab, node)
-    wait_for(lambda: page.body("connection") == "down", "the page to notice")
-    assert value(page) == 0.0 and page.text("#joint-0-position") == "\N{EN DASH} rad"
-    assert not page.find(SLIDER).is_enabled()
-
-
 def test_an_arm_that_stands_has_its_joints_only(
     page: Page, arm: Arm, request: pytest.FixtureRequest
 ) -> None:
@@ -163,19 +154,3 @@ def test_an_arm_that_stands_has_its_joints_only(
     request.getfixturevalue("twists")
     wait_for(lambda: all(page.find(part).is_displayed() for part in driving), "the wheels")
     assert says("Locked: move a joint to unlock"), "the wheels are not locked"
-
-
-def test_stop_and_the_joints_are_in_sight_on_a_phone(tab: Page, node: Steering) -> None:
-    tab.emulate(390, 844, mobile=True)
-    page = opened(tab, node)
-    assert page.in_sight("#stop") and page.in_sight(SLIDER)
-    assert page.driver.execute_script("return document.documentElement.scrollWidth") == 390
-
-
-def test_axe_finds_nothing(page: Page, arm: Arm) -> None:
-    """While a slider is held, too."""
-    page.emulate(1280, 657, prefers_color_scheme="dark")
-    assert findings(page) == []
-    hold(page, arm)
-    assert findings(page) == []
-    page.let_go()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan, Range
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from onebot_bringup.steering.followed_topics import RobotNamespace
+from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.obstacles import Footprint, Obstacles, Readings, described
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.protocol import Velocity
@@ -88,22 +88,6 @@ def test_the_ground_and_the_ceiling_are_no_obstacles(footprint, place, distance,
     assert bool(len(footprint.obstacles(scan(0.0, distance), place))) is counts
 
 
-def test_a_range_has_what_it_met_anywhere_on_its_cone(footprint):
-    """A sonar, and a detector of a fixed distance (REP-117); +inf and nan say nothing."""
-    message = Range(field_of_view=0.4, min_range=0.1, max_range=2.0, range=1.0)
-    beside = at(0.2, 0.25)  # its axis passes the robot's side, its cone does not
-    points = footprint.obstacles(Readings.from_range(message), beside)
-    assert footprint.clearance(points, Velocity(0.3)) == pytest.approx(math.cos(0.2), abs=1e-6)
-    message.field_of_view = 0.1
-    points = footprint.obstacles(Readings.from_range(message), beside)
-    assert footprint.clearance(points, Velocity(0.3)) == math.inf
-    for nothing in (math.inf, math.nan, 0.05, 2.1):
-        message.range = nothing
-        assert not len(Readings.from_range(message).ranges)
-    message.range, message.min_range = -math.inf, 2.0
-    assert set(Readings.from_range(message).ranges) == {2.0}
-
-
 def test_what_has_no_shapes_has_no_footprint():
     """A description may be no robot."""
     assert described("<robot") is None
@@ -121,8 +105,9 @@ def mounted(child: str, pitch: float, yaw: float) -> TransformStamped:
 def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     """By its frame, and as long as it measures; a cliff sensor sees the ground, no obstacle."""
     node, command = peer.node, [Velocity()]
-    odometry = OdometryTopic(node, "/odom")
-    obstacles = Obstacles(node, odometry, lambda: command[0])
+    topics = FollowedTopics(node)
+    odometry = OdometryTopic(topics, "/odom")
+    obstacles = Obstacles(topics, odometry, lambda: command[0])
     create = node.create_publisher
     create(String, "/robot_description", LATCHED).publish(String(data=ROBOT))
     frames = create(TFMessage, "/tf_static", LATCHED)
@@ -131,7 +116,7 @@ def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     messages = {
         "/odom": Odometry(child_frame_id="base"),
         "/front": LaserScan(angle_increment=0.1, range_max=9.0, ranges=[1.2]),
-        "/rear": Range(field_of_view=0.02, max_range=9.0, range=2.2),
+        "/rear": LaserScan(angle_increment=0.1, range_max=9.0, ranges=[2.2]),
         "/cliff": LaserScan(angle_increment=0.1, range_max=9.0, ranges=[0.05]),
     }
     for topic in ("/front", "/rear", "/cliff"):
@@ -140,8 +125,9 @@ def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     messages["/odom"].twist.twist.linear.x = -0.5
 
     def clearance() -> float | None:
-        odometry.update("/cmd_vel", ())
-        obstacles.update(RobotNamespace("", ()), watched=True)
+        needed = obstacles.needed(RobotNamespace("", ()), watched=True)
+        topics.update(needed | odometry.needed("/cmd_vel", ()))
+        topics.transforms.update(True)
         for topic, publisher in publishers.items():
             publisher.publish(messages[topic])
         found = obstacles.clearance

@@ -76,7 +76,7 @@ def opened(node: Steering, profile: Path) -> Iterator[Window]:
 
 
 def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) -> None:
-    """In a menu, on the title bar, while another program has the keys; so does a still hand.
+    """In a menu, on the title bar, while another program has the keys.
 
     Which other keys are no sign of a hand, test_steering_hands tests.
     """
@@ -118,18 +118,6 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
                 release()
                 _stops(page, heard, f"{hold} let go after {elsewhere}")
                 do(*elsewhere[1])
-        press, release = (functools.partial(do, *words) for words in mouse("#linear [name=plus]"))
-
-        def is_still() -> bool:
-            """Hold the button; whether that ends by the page, not where a busy one is late."""
-            page.drive_until(press, release, lambda: heard[-1] != Twist(), "the button to drive")
-            _stops(page, heard, "a hand that is still")
-            reason = page.text("#message")
-            release()
-            return "no sign that the control is still held" in reason
-
-        wait_for(is_still, "the reason")
-        _taps(page)
 
 
 def _stops(page: Page, heard: list[Twist], what: str) -> None:
@@ -143,15 +131,3 @@ def _stops(page: Page, heard: list[Twist], what: str) -> None:
     assert sent() <= most, f"it drives on: {what}"
     wait_for(lambda: heard[-1] == Twist(), "the command to stop")
     assert page.body("hand") == ""
-
-
-def _taps(page: Page) -> None:
-    """A tap of 50 ms is a command, after whatever idleness, and its release follows."""
-    for idle in (0, 20):
-        page.wait_for_states(idle)
-        begin = len(page.sent())
-        do("keydown", "w", "sleep", 0.05, "keyup", "w")
-        wait_for(lambda begin=begin: "release" in page.said()[begin:], "the release")
-        first, *_, last = page.sent()[begin:]
-        assert (first["type"], first["linear"]) == ("drive", 0.5)
-        assert last["type"] == "release"

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from onebot_bringup.steering.protocol import (
     MESSAGES,
     ChooseTopic,
+    Command,
     DriveMessage,
     ProtocolError,
     Release,
@@ -22,30 +23,19 @@ from onebot_bringup.steering.protocol import (
 )
 
 
-@pytest.mark.parametrize(
-    "text, meant",
-    [
-        (
-            '{"type":"drive","stamp":1500,"linear":0.5,"angular":-1,"lateral":0.25,'
-            '"joints":{"a":1,"b":0}}',
-            DriveMessage(0.5, -1.0, 1.5, {"a": 1.0}, 0.25),
-        ),
-        ('{"type":"release"}', Release()),
-        ('{"type":"stop"}', Stop()),
-        ('{"type":"topic","topic":"/robot_1/cmd_vel"}', ChooseTopic("/robot_1/cmd_vel")),
-        (
-            '{"type":"limits","linear":1e-9,"angular":2e-1,"lateral":3}',
-            SetLimits(1e-9, 0.2, 3.0),
-        ),
-        (
-            '{"type":"limits","linear":null,"angular":1e9,"lateral":null}',
-            SetLimits(None, 1e9, None),
-        ),
-    ],
-)
-def test_each_message_is_understood(text, meant):
-    """The five messages of the protocol mean what they say."""
-    assert parse(text) == meant
+def test_each_message_is_understood():
+    """The five messages of the protocol mean what they say; a joint at rest does not move."""
+    drive = _drive(stamp=1.5, angular=-1, lateral=0.25, joints={"a": 1, "b": 0})
+    message = parse(drive)
+    assert message == DriveMessage(1.0, -1.0, 1.5, {"a": 1.0, "b": 0.0}, 0.25)
+    assert message.command == Command(Velocity(1.0, -1.0, 0.25), {"a": 1.0})
+    for text, meant in {
+        '{"type":"release"}': Release(),
+        '{"type":"stop"}': Stop(),
+        '{"type":"topic","topic":"/robot_1/cmd_vel"}': ChooseTopic("/robot_1/cmd_vel"),
+        '{"type":"limits","linear":1e-9,"angular":null,"lateral":3}': SetLimits(1e-9, None, 3.0),
+    }.items():
+        assert parse(text) == meant
 
 
 def _drive(**changes: object) -> str:
@@ -56,28 +46,21 @@ def _drive(**changes: object) -> str:
 @pytest.mark.parametrize(
     "text, words, about",
     [
-        ("", "must be JSON", None),
         (b"\xff", "must be JSON", None),
         ("[" * 1000, "must be JSON", None),
+        ('{"type":"topic","topic":"\\ud800"}', "must be JSON", None),
         ("[]", "JSON object", None),
         ('{"type":"release"}' + " " * 2000, "at most 1024", None),
         ("{}", "one of drive, release, stop, topic, limits", None),
-        ('{"type":"stop","now":true}', '"stop", beside its type, has no fields', "stop"),
-        ('{"type":"drive"}', "has linear, angular, lateral, stamp, joints, no", "drive"),
-        (_drive(linear=math.nan), "linear must be a finite", "drive"),
-        (_drive(linear=True), "linear must be a finite number", "drive"),
-        (_drive(lateral=-math.inf), "lateral must be a finite number", "drive"),
-        (_drive(stamp=None), "stamp must be a finite number", "drive"),
-        (_drive(joints=[1]), "joints must have velocities by the joints", "drive"),
-        (_drive(joints={"a": math.inf}), "joints must be a finite", "drive"),
-        ('{"type":"limits","linear":0,"angular":1,"lateral":1}', "linear must be above", "limits"),
-        ('{"type":"limits","linear":1,"angular":1,"lateral":-1}', "lateral must be", "limits"),
-        ('{"type":"limits","linear":1,"angular":1}', "linear, angular, lateral, no oth", "limits"),
-        ('{"type":"topic","topic":"/a//b"}', "name of a ROS topic", "topic"),
-        ('{"type":"topic","topic":"/a\\n"}', "name of a ROS topic", "topic"),
-        ('{"type":"topic","topic":"/%s"}' % ("a" * 200), "name of a ROS", "topic"),
-        ('{"type":"topic","topic":7}', "name of a ROS topic", "topic"),
-        ('{"type":"topic","topic":"\\ud800"}', "must be JSON", None),
+        ('{"type":"stop","now":true}', "now: no such parameter", "stop"),
+        ('{"type":"drive"}', "linear: is missing", "drive"),
+        (_drive(linear=math.nan), "linear: nan is not finite", "drive"),
+        (_drive(linear=True), "linear: true is a bool; write a number", "drive"),
+        (_drive(stamp=None), "stamp: has no value", "drive"),
+        (_drive(joints=[1]), "joints: .* is a list", "drive"),
+        (_drive(joints={"a": math.inf}), "joints.a: inf is not finite", "drive"),
+        ('{"type":"limits","linear":0}', "linear: 0 is not above 0", "limits"),
+        ('{"type":"topic","topic":7}', "topic: 7.* is a number", "topic"),
     ],
 )  # fmt: skip
 def test_anything_else_is_refused(text, words, about):

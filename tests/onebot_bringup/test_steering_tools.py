@@ -34,11 +34,12 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from onebot_bringup.introspection.parameter_values import parse_value, text_of
-from onebot_bringup.steering.ground import Ground, PublishedMap
+from onebot_bringup.steering.followed_topics import FollowedTopics
+from onebot_bringup.steering.ground import Ground, picture
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_bringup.steering.protocol import ProtocolError
-from onebot_bringup.steering.tool_requests import OtherThread, parse_values
-from onebot_bringup.steering.tools import Click, message_of, parse_click
+from onebot_bringup.steering.protocol import ProtocolError, read_request
+from onebot_bringup.steering.tool_requests import OtherThread
+from onebot_bringup.steering.tools import Click, message_of
 from onebot_bringup.steering.view_proxy import parse_displays
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -52,22 +53,18 @@ CLICK = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "changes, problem",
-    [
-        ({"tool": "measure"}, "tool must be one of goal, estimate, point"),
-        ({"frame": ""}, "frame must be a text"),
-        ({"x": "1"}, "x must be a finite number"),
-        ({"z": 0.0}, "tool, frame, x, y, yaw, command_topic, no others"),
-        ({"frame": "\ud800"}, "must be JSON"),
-    ],
-)
-def test_a_click_that_is_none_is_refused(changes: dict[str, Any], problem: str) -> None:
-    assert parse_click(json.dumps(CLICK)) == Click(
+def test_a_click_that_is_none_is_refused() -> None:
+    assert read_request(Click, json.dumps(CLICK)) == Click(
         "goal", "map", 1.5, -2.0, math.pi / 2, "/robot1/cmd_vel"
     )
-    with pytest.raises(ProtocolError, match=problem):
-        parse_click(json.dumps({**CLICK, **changes}))
+    for changes, problem in (
+        ({"tool": "measure"}, "tool: no .measure. .*goal"),
+        ({"frame": ""}, "frame: is empty"),
+        ({"x": "1"}, "x: .* is a string; write a number"),
+        ({"z": 0.0}, "z: no such parameter"),
+    ):
+        with pytest.raises(ProtocolError, match=problem):
+            read_request(Click, json.dumps({**CLICK, **changes}))
 
 
 def test_clicks_become_the_messages_of_rviz() -> None:
@@ -102,8 +99,8 @@ def grid(width: int, height: int, cells: list[int]) -> OccupancyGrid:
 
 def test_the_picture_of_a_map() -> None:
     """A pixel a cell, the first row at the bottom; what is unknown, or no probability, is clear."""
-    shown = PublishedMap(grid(3, 2, [0, 50, 100, -1, 0, 101]))
-    pixels = np.asarray(Image.open(io.BytesIO(shown.picture())).convert("LA"))
+    png = picture(grid(3, 2, [0, 50, 100, -1, 0, 101]))
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("LA"))
     assert pixels[1].tolist() == [[255, 255], [128, 255], [0, 255]]
     assert pixels[0, :, 1].tolist() == [0, 255, 0]
 
@@ -111,13 +108,9 @@ def test_the_picture_of_a_map() -> None:
 @pytest.mark.parametrize(
     "fields",
     [
-        {"type": 1, "bool_value": True},
-        {"type": 3, "double_value": 1e-05},
         {"type": 3, "double_value": math.inf},
         {"type": 4, "string_value": "true"},
         {"type": 4, "string_value": "two\nlines: 1"},
-        {"type": 6, "bool_array_value": [True, False]},
-        {"type": 7, "integer_array_value": []},
         {"type": 9, "string_array_value": ["a b", "1"]},
     ],
 )
@@ -126,20 +119,6 @@ def test_values_as_text_are_read_as_they_were(fields: dict[str, Any]) -> None:
     field, kind, read = parse_value(text_of(value), value.type)
     assert ParameterValue(type=kind, **{field: read}) == value
     assert text_of(ParameterValue()) == ""
-
-
-@pytest.mark.parametrize(
-    "text, problem",
-    [
-        ('{"node": "/a"}', "has node, values, no others"),
-        ('{"node": "/a", "values": {"x": 1}}', "a text in YAML"),
-        ('{"node": "/a", "values": []}', "a text in YAML"),
-    ],
-)
-def test_a_request_to_set_parameters_that_is_none_is_refused(text: str, problem: str) -> None:
-    assert parse_values('{"node": "/a", "values": {"x": "1"}}') == ("/a", {"x": "1"})
-    with pytest.raises(ProtocolError, match=problem):
-        parse_values(text)
 
 
 LEGEND = {"kind": "trail", "name": "odometry", "color": [255, 176, 2]}
@@ -223,7 +202,8 @@ def test_what_a_page_was_told_has_failed_does_not_happen_later(
 
 def test_the_ground_is_shown_when_transforms_had_time_to_come(peer: Peer) -> None:
     """Before, a click would be in another frame than a moment later."""
-    ground = Ground(peer.node, OdometryTopic(peer.node, ""))
+    topics = FollowedTopics(peer.node)
+    ground = Ground(topics, OdometryTopic(topics, ""))
     assert ground.fields() == {}
     found = wait_for(ground.fields, "the ground")
     nothing = {"robot": None, "map": None, "scans": [], "path": [], "footprint": []}
@@ -256,8 +236,8 @@ def test_a_page_sees_the_robot_on_the_map_and_clicks_there(domain: int, ask: Req
         shown = {name: ground["map"][name] for name in ("x", "y", "yaw", "width", "height")}
         assert shown == {"x": 0.0, "y": 0.0, "yaw": 0.0, "width": 1.0, "height": 0.5}
         assert ask("ground?frame=odom")["robot"] == {"x": 1.0, "y": 0.0, "yaw": 0.0}
-        status, picture = ask.raw("map.png")
-        assert status == 200 and Image.open(io.BytesIO(picture)).size == (2, 1)
+        status, png = ask.raw("map.png")
+        assert status == 200 and Image.open(io.BytesIO(png)).size == (2, 1)
 
         assert ask("click", CLICK) == {"topic": "/robot1/goal_pose", "subscribers": 1}
         wait_for(lambda: goals, "the goal")
@@ -361,7 +341,7 @@ def test_a_page_sees_and_sets_the_parameters_of_a_node(domain: int, ask: Request
         assert "no node" in ask("parameters?node=/nobody")["error"]
 
 
-def picture(encoding: str) -> ImageMessage:
+def image(encoding: str) -> ImageMessage:
     """A picture of one pixel."""
     data = bytes({"rgb8": 3, "32FC1": 4}[encoding])
     return ImageMessage(encoding=encoding, width=1, height=1, step=len(data), data=data)
@@ -373,7 +353,7 @@ def test_the_cameras_of_a_robot_are_found_by_their_pictures(peer: Peer) -> None:
     Bytes that are no picture are ignored.
     """
     front, rear, depth = (f"/{name}/image_raw" for name in ("front", "rear", "measured"))
-    messages = {front: picture("rgb8"), rear: picture("rgb8"), depth: picture("32FC1")}
+    messages = {front: image("rgb8"), rear: image("rgb8"), depth: image("32FC1")}
     create = peer.node.create_publisher
     publishers = {
         create(ImageMessage, topic, 1): message
