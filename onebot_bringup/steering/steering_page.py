@@ -30,8 +30,8 @@ Subscribes:
     displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
-    robot_description (std_msgs/String), each LaserScan in the robot's namespace: while there is a
-        page. Each Image there: while a page shows it, and once to read its encoding.
+    robot_description (std_msgs/String) in the robot's namespace: while there is a page. Each Image
+        there: while a page shows it, and once to read its encoding.
 
 Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands, every two seconds:
@@ -70,7 +70,6 @@ from onebot_bringup.steering.command_topic import (
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
-from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Command, Parts, Velocity
@@ -136,7 +135,6 @@ class SteeringPage(Node):
         self._viewer = Viewer(self, settings.viewer_page)
         self._ground = Ground(topics, odometry)
         self._cameras = CameraFeed(topics)
-        self._obstacles = Obstacles(topics, odometry, lambda: self._arbiter.state.command.velocity)
         self._thread = OtherThread(self)
         self._serve()
         self._await_view_until = time.monotonic() + settings.await_view
@@ -188,13 +186,13 @@ class SteeringPage(Node):
 
     def _robot(self) -> Mapping[str, Any]:
         """Return the node's part of a page's state."""
-        commands, robot = self._commands, self._obstacles.robot
+        commands = self._commands
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
             "topics": self._command_topics,  # command topics to choose from
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
-            "robot_name": robot.robot_name if robot is not None else "",  # name in the description
+            "robot_name": self._joints.robot_name,  # in its description
             "listeners": len(commands.listeners),
             "others": [node for node in commands.others if node != self._navigator],
             "navigation": self._navigation(),  # state of the robot's navigator
@@ -207,7 +205,6 @@ class SteeringPage(Node):
             "odometry": self._odometry.fields(),
             "cameras": self._cameras.topics,  # the topics of its cameras' pictures
             "legend": self._viewer.legend,  # the legend of the view
-            "obstacle": self._obstacles.clearance,  # m until the robot meets an obstacle
         }
 
     @property
@@ -245,14 +242,14 @@ class SteeringPage(Node):
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         status = f"{self._navigator}/status"
-        framed = self._ground.needed(namespace) | self._obstacles.needed(namespace, watched)
-        self._topics.transforms.update(len(framed) > 1)  # more than the description
+        ground = self._ground.needed(namespace)
+        self._topics.transforms.update(bool(ground))
         self._topics.update(
-            framed
+            ground
             | self._odometry.needed(commands.topic, robots)
             | ({status: _TEXT} if self.count_publishers(status) else {})
             | self._cameras.needed(namespace, watched)
-            | self._joints.needed(namespace, self._obstacles.robot, watched)
+            | self._joints.needed(namespace, watched)
         )
         self._viewer.publish_cameras(self._cameras.topics)
         self._viewer.update()

@@ -145,10 +145,8 @@ class Way:
         self, source: asyncio.StreamReader, target: asyncio.StreamWriter, slow: bool = False
     ) -> None:
         while data := await source.read(1 << 16):
-            came = self._loop.time()
-            # By what holds now: a way that was slow is fast at once for all that waits.
-            while slow and (wait := came + self.delay - self._loop.time()) > 0.0:
-                await asyncio.sleep(min(wait, 0.02))
+            if slow:
+                await asyncio.sleep(self.delay)  # what comes meanwhile is read at once
             target.write(data)
             await target.drain()
         target.close()

@@ -4,15 +4,11 @@ import math
 from pathlib import Path
 
 import pytest
-import rclpy
 import yaml
 from rcl_interfaces.msg import (
     ParameterDescriptor,
-    ParameterType,
-    ParameterValue,
     SetParametersResult,
 )
-from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
@@ -73,23 +69,6 @@ def test_param_list_get_and_dump(ros_domain: int) -> None:
         assert "later" not in values
         wrong = onebot("param", "get", "/robot", "rat")
         assert wrong.returncode == 1 and 'did you mean "rate"' in wrong.stderr
-
-
-def test_lost_response(peer: Peer) -> None:
-    """A request is sent again when its response is lost, as on a busy machine."""
-    node = rclpy.create_node("robot", context=peer.context, start_parameter_services=False)
-    service = peer.node.create_service(
-        GetParameters,
-        "/robot/get_parameters",
-        lambda _, response: GetParameters.Response(
-            values=[ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=10.0)]
-        ),
-    )
-    send, lost = service.send_response, []
-    service.send_response = lambda *words: send(*words) if lost else lost.append(words)
-    assert output_of("param", "get", "/robot", "rate") == "Double value is: 10.0\n"
-    assert len(lost) == 1
-    node.destroy_node()
 
 
 def test_param_set(ros_domain: int) -> None:

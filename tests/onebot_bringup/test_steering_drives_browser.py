@@ -1,7 +1,6 @@
 """The steering page has the controls of the robot's drive: one that goes sideways, and a car."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -11,7 +10,6 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.onebot_bringup.steering_support import steering
 from tests.onebot_bringup.test_steering_page_browser import wait_to_stop
-from tests.onebot_bringup.test_steering_page_looks import IN_SIGHT, SCREENS, STEERS, findings
 from tests.ros_support import Peer
 from tests.steering_browser_support import Page
 from tests.support import wait_for
@@ -195,19 +193,3 @@ def test_a_car_is_steered(page: Page, heard: list[Twist]) -> None:
     page.drive_by_stick([1, -1], lambda: heard and heard[-1].linear.x > 0.3)
     page.stick()
     assert "steers" in page.find("#sticks").get_attribute("title")
-
-
-@pytest.mark.parametrize("heard", [STRAFES, CAR], indirect=True, ids=["strafes", "steers"])
-def test_its_controls_are_in_sight(page: Page, heard: list[Any]) -> None:
-    """On each screen without scrolling, and axe finds nothing."""
-    strafes = page.body("drive") == "strafes"
-    own = ("[name=sideways]", ".speeds .lateral") if strafes else ("#angular small",)
-    parts = [*(part for part in STEERS if part != "#robot select"), *own]
-    for screen in SCREENS.values():
-        page.emulate(*screen)
-        page.wait_for_states(1)
-        assert page.driver.execute_script(IN_SIGHT, parts) == dict.fromkeys(parts, True)
-        assert page.find("#angular input").size["width"] >= 60
-        if strafes:
-            page.find("[name=sideways]").click()
-        assert findings(page) == []

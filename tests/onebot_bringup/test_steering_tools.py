@@ -258,25 +258,22 @@ def test_a_map_has_the_scans_of_its_robot(domain: int, ask: Requests) -> None:
         peer.hear(Twist, "/robot1/cmd_vel")
         other.hear(Twist, "/robot1/arm/cmd_vel")
         # The robot turned from +x to +y; its front lidar measured before that.
-        turns = {1: 0.0, 2: math.pi / 2}
+        moves = [
+            pose("odom", "base_link", 1.0, turn, at) for at, turn in ((1, 0.0), (2, math.pi / 2))
+        ]
         transforms = peer.node.create_publisher(TFMessage, "/tf", 10)
-        for stamp, yaw in turns.items():
-            transforms.publish(TFMessage(transforms=[pose("odom", "base_link", 1.0, yaw, stamp)]))
         fixed = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
         fixed.publish(TFMessage(transforms=[pose("base_link", "rear", -0.5, math.pi, 0)]))
         scans = {
             "/robot1/front": scan("base_link", 1, 2.0, math.inf, 0.01, 9.0),
             "/robot1/back/scan": scan("rear", 2, 1.0),
-            "/robot1/nowhere": scan("unknown", 2, 1.0),
             "/robot1/arm/scan": scan("base_link", 2, 3.0),
         }
         publishers = {name: peer.node.create_publisher(LaserScan, name, 10) for name in scans}
-        assert all(not peer.node.count_subscribers(name) for name in scans)
 
         def seen() -> list[list[float]]:
-            for stamp, yaw in turns.items():
-                row = pose("odom", "base_link", 1.0, yaw, stamp)
-                transforms.publish(TFMessage(transforms=[row]))
+            for move in moves:
+                transforms.publish(TFMessage(transforms=[move]))
             for name, publisher in publishers.items():
                 publisher.publish(scans[name])
             return sorted(ask("ground?frame=odom")["scans"])
