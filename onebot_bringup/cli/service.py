@@ -1,7 +1,6 @@
 """``onebot service ...``: lists services and calls them, like ``ros2 service``."""
 
 from argparse import Namespace
-from typing import Any
 
 from onebot_bringup.cli.names import SERVICES
 from onebot_bringup.cli.options import ALLOW_NON_FINITE, Subcommand, positional
@@ -26,7 +25,10 @@ def call_service(args: Namespace) -> None:
         session.spin(client.service_is_ready)
         stamp(times, session.node.get_clock().now().nanoseconds)
         print(f"requester: making request: {request!r}\n")
-        print(f"response:\n{_response(session, client, name, request)!r}\n")
+        future = client.call_async(request)
+        notice = f"note: {name} has not answered yet"
+        session.await_or_report(future.done, lambda: notice, patience=_SLOW)
+        print(f"response:\n{future.result()!r}\n")
 
 
 def _await_service(session: Session, name: str, kind: str) -> None:
@@ -38,13 +40,6 @@ def _await_service(session: Session, name: str, kind: str) -> None:
     )
     if kind not in types:
         raise OneBotError(f"the service {name} is a {', '.join(types)}, not a {kind}")
-
-
-def _response(session: Session, client: Any, name: str, request: Any) -> Any:
-    future = client.call_async(request)
-    notice = f"note: {name} has not answered yet"
-    session.await_or_report(future.done, lambda: notice, patience=_SLOW)
-    return future.result()
 
 
 COMMANDS = {

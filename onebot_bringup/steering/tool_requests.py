@@ -114,24 +114,14 @@ class ToolRequests:
 
     def routes(self) -> list[web.RouteDef]:
         return [
-            web.get("/tools/ground", self._get_ground),
             web.get("/tools/map.png", self._get_map),
             web.get("/tools/camera.jpg", self._get_camera),
-            web.get("/tools/nodes", self._get_nodes),
-            web.post("/tools/click", self._click),
-            web.get("/tools/parameters", self._get_parameters),
-            web.post("/tools/parameters", self._set_parameters),
+            web.get("/tools/ground", _json(self._look)),
+            web.get("/tools/nodes", _json(lambda *_: self.thread.call(self.nodes))),
+            web.post("/tools/click", _json(self._click)),
+            web.get("/tools/parameters", _json(self._parameters)),
+            web.post("/tools/parameters", _json(self._set_parameters)),
         ]
-
-    async def _get_ground(self, request: web.Request) -> web.Response:
-        frame = request.query.get("frame", "")
-
-        def look() -> Mapping[str, Any]:
-            self.publishers.prepare()
-            fields = self.ground.fields(frame)
-            return {**fields, "command_topic": self.commands.topic} if fields else {}
-
-        return await _json(lambda: self.thread.spin(lambda: self.thread.call(look), _TIMEOUT))
 
     async def _get_map(self, _: web.Request) -> web.Response:
         grid = self.ground.grid
@@ -142,38 +132,33 @@ class ToolRequests:
         topic = request.query.get("topic", "")
         return _picture(await asyncio.to_thread(self.cameras.picture, topic), "image/jpeg")
 
-    async def _get_nodes(self, _: web.Request) -> web.Response:
-        return await _json(lambda: self.thread.call(self.nodes))
+    def _look(self, query: Mapping[str, str], _: str) -> Mapping[str, Any]:
+        def look() -> Mapping[str, Any]:
+            self.publishers.prepare()
+            fields = self.ground.fields(query.get("frame", ""))
+            return {**fields, "command_topic": self.commands.topic} if fields else {}
 
-    async def _click(self, request: web.Request) -> web.Response:
-        data = (await body_of(request)).decode(errors="replace")
+        found: Mapping[str, Any] = self.thread.spin(lambda: self.thread.call(look), _TIMEOUT)
+        return found
 
-        def publish() -> Mapping[str, Any]:
-            click = read_request(Click, data)
-            topic, subscribers = self.thread.call(partial(self.publishers.publish, click))
-            return {"topic": topic, "subscribers": subscribers}
+    def _click(self, _: Mapping[str, str], body: str) -> Mapping[str, Any]:
+        click = read_request(Click, body)
+        topic, subscribers = self.thread.call(partial(self.publishers.publish, click))
+        return {"topic": topic, "subscribers": subscribers}
 
-        return await _json(publish)
+    def _parameters(self, query: Mapping[str, str], _: str) -> Mapping[str, Any]:
+        return {"parameters": rows_of(self._client(query.get("node", "")))}
 
-    async def _get_parameters(self, request: web.Request) -> web.Response:
-        node = request.query.get("node", "")
-        return await _json(lambda: {"parameters": rows_of(self._client(node))})
-
-    async def _set_parameters(self, request: web.Request) -> web.Response:
-        data = (await body_of(request)).decode(errors="replace")
-
-        def change() -> Mapping[str, Any]:
-            request = read_request(SetParameters, data)
-            client = self._client(request.node)
-            results = client.set(list(request.values.items()), same_types=True)
-            rejected = {
-                name: result.reason or "the node rejected it"
-                for name, result in zip(request.values, results, strict=True)
-                if not result.successful
-            }
-            return {"rejected": rejected}
-
-        return await _json(change)
+    def _set_parameters(self, _: Mapping[str, str], body: str) -> Mapping[str, Any]:
+        request = read_request(SetParameters, body)
+        client = self._client(request.node)
+        results = client.set(list(request.values.items()), same_types=True)
+        rejected = {
+            name: result.reason or "the node rejected it"
+            for name, result in zip(request.values, results, strict=True)
+            if not result.successful
+        }
+        return {"rejected": rejected}
 
     def _client(self, node: str) -> ParameterClient:
         if node not in self.thread.call(self.nodes)["nodes"]:
@@ -186,12 +171,21 @@ def _picture(data: bytes | None, kind: str) -> web.Response:
     return web.Response(status=204) if data is None else web.Response(body=data, content_type=kind)
 
 
-async def _json(action: Callable[[], Mapping[str, Any]]) -> web.Response:
-    try:
-        return web.json_response(await asyncio.to_thread(action))
-    except OneBotError as error:
-        status = 400 if isinstance(error, ProtocolError) else 409
-        return web.json_response({"error": f"{error}."}, status=status)
+def _json(action: Callable[[Mapping[str, str], str], Mapping[str, Any]]) -> Any:
+    """Return a handler that responds with what an action returns, given query and body.
+
+    The action may wait: it runs in another thread.
+    """
+
+    async def respond(request: web.Request) -> web.Response:
+        body = (await body_of(request)).decode(errors="replace")
+        try:
+            return web.json_response(await asyncio.to_thread(action, request.query, body))
+        except OneBotError as error:
+            status = 400 if isinstance(error, ProtocolError) else 409
+            return web.json_response({"error": f"{error}."}, status=status)
+
+    return respond
 
 
 @dataclass(frozen=True)

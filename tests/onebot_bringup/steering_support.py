@@ -5,15 +5,14 @@ import json
 import re
 import socket
 import threading
-import time
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
-import websocket
+import aiohttp
 from geometry_msgs.msg import Twist
 
 from tests.ros_support import NodeProcess, Peer, ros_args
@@ -21,48 +20,43 @@ from tests.support import PATIENCE, wait_for
 
 MODULE = "onebot_bringup.steering.steering_page"
 TOPIC = "/velocity_controller/cmd_vel"
-_ENDED = websocket.WebSocketException, OSError  # errors of a connection that has ended
 BAD = b"\0\1\0\0\xff\xff\xff\xff\0\0\0\0"  # of no message: it has a text of 4 GB
 
 
 class PageClient:
-    """A WebSocket that says what it is told to, and keeps what it hears; use it as a context.
+    """A WebSocket that says what it is told to, and keeps what it hears; use it as a context."""
 
-    Options are those of ``websocket.create_connection``, such as ``cookie`` and ``origin``.
-    """
-
-    def __init__(self, address: str, **options: str) -> None:
+    def __init__(self, address: str, **headers: str) -> None:
         self.states: list[dict[str, Any]] = []
         self.id = ""
         self.closed = False
-        self._held: dict[str, Any] | None = None
-        self._lock = threading.Lock()
-        self._socket = websocket.create_connection(
-            f"ws{address.partition('/?')[0].removeprefix('http')}/ws",
-            timeout=PATIENCE,
-            suppress_origin="origin" not in options,
-            **options,
-        )
-        for run in (self._hear, self._hold):
-            threading.Thread(target=run, daemon=True).start()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._holding: Any = None
+        self._do(self._open(f"{address.partition('/?')[0]}/ws", headers))
         wait_for(lambda: self.id and self.states, "the first state")
 
-    def _hear(self) -> None:
-        with suppress(*_ENDED):
-            while text := self._socket.recv():
-                fields = json.loads(text)
-                if fields["type"] == "welcome":
-                    self.id = fields["id"]
-                elif fields["type"] == "state":
-                    self.states.append(fields)
-        self.closed = True
+    def _do(self, action: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(action, self._loop).result(PATIENCE)
 
-    def _hold(self) -> None:
-        while not self.closed:
-            with self._lock:
-                if self._held is not None:
-                    self.send("drive", stamp=self.state["stamp"], **self._held)
-            time.sleep(0.05)
+    async def _open(self, address: str, headers: dict[str, str]) -> None:
+        self._session = aiohttp.ClientSession()
+        try:
+            self._socket = await self._session.ws_connect(address, headers=headers)
+        except aiohttp.ClientError:
+            await self._session.close()
+            raise
+        self._hearing = asyncio.ensure_future(self._hear())
+
+    async def _hear(self) -> None:
+        async for message in self._socket:
+            fields = json.loads(message.data)
+            if fields["type"] == "welcome":
+                self.id = fields["id"]
+            elif fields["type"] == "state":
+                self.states.append(fields)
+        self.closed = True
 
     @property
     def state(self) -> dict[str, Any]:
@@ -71,8 +65,7 @@ class PageClient:
 
     def say(self, text: str) -> None:
         """Send text as it is."""
-        with suppress(*_ENDED):
-            self._socket.send(text)
+        self._do(self._socket.send_str(text))
 
     def send(self, kind: str, **fields: Any) -> None:
         """Send a message."""
@@ -82,14 +75,21 @@ class PageClient:
         self, linear: float, angular: float = 0.0, lateral: float = 0.0, **joints: float
     ) -> None:
         """Drive until told otherwise, as a page does while something is held."""
+        self.silence()
         speeds = {"linear": linear, "angular": angular, "lateral": lateral}
-        with self._lock:
-            self._held = {**speeds, "joints": joints}
+        fields = {"type": "drive", **speeds, "joints": joints}
+        self._holding = asyncio.run_coroutine_threadsafe(self._hold(fields), self._loop)
+
+    async def _hold(self, fields: Mapping[str, Any]) -> None:
+        while True:
+            await self._socket.send_str(json.dumps({**fields, "stamp": self.state["stamp"]}))
+            await asyncio.sleep(0.05)
 
     def silence(self) -> None:
         """Say nothing any more, without having let go."""
-        with self._lock:
-            self._held = None
+        if self._holding is not None:
+            self._holding.cancel()
+            self._holding = None
 
     def let_go(self) -> None:
         """Let go of what is held."""
@@ -99,21 +99,30 @@ class PageClient:
     def cut(self) -> None:
         """Lose the connection without a word, as a browser that is killed."""
         self.silence()
-        self._socket.sock.shutdown(socket.SHUT_RDWR)
+
+        async def shut_down() -> None:
+            self._socket.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+
+        self._do(shut_down())
 
     def close(self) -> None:
         """Close the tab."""
         self.silence()
-        with suppress(*_ENDED):
-            self._socket.send_close()
-        wait_for(lambda: self.closed, "the end of the connection")
-        self._socket.shutdown()
+        self._do(self._shut())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(PATIENCE)
+
+    async def _shut(self) -> None:
+        await self._socket.close()
+        await self._session.close()
+        self._hearing.cancel()
 
     def __enter__(self) -> "PageClient":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        if self._thread.is_alive():
+            self.close()
 
 
 class Way:

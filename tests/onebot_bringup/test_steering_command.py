@@ -73,7 +73,7 @@ def test_it_steers_the_topic_named_and_ends_with_ctrl_c(peer, tmp_path, monkeypa
             with requested(Request(f"{address.partition('?')[0]}{path}")) as answer:
                 assert answer.status == 403
                 assert b"open the whole address that was printed" in answer.read()
-        with PageClient(address, cookie=cookie) as page:
+        with PageClient(address, Cookie=cookie) as page:
             wait_for(lambda: page.state["listeners"], "the robot")
             page.hold(1.0)
             wait_for(lambda: heard, "commands")

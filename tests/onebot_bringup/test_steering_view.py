@@ -262,7 +262,7 @@ def test_the_view_is_guarded_and_for_looking_only(ros_domain):
         page, _, own = node.address.partition("/?")
         assert own == "token=a%20b%26c%2F%2B" and _status(page) == 403
         cookie = cookie_of(node.address).partition(";")[0]
-        with PageClient(page, cookie=cookie) as client:
+        with PageClient(page, Cookie=cookie) as client:
             view = wait_for(lambda: client.state["view"], "the view's address")[-1]
         root = view.partition("?")[0]
         read, write = f"{root}{SERVICE}/ReadMessages", f"{root}{SERVICE}/WriteMessages"
