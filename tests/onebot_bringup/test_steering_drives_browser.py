@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from rclpy.parameter import Parameter
 from selenium.webdriver.common.keys import Keys
 
 from tests.onebot_bringup.steering_support import steering
@@ -65,30 +64,10 @@ def across(page: Page) -> float:
     return float(page.find("#angular input").get_property("value"))
 
 
-@pytest.mark.parametrize("heard", [TURNS], indirect=True)
-def test_sideways_controls_come_with_the_drive(robot: Peer, page: Page, heard: list[Twist]) -> None:
-    """Without it nothing of them is seen, and Q and E are keys like any other."""
-    assert not any(page.find(part).is_displayed() for part in LATERAL)
-    for key in "qe":
-        page.act().key_down(key).perform()
-    page.wait_for_states(3)
-    assert heard == [] and page.body("hand") == "" and "drive" not in page.said()
-    robot.node.declare_parameter("linear.y.max_velocity", 0.25)
-    wait_for(lambda: all(page.find(part).is_displayed() for part in LATERAL), "its controls")
-    page.wait_for_states(3)
-    assert heard == [], "what is down since before does not drive"
-    page.release_keys("qe")
-    page.drive_by_keys("q", at(heard, 0.0, 0.25, 0.0))
-    robot.node.set_parameters([Parameter("linear.y.max_velocity", value=0.0)])
-    wait_to_stop(page, heard)
-    wait_for(lambda: page.body("hand") == "", "the key to be let go")
-    assert not any(page.find(part).is_displayed() for part in LATERAL)
-    page.release_keys("q")
-
-
 @pytest.mark.parametrize("heard", [STRAFES], indirect=True)
 def test_a_robot_is_driven_sideways(robot: Peer, page: Page, heard: list[Twist]) -> None:
     """By Q and E beside the others, within its own limit; the page shows the speed."""
+    assert all(page.find(part).is_displayed() for part in LATERAL)
     odometry = Odometry(child_frame_id="base")
     odometry.twist.twist.linear.y = 0.12
     moved = robot.node.create_publisher(Odometry, "/base_controller/odom", 10)

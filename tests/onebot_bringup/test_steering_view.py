@@ -39,11 +39,13 @@ SERVICE = "rerun.sdk_comms.v1alpha1.MessageProxyService"
 
 
 def test_the_viewers_address_is_understood():
-    """Its port and its parameters; each viewer has its own key."""
+    """Its port and parameters; each has its own key; only servers on this computer are asked."""
     view, next_view = View.parse(PAGE), View.parse(PAGE)
     assert view is not None and next_view is not None
     assert view == View(9090, ("theme=dark", "persist=0"), view.key)
     assert len(view.key) >= 22 and view.key != next_view.key
+    for host in ("192.0.2.1:9090", "127.0.0.1:9090@evil.example", "127.0.0.1:99999"):
+        assert View.parse(PAGE.replace("127.0.0.1:9090", host)) is None
 
 
 @pytest.mark.parametrize(
@@ -51,7 +53,6 @@ def test_the_viewers_address_is_understood():
     [
         ("127.0.0.1:9000", ["localhost:9000", "127.0.0.1:9000"]),
         ("localhost:9000", ["127.0.0.1:9000", "localhost:9000"]),
-        ("[::1]:8080", ["[::1]:8080"]),
         ("robot.local", ["robot.local:80"]),
     ],
 )
@@ -63,20 +64,6 @@ def test_the_view_is_another_site_where_loopback_has_two_names(host, sites):
         f"http://{site.removesuffix(':80')}/view/{view.key}/?url=rerun%2Bhttp://{site}/proxy&theme=dark&persist=0&page=http://{host}"
         for site in sites
     ]
-
-
-@pytest.mark.parametrize(
-    "address",
-    [
-        "",
-        "http://192.0.2.1:9090/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
-        "http://127.0.0.1:9090@evil.example/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
-        "http://127.0.0.1:99999/?url=rerun%2Bhttp://127.0.0.1:9876/proxy",
-    ],
-)
-def test_only_servers_on_this_computer_are_asked(address):
-    """Any other address is none."""
-    assert View.parse(address) is None
 
 
 @contextmanager

@@ -45,17 +45,15 @@ def test_the_keys_of_teleop_twist_keyboard() -> None:
         assert driver.velocity(0.0) == Velocity(0.5 * ahead, 2.0 * turn, 0.5 * left), key
 
 
-@pytest.mark.parametrize(
-    ("key", "speed", "turn"),
-    [("q", 1.1, 1.1), ("z", 0.9, 0.9), ("w", 1.1, 1), ("x", 0.9, 1), ("e", 1, 1.1), ("c", 1, 0.9)],
-)
-def test_speed_keys(key: str, speed: float, turn: float) -> None:
+def test_speed_keys() -> None:
     """They change the speeds by 10 %, and the motion goes on at the new ones."""
-    driver = KeyDriver(0.5, 1.0, 0.7)
-    driver.press("u", 0.0)
-    driver.press(key, 0.1)
-    assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
-    assert driver.velocity(0.2) == Velocity(driver.speed, driver.turn)
+    factors = {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1), "x": (0.9, 1), "e": (1, 1.1)}
+    for key, (speed, turn) in {**factors, "c": (1, 0.9)}.items():
+        driver = KeyDriver(0.5, 1.0, 0.7)
+        driver.press("u", 0.0)
+        driver.press(key, 0.1)
+        assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
+        assert driver.velocity(0.2) == Velocity(driver.speed, driver.turn)
 
 
 @pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
