@@ -21,23 +21,25 @@ from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import OneBotError
 from onebot_description.timing.wake_detector import WAKE, boot_time
 
-# For each key: forward, left, turn to the left; each -1, 0 or 1. Reverse curves turn as a car does
-# with the same steering angle, as in teleop_twist_keyboard.
-_MOVES: dict[str, tuple[int, int, int]] = {
-    **dict.fromkeys(("i", "I", "up"), (1, 0, 0)),
-    **dict.fromkeys((",", "<", "down"), (-1, 0, 0)),
-    **dict.fromkeys(("j", "left"), (0, 0, 1)),
-    **dict.fromkeys(("l", "right"), (0, 0, -1)),
-    "u": (1, 0, 1),
-    "o": (1, 0, -1),
-    "m": (-1, 0, -1),
-    ".": (-1, 0, 1),
-    "U": (1, 1, 0),
-    "O": (1, -1, 0),
-    "J": (0, 1, 0),
-    "L": (0, -1, 0),
-    "M": (-1, 1, 0),
-    ">": (-1, -1, 0),
+# For each key: forward, turn to the left, left, up; each -1, 0 or 1. Reverse curves turn as a car
+# does with the same steering angle, as in teleop_twist_keyboard.
+_MOVES: dict[str, tuple[int, int, int, int]] = {
+    **dict.fromkeys(("i", "I", "up"), (1, 0, 0, 0)),
+    **dict.fromkeys((",", "<", "down"), (-1, 0, 0, 0)),
+    **dict.fromkeys(("j", "left"), (0, 1, 0, 0)),
+    **dict.fromkeys(("l", "right"), (0, -1, 0, 0)),
+    "u": (1, 1, 0, 0),
+    "o": (1, -1, 0, 0),
+    "m": (-1, -1, 0, 0),
+    ".": (-1, 1, 0, 0),
+    "U": (1, 0, 1, 0),
+    "O": (1, 0, -1, 0),
+    "J": (0, 0, 1, 0),
+    "L": (0, 0, -1, 0),
+    "M": (-1, 0, 1, 0),
+    ">": (-1, 0, -1, 0),
+    "t": (0, 0, 0, 1),
+    "b": (0, 0, 0, -1),
 }
 # For each key: factor on the speed, factor on the turning speed.
 _SPEEDS: dict[str, tuple[float, float]] = {
@@ -75,6 +77,9 @@ Sideways (for robots that can), with Shift:
    U    I    O
    J    K    L
    M    <    >
+
+t : up (+z)
+b : down (-z)
 
 space : stop, and lock the robot for everybody
 r : unlock it (driving keys do not)
@@ -131,12 +136,13 @@ class KeyDriver:
         """Whether a key that moves the robot is held."""
         return self._key is not None and now < self._until
 
-    def velocity(self, now: float) -> Velocity:
-        """Return the velocity at ``now``: zero when no key is held."""
+    def velocity(self, now: float) -> tuple[Velocity, float]:
+        """Return the velocity at ``now``, and that up, m/s: zero when no key is held."""
         if not self.moving(now):
-            return Velocity()
-        ahead, left, turn = _MOVES[self._key or ""]
-        return Velocity(ahead * self.speed, turn * self.turn, left * self.speed)
+            return Velocity(), 0.0
+        ahead, turn, left, up = _MOVES[self._key or ""]
+        velocity = Velocity(ahead * self.speed, turn * self.turn, left * self.speed)
+        return velocity, up * self.speed
 
 
 @contextlib.contextmanager
@@ -261,7 +267,7 @@ class _Teleop:
             due = max(due + _PERIOD, now)
             if moving or zeros > 0:
                 zeros -= not moving
-                self._commands.publish(self._driver.velocity(now))
+                self._commands.publish(*self._driver.velocity(now))
 
     def _press(self, key: str, now: float) -> None:
         self._driver.press(key, now)

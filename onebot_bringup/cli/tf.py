@@ -3,6 +3,7 @@
 import math
 import time
 from argparse import Namespace
+from collections import Counter
 from collections.abc import Iterable
 from functools import cache, partial
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from onebot_bringup.cli.session import Session, in_session
 from onebot_bringup.introspection.rates import Intervals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
+from onebot_description.ros.names import node_name
 from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ _STATIC = "/tf_static"
 _TOPICS = ("/tf", _STATIC)
 _DEPTH = 100  # queue depth, as in tf2's subscriptions
 _WINDOW = 1000  # maximum number of samples of a rate
+_PARTICIPANT = 12  # bytes of a GID that identify the participant
 
 
 @in_session
@@ -66,16 +69,37 @@ def _rate_and_age(transforms: "_Transforms", name: str, now: int) -> tuple[str, 
 
 def _faults(transforms: "_Transforms") -> list[str]:
     """Return sentences about problems of the tree as a whole."""
-    roots, faults = transforms.frames.roots, []
+    roots, children = transforms.frames.roots, transforms.frames.edges
+    faults = []
     if len(roots) > 1:
         faults.append(f"{len(roots)} unconnected trees, of {', '.join(map(cell, roots))}")
+    for root in roots:
+        if root in children:
+            faults.append(f"{cell(root)} is in a loop: it is below itself")
     for child, parents in sorted(transforms.parents.items()):
         if len(parents) > 1:
             names = " and ".join(map(cell, sorted(parents)))
             faults.append(
                 f"{cell(child)} has {len(parents)} parents, {names}: it jumps between them"
             )
+    for name, count in _publishing_nodes(transforms.session).items():
+        if count > 1:
+            faults.append(
+                f"/tf is published by {count} nodes named {name}: their frames jump between two "
+                "robots. Stop one, or start one with namespace:=NAME"
+            )
     return faults
+
+
+def _publishing_nodes(session: Session) -> Counter[str]:
+    """Return the number of nodes of each name that publish /tf.
+
+    Nodes with the same name are distinguished by their processes' participants, the first bytes of
+    a publisher's GID.
+    """
+    ends = session.node.get_publishers_info_by_topic("/tf")
+    nodes = {(node_name(end), bytes(end.endpoint_gid[:_PARTICIPANT])) for end in ends}
+    return Counter(name for name, _ in nodes if name)
 
 
 @in_session

@@ -8,41 +8,53 @@ import secrets
 import socket
 import threading
 import webbrowser
+from typing import Any
 
 from onebot_description.errors import OneBotError
 
 LOOPBACK = "127.0.0.1"
+# Errors of an address that this computer does not have, or of its family.
+_NOT_HERE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 
 
-def _resolve(host: str) -> str:
-    """Return the IPv4 address of a computer."""
+def _resolve(host: str, port: int) -> tuple[socket.AddressFamily, tuple[Any, ...]]:
     try:
-        return socket.gethostbyname(host or LOOPBACK)
+        addresses = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         raise _not_here(host) from None
+    # IPv4 first: "localhost" is expected to be 127.0.0.1.
+    family, _, _, _, address = min(addresses, key=lambda address: address[0] != socket.AF_INET)
+    return family, address
 
 
 def is_loopback(host: str) -> bool:
     """Return whether ``host``, a name or an IP address of a computer, is a loopback address."""
-    return ipaddress.ip_address(_resolve(host)).is_loopback
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        _, address = _resolve(host, 0)
+        return ipaddress.ip_address(str(address[0]).partition("%")[0]).is_loopback
 
 
 def listen(host: str, port: int) -> socket.socket:
     """Listen on ``port`` of ``host``, or on a free port if it is in use or 0.
 
     Args:
-        host: a name or an IPv4 address of this computer.
+        host: a name or an IP address of this computer.
         port: the preferred port.
 
     Raises:
         OneBotError: this computer does not have the address, or no port is available.
     """
-    address = _resolve(host)
+    family, address = _resolve(host, port)
+    dualstack = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
     for chosen in (port, 0):
         try:
-            listener = socket.create_server((address, chosen))
+            listener = socket.create_server(
+                (address[0], chosen, *address[2:]), family=family, dualstack_ipv6=dualstack
+            )
         except OSError as error:
-            if error.errno == errno.EADDRNOTAVAIL:
+            if error.errno in _NOT_HERE:
                 raise _not_here(host) from None
             continue
         listener.setblocking(False)
@@ -89,19 +101,23 @@ def open_in_browser(url: str) -> None:
 
 def reachable_as(listener: socket.socket) -> str:
     """Return host:port for a URL; a wildcard address becomes an address of this computer."""
-    host, port = listener.getsockname()
-    return f"{_own_address() if host == '0.0.0.0' else host}:{port}"
+    host, port = listener.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):
+        host = _own_address(listener.family, host)
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _own_address() -> str:
+def _own_address(family: int, any_address: str) -> str:
     """Return the address that other computers see; connecting a datagram socket sends nothing."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+    # Addresses reserved for documentation (RFC 5737, RFC 3849) use the default route.
+    outside = "192.0.2.1" if family == socket.AF_INET else "2001:db8::1"
+    with contextlib.closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
         try:
-            # An address reserved for documentation (RFC 5737) uses the default route.
-            probe.connect(("192.0.2.1", 9))
+            probe.connect((outside, 9))
         except OSError:
-            return LOOPBACK
-        return str(probe.getsockname()[0])
+            return "127.0.0.1" if family == socket.AF_INET else "::1"
+        address = str(probe.getsockname()[0])
+    return address if address != any_address else "127.0.0.1"
 
 
 def _not_here(host: str) -> OneBotError:

@@ -45,6 +45,9 @@ class Arbiter:
     """Turns the messages of pages into commands; publishes stops and new drivers at once.
 
     A server and a node may call it from different threads.
+
+    Attributes:
+        timeouts: how often a silent or late driver was stopped.
     """
 
     def __init__(
@@ -69,6 +72,7 @@ class Arbiter:
         """
         self._publish, self._lock_robot, self._clock, self._woke = publish, lock, clock, woke
         self._lock = threading.Lock()
+        self.timeouts = 0
         self._limits = limits
         self._pages: dict[str, _Page] = {}
         self._driver: str | None = None
@@ -138,6 +142,7 @@ class Arbiter:
                 self._end_command()
                 if self._driver is not None:
                     self._pages[self._driver].late = True
+                    self.timeouts += 1
 
     def tick(self) -> None:
         """Publish the current command, if any; call this at the fixed rate."""

@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
-from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES, velocity_message
+from onebot_control.nodes.velocity_messages import TWIST, VELOCITY_TYPES, twist_of, velocity_message
 from onebot_description.errors import natural_order
 from onebot_description.ros.names import node_name
 from onebot_description.ros.topic_qos import LATCHED
@@ -142,12 +142,14 @@ class CommandTopic:
         """The subscribers, without nodes that are known to only observe."""
         return [end for end in self.subscribers if not end.observes]
 
-    def publish(self, velocity: Velocity) -> None:
+    def publish(self, velocity: Velocity, up: float = 0.0) -> None:
+        """Publish a command, with a velocity up, m/s, for a robot that can."""
         with self._lock:
             if self._publisher is not None:
                 message = velocity_message(
                     self._node, self.kind, velocity.linear, velocity.lateral, velocity.angular
                 )
+                twist_of(message).linear.z = up
                 self._publisher.publish(message)
 
     @property

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
-from sensor_msgs.msg import LaserScan
 
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
+from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
-from onebot_description.arrays import Floats
 from onebot_description.geometry.matrices import of_transform, to_planar, transformed
 from onebot_description.geometry.poses import Transform, of_arrays
 from onebot_description.ros.transform_buffer import TransformException
@@ -44,16 +43,6 @@ def picture(grid: OccupancyGrid) -> bytes:
     file = io.BytesIO()
     image.save(file, "PNG", compress_level=1, transparency=_ALPHA)
     return file.getvalue()
-
-
-def _hits(scan: LaserScan) -> Floats:
-    """Return the points (N, 3), m, that a scan hit, in its sensor's frame."""
-    ranges = np.asarray(scan.ranges, float)
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-    hit = (ranges >= scan.range_min) & (ranges <= scan.range_max) & np.isfinite(ranges + angles)
-    directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
-    points: Floats = (ranges[:, None] * directions)[hit]
-    return points
 
 
 class Ground:
@@ -138,7 +127,7 @@ class Ground:
             sensor = scan.header.frame_id.removeprefix("/")
             pose = self._transforms.tree.pose(sensor, frame, nanoseconds(scan.header.stamp))
             if pose is not None:
-                points += transformed(_hits(scan), pose)[:, :2].round(3).tolist()
+                points += Readings.from_scan(scan).points(pose)[:, :2].round(3).tolist()
         return points
 
     def _frame(self, odometry: OdometrySample | None) -> str:

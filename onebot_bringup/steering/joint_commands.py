@@ -11,17 +11,14 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rclpy.duration import Duration
-from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.command_topic import RobotLock
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.joint_motion import STEP, SteeredJoint, short_motion
-from onebot_description.description import Description, parse_description
-from onebot_description.errors import OneBotError
+from onebot_description.description import Description
 
-_TEXT = "std_msgs/msg/String"
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _STATE_TOPIC, _COMMAND_TOPIC = "controller_state", "joint_trajectory"
 _LOCK = "controller_manager/cmd_vel"  # prefix of the lock of joints
@@ -43,33 +40,30 @@ class JointCommands:
         self._node, self._topics, self._locked = topics.node, topics, locked
         self._lock = threading.Lock()
         self._controllers: dict[str, _JointController] = {}  # controllers, by topic of the state
-        self._described: String | None = None  # the message with the description
+        self._description: Description | None = None
         self._joints: Joints = {}
-        self.robot_name = ""  # in the description; "" if that is not known
         self._robot_lock: RobotLock | None = None
 
-    def needed(self, namespace: RobotNamespace, watched: bool) -> dict[str, str]:
+    def needed(
+        self, namespace: RobotNamespace, description: Description | None, watched: bool
+    ) -> dict[str, str]:
         """Return the topics of the robot's joint controllers; call this several times per second.
 
         Args:
             namespace: namespace of the robot.
+            description: the robot's description, if it is known.
             watched: whether there is a page.
         """
-        description = f"{namespace.name}/robot_description"
-        message = self._topics.newest(description).message
-        if message is not self._described:
-            self._described = message
-            robot = described(message.data) if message is not None else None
-            self.robot_name = robot.robot_name if robot is not None else ""
-            joints = robot.moving_joints if robot is not None else ()
+        if description is not self._description:
+            joints = description.moving_joints if description is not None else ()
+            self._description = description
             self._joints = {joint.name: SteeredJoint.from_joint(joint) for joint in joints}
         needed = watched or any(controller.stopping for controller in self._controllers.values())
         topics = namespace.topics(self._node, {_STATE}) if needed else {}
         prefix = f"{namespace.name}/"
         self._follow({n for n in topics if n.removeprefix(prefix).count("/") == 1})
         self._update_lock(f"{namespace.name}/{_LOCK}")
-        followed = dict.fromkeys(self._controllers, _STATE)
-        return followed | {description: _TEXT} if watched else followed
+        return dict.fromkeys(self._controllers, _STATE)
 
     def publish(self, velocities: Mapping[str, float]) -> None:
         """Move joints at these velocities, rad/s or m/s by name; stop others that moved."""
@@ -125,16 +119,6 @@ class JointCommands:
                 if self._robot_lock is not None:
                     self._robot_lock.close()
                 self._robot_lock = RobotLock(self._node, topic, self._locked)
-
-
-def described(urdf: str) -> Description | None:
-    """Parse a robot's URDF; return None if it is invalid."""
-    try:
-        robot = parse_description(urdf, "robot_description")
-        robot.require_tree()
-    except OneBotError:
-        return None
-    return robot
 
 
 class _JointController:

@@ -7,6 +7,7 @@ message).
 """
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Flag, auto
@@ -33,6 +34,11 @@ class Velocity(NamedTuple):
     linear: float = 0.0  # m/s, forward
     angular: float = 0.0  # rad/s, to the left
     lateral: float = 0.0  # m/s, to the left
+
+    @property
+    def speed(self) -> float:
+        """The speed in the direction of travel, m/s."""
+        return math.hypot(self.linear, self.lateral)
 
     def at_most(self, other: "Velocity") -> "Velocity":
         """Return the lower speed of two limits along each axis."""

@@ -30,8 +30,8 @@ Subscribes:
     displays (std_msgs/String, latched) of the same node: the topics that the view shows.
     /tf, /tf_static, map (nav_msgs/OccupancyGrid), each LaserScan in the robot's namespace: while a
         page shows its map.
-    robot_description (std_msgs/String) in the robot's namespace: while there is a page. Each Image
-        there: while a page shows it, and once to read its encoding.
+    robot_description (std_msgs/String), each LaserScan and Range in the robot's namespace: while
+        there is a page. Each Image there: while a page shows it, and once to read its encoding.
 
 Calls:
     list_parameters and get_parameters of the nodes that subscribe to commands, every two seconds:
@@ -70,6 +70,7 @@ from onebot_bringup.steering.command_topic import (
 from onebot_bringup.steering.followed_topics import FollowedTopics, RobotNamespace
 from onebot_bringup.steering.ground import Ground
 from onebot_bringup.steering.joint_commands import JointCommands
+from onebot_bringup.steering.obstacles import Obstacles
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.steering.protocol import Command, Parts, Velocity
@@ -83,6 +84,7 @@ from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
 from onebot_description.ros.run_node import first_line, run_node, steady_timer
+from onebot_description.timing.throttled import Throttled
 from onebot_description.timing.wake_detector import WAKE
 
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
@@ -133,14 +135,17 @@ class SteeringPage(Node):
         self._joints = JointCommands(topics, self._on_lock)
         self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.certain)
         self._viewer = Viewer(self, settings.viewer_page)
+        self._warn = Throttled(self.get_logger().warning)
+        self._timeouts = 0  # number of timeouts logged so far
         self._ground = Ground(topics, odometry)
         self._cameras = CameraFeed(topics)
+        self._obstacles = Obstacles(topics, odometry, lambda: self._arbiter.state.command.velocity)
         self._thread = OtherThread(self)
         self._serve()
         self._await_view_until = time.monotonic() + settings.await_view
         self._announce()
         steady_timer(self, 1.0 / settings.rate, self._arbiter.tick)
-        steady_timer(self, _TIMEOUT_PERIOD, self._arbiter.check_timeout)
+        steady_timer(self, _TIMEOUT_PERIOD, self._check_driver)
         steady_timer(self, _GRAPH_PERIOD, self._poll_graph)
 
     def _serve(self) -> None:
@@ -186,13 +191,13 @@ class SteeringPage(Node):
 
     def _robot(self) -> Mapping[str, Any]:
         """Return the node's part of a page's state."""
-        commands = self._commands
+        commands, robot = self._commands, self._obstacles.robot
         return {
             "topic": commands.topic,
             "topic_type": commands.kind,
             "topics": self._command_topics,  # command topics to choose from
             "robots": [asdict(robot) for robot in self._robots],  # robots to choose from
-            "robot_name": self._joints.robot_name,  # in its description
+            "robot_name": robot.robot_name if robot is not None else "",  # name in the description
             "listeners": len(commands.listeners),
             "others": [node for node in commands.others if node != self._navigator],
             "navigation": self._navigation(),  # state of the robot's navigator
@@ -205,6 +210,7 @@ class SteeringPage(Node):
             "odometry": self._odometry.fields(),
             "cameras": self._cameras.topics,  # the topics of its cameras' pictures
             "legend": self._viewer.legend,  # the legend of the view
+            "obstacle": self._obstacles.clearance,  # m until the robot meets an obstacle
         }
 
     @property
@@ -221,6 +227,14 @@ class SteeringPage(Node):
         services = (name.rpartition("/") for name, _ in self.get_service_names_and_types())
         nodes = sorted({node for node, _, service in services if service == "list_parameters"})
         return {"nodes": sorted(nodes, key=lambda node: node not in first), **self._viewer.fields()}
+
+    def _check_driver(self) -> None:
+        self._arbiter.check_timeout()
+        if self._timeouts != self._arbiter.timeouts:
+            self._timeouts = self._arbiter.timeouts
+            self._warn(
+                "timeout", "stopped: no message from the page that drives, or one that is too old"
+            )
 
     def _choose(self, name: str) -> None:
         topic = _topic(self, "topic", name)
@@ -242,14 +256,14 @@ class SteeringPage(Node):
         other_spaces = {namespace_of(robot.topic) for robot in self._robots} - {name}
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         status = f"{self._navigator}/status"
-        ground = self._ground.needed(namespace)
-        self._topics.transforms.update(bool(ground))
+        framed = self._ground.needed(namespace) | self._obstacles.needed(namespace, watched)
+        self._topics.transforms.update(len(framed) > 1)  # more than the description
         self._topics.update(
-            ground
+            framed
             | self._odometry.needed(commands.topic, robots)
             | ({status: _TEXT} if self.count_publishers(status) else {})
             | self._cameras.needed(namespace, watched)
-            | self._joints.needed(namespace, watched)
+            | self._joints.needed(namespace, self._obstacles.robot, watched)
         )
         self._viewer.publish_cameras(self._cameras.topics)
         self._viewer.update()
@@ -276,7 +290,15 @@ class SteeringPage(Node):
             "linear": braking_of(controller.linear for controller in controllers),
             "lateral": braking_of(controller.lateral for controller in controllers),
         }
-        self._arbiter.set_limits(self._settings.limits(controllers))
+        limits = self._settings.limits(controllers)
+        self._arbiter.set_limits(limits)
+        if len(controllers) > 1:
+            names = ", ".join(self._controllers.names)
+            self.get_logger().warning(
+                f"{len(controllers)} controllers subscribe to {self._commands.topic} ({names}):"
+                " each gets every command, within the strictest of their limits:"
+                f" {limits.linear.forward:g} m/s, {limits.angular.forward:g} rad/s"
+            )
 
     def destroy_node(self) -> None:
         """Stop the robot, then the server and the node."""

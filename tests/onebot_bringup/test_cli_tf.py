@@ -79,14 +79,22 @@ def test_echo_of_what_is_not_there(frames: None, tmp_path: Path) -> None:
         assert command.interrupt() == 0 and not command.out
 
 
-def test_a_frame_with_two_parents(frames: None, ros_domain: int) -> None:
-    """They are named; a frame of one parent is not, however many messages it has."""
+def test_several_publishers(frames: None, ros_domain: int) -> None:
+    """Two nodes of one name are two robots, two publishers of one node are not.
+
+    The parents of a frame with two are named; a frame of one parent is not, however many messages
+    it has.
+    """
     message = transform("map", "base")
     message.transform.rotation.w = 1.0
-    with Peer(ros_domain, "amcl") as amcl:
+    with Peer(ros_domain, "driver") as driver, Peer(ros_domain, "amcl") as amcl:
+        driver.node.create_publisher(TFMessage, "/tf", 100)
+        amcl.node.create_publisher(TFMessage, "/tf", 100)
         publisher = amcl.node.create_publisher(TFMessage, "/tf", 100)
         amcl.node.create_timer(0.05, lambda: publisher.publish(TFMessage(transforms=[message])))
         done = onebot("tf", "tree")
+    assert done.stderr.count("warning: /tf is published by 2 nodes named /driver: ") == 1
+    assert "/amcl" not in done.stderr
     assert "warning: base has 2 parents, map and odom: it jumps between them" in done.stderr
     assert done.stderr.count("parents") == 1
 

@@ -76,9 +76,9 @@ def test_the_right_token_or_its_cookie_is_enough():
 
 def test_a_token_is_made_where_other_computers_can_reach_the_page():
     """128 bits, as text that an address can hold; one that is given stays."""
-    tokens = {token_for("0.0.0.0", "") for _ in range(10)}
-    assert len(tokens) == 10 and all(len(token) >= 22 and token.isascii() for token in tokens)
-    assert token_for("127.8.9.1", "") == ""
+    tokens = {token_for("0.0.0.0", "") for _ in range(10)} | {token_for("::", "")}
+    assert len(tokens) == 11 and all(len(token) >= 22 and token.isascii() for token in tokens)
+    assert token_for("127.8.9.1", "") == token_for("::1", "") == ""
     assert token_for("127.0.0.1", "mine") == token_for("0.0.0.0", "mine") == "mine"
 
 

@@ -123,7 +123,7 @@ def test_a_tap_is_a_step(steered: Steered) -> None:
     assert steered.sent() == [ZERO] and steered.command == ZERO
     for _ in range(ZEROS + 2):
         steered.arbiter.tick()
-    assert steered.sent() == [ZERO] * (ZEROS - 1)
+    assert steered.sent() == [ZERO] * (ZEROS - 1) and steered.arbiter.timeouts == 0
 
 
 def test_nothing_but_a_release_waits_for_the_step(steered: Steered) -> None:
@@ -256,7 +256,7 @@ def test_a_silence_stops_and_the_same_grip_goes_on_after_it(steered: Steered) ->
     steered.sent()
     steered.wait(0.001)
     steered.wait(10.0)
-    assert steered.sent() == [ZERO]
+    assert steered.sent() == [ZERO] and steered.arbiter.timeouts == 1
     assert steered.driver == "a" and steered.arbiter.state.late == {"a"}
     steered.drive("a", age=9.9)
     assert steered.command == ZERO and steered.arbiter.state.late == {"a"}

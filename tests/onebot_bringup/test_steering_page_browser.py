@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -224,6 +225,7 @@ def test_a_connection_that_is_too_slow_stops_and_says_so(
         way.delay = 0.8
         wait_for(lambda: "too slow to drive" in said(), "word of it")
         wait_for(lambda: said() and heard[-1] == STILL, "the stop")
+        wait_for(lambda: "no message from the page that drives" in node.output, "a warning")
         states = [message for _, message in tab.frames() if message["type"] == "state"]
         assert len(tab.sent()) - states[-1]["received"] <= 8, "commands are queued"
         way.delay = 0.0
@@ -518,7 +520,7 @@ def test_displays_and_parameters_are_set_in_panels(ros_domain: int, alone: Peer,
 
 
 def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
-    """The walls on the map, the camera, and how far it brakes.
+    """The walls on the map, the camera, and an obstacle that is too near for braking.
 
     The camera is subscribed to while its picture is shown.
     """
@@ -532,8 +534,11 @@ def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
     scan.header.frame_id = "base"
     picture = Image(width=160, height=1, step=160, encoding="mono8", data=bytes(160))
     messages = {"/scan": scan, "/velocity_controller/odom": odometry, camera: picture}
-    frames = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
-    frames.publish(TFMessage(transforms=[frame]))
+    for topic, message in {
+        "/tf_static": TFMessage(transforms=[frame]),
+        "/robot_description": String(data=ROBOT),
+    }.items():
+        peer.node.create_publisher(type(message), topic, LATCHED).publish(message)
     publishers = {
         peer.node.create_publisher(type(message), topic, 1): message
         for topic, message in messages.items()
@@ -555,10 +560,23 @@ def test_it_shows_what_the_sensors_see(peer: Peer, page: Page) -> None:
     wait_for(lambda: page.driver.execute_script(WALLS) == wanted, "the walls")
     page.find("[name=map]").click()
 
+    distance = page.find("#braking output")
+
+    def redness() -> int:
+        red, green, blue = re.findall(r"\d+", distance.value_of_css_property("color"))[:3]
+        return int(red) - max(int(green), int(blue))
+
     wait_for(lambda: page.text("#braking output") == "0.25 m", "the braking distance")
+    assert redness() < 30 and not page.text("#braking small")
+    page.drive_by_keys("w", lambda: page.text("#braking small") == "obstacle at 0.10 m")
+    wait_for(lambda: redness() > 60, "red")
+    page.release_keys("w")
     peer.run(peer.node.destroy_timer, timer)
 
 
+ROBOT = """<robot name="box"><link name="base">
+  <visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual>
+</link></robot>"""
 # The farthest dots to the left, right, top and bottom of the robot, m: at 80 pixels a meter; each
 # press of a button is a factor of 1.5.
 WALLS = """

@@ -164,8 +164,8 @@ def test_the_limits_are_the_controllers(shared):
 
 
 def test_of_two_controllers_the_stricter_limits_count(shared):
-    """Their limits stay until another topic is chosen."""
-    domain = shared[0]
+    """A warning names both; their limits stay until another topic is chosen."""
+    domain, node = shared
     with _afresh(shared) as (_, page):
         with Peer(domain, "left") as left, Peer(domain, "right") as right:
             _declare(left, 0.25, 3.0)
@@ -173,6 +173,8 @@ def test_of_two_controllers_the_stricter_limits_count(shared):
             for robot in (left, right):
                 robot.hear(Twist, TOPIC)
             _waited(page, "ceiling", _axes(0.25, 1.5))
+            words = "2 controllers subscribe to /velocity_controller/cmd_vel (/left, /right)"
+            wait_for(lambda: words in node.output, words)
         _waited(page, "listeners", 0)
         assert page.state["controllers"] != []
         page.send("topic", topic="/other")

@@ -53,6 +53,7 @@ def test_the_viewers_address_is_understood():
     [
         ("127.0.0.1:9000", ["localhost:9000", "127.0.0.1:9000"]),
         ("localhost:9000", ["127.0.0.1:9000", "localhost:9000"]),
+        ("[::1]:8080", ["[::1]:8080"]),
         ("robot.local", ["robot.local:80"]),
     ],
 )

@@ -32,17 +32,19 @@ TOPIC = "/velocity_controller/cmd_vel"
 def test_the_keys_of_teleop_twist_keyboard() -> None:
     """Each key moves in its direction, at the speeds set; any other key stops."""
     expected = {
-        "i": (1, 0, 0), ",": (-1, 0, 0), "j": (0, 0, 1), "l": (0, 0, -1),
-        "u": (1, 0, 1), "o": (1, 0, -1), "m": (-1, 0, -1), ".": (-1, 0, 1),
-        "U": (1, 1, 0), "O": (1, -1, 0), "J": (0, 1, 0), "L": (0, -1, 0),
-        "M": (-1, 1, 0), ">": (-1, -1, 0), "I": (1, 0, 0), "<": (-1, 0, 0),
-        "up": (1, 0, 0), "left": (0, 0, 1), "k": (0, 0, 0), " ": (0, 0, 0), "": (0, 0, 0),
+        "i": (1, 0, 0, 0), ",": (-1, 0, 0, 0), "j": (0, 0, 0, 1), "l": (0, 0, 0, -1),
+        "u": (1, 0, 0, 1), "o": (1, 0, 0, -1), "m": (-1, 0, 0, -1), ".": (-1, 0, 0, 1),
+        "U": (1, 1, 0, 0), "O": (1, -1, 0, 0), "J": (0, 1, 0, 0), "L": (0, -1, 0, 0),
+        "M": (-1, 1, 0, 0), ">": (-1, -1, 0, 0), "I": (1, 0, 0, 0), "<": (-1, 0, 0, 0),
+        "t": (0, 0, 1, 0), "b": (0, 0, -1, 0), "up": (1, 0, 0, 0), "left": (0, 0, 0, 1),
+        "k": (0, 0, 0, 0), " ": (0, 0, 0, 0), "": (0, 0, 0, 0),
     }  # fmt: skip
     driver = KeyDriver(0.5, 2.0, 0.7)
-    for key, (ahead, left, turn) in expected.items():
+    for key, (ahead, left, up, turn) in expected.items():
         driver.press("i", 0.0)
         driver.press(key, 0.0)
-        assert driver.velocity(0.0) == Velocity(0.5 * ahead, 2.0 * turn, 0.5 * left), key
+        velocity = Velocity(0.5 * ahead, 2.0 * turn, 0.5 * left)
+        assert driver.velocity(0.0) == (velocity, 0.5 * up), key
 
 
 def test_speed_keys() -> None:
@@ -53,7 +55,7 @@ def test_speed_keys() -> None:
         driver.press("u", 0.0)
         driver.press(key, 0.1)
         assert (driver.speed, driver.turn) == pytest.approx((0.5 * speed, turn))
-        assert driver.velocity(0.2) == Velocity(driver.speed, driver.turn)
+        assert driver.velocity(0.2) == (Velocity(driver.speed, driver.turn), 0.0)
 
 
 @pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
@@ -77,8 +79,7 @@ def test_another_key_takes_over() -> None:
     for moment in (0.0, 0.5, 0.53):
         driver.press("i", moment)
     driver.press("j", 0.6)
-    assert driver.velocity(1.2) == Velocity(0.0, 1.0)
-    assert driver.velocity(1.3) == Velocity()
+    assert driver.velocity(1.2) == (Velocity(0.0, 1.0), 0.0) and not driver.moving(1.3)
 
 
 def test_no_key_moves_a_locked_robot() -> None:
@@ -88,7 +89,7 @@ def test_no_key_moves_a_locked_robot() -> None:
     driver.lock()
     for key, moment in (("i", 0.1), ("i", 9.0), ("o", 9.1)):
         driver.press(key, moment)
-        assert driver.velocity(moment) == Velocity()
+        assert not driver.moving(moment)
     driver.locked = False
     driver.press("i", 9.2)
     assert driver.moving(9.2)

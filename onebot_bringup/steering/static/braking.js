@@ -24,21 +24,26 @@ export function brakingDistance(speed, limits) {
 }
 
 export class Braking {
-  /** @param {HTMLElement} place has an output. */
+  /** @param {HTMLElement} place has an output, and a note for an obstacle. */
   constructor(place) {
+    this.place = place;
     this.output = place.querySelector("output");
+    this.note = place.querySelector("small");
   }
 
   /** Show a state of the server. */
-  show({ limits, braking }) {
+  show({ limits, braking, obstacle }) {
     const axes = Object.entries(braking).filter(([, by]) => by && (by.deceleration ?? by.jerk) !== null);
     const known = axes.length > 0;
     const distance = Math.max(...axes.map(([axis, by]) => brakingDistance(limits[axis], by)));
+    const near = obstacle !== null && obstacle < distance;
     write(this.output, known ? `${distance.toFixed(2)} m` : "–");
+    write(this.note, near ? `obstacle at ${obstacle.toFixed(2)} m` : "");
+    this.place.classList.toggle("near", near);
   }
 
   /** Show that nothing is known. */
   forget() {
-    this.show({ limits: {}, braking: {} });
+    this.show({ limits: {}, braking: {}, obstacle: null });
   }
 }
