@@ -131,9 +131,9 @@ def echo(session: Session, args: Namespace) -> None:
 
     def on_message(message: Any) -> None:
         nonlocal printed
-        if args.once and printed:
-            return
         part = pick(message, args.field) if args.field else message
+        if args.once and printed or not _passes(part, args.filter):
+            return
         printed += 1
         if args.csv:
             print(message_to_csv(part, **options))
@@ -146,10 +146,19 @@ def echo(session: Session, args: Namespace) -> None:
     topic, kind = _await_class(session, args.topic, args.type, args.timeout)
     profile = _matching(session.node, topic, args)
     session.node.create_subscription(kind, topic, on_message, profile)
-    notice = partial(_no_message, session, topic)
+    message = "message that passes --filter" if args.filter else "message"
+    notice = partial(_no_message, session, topic, message)
     if not session.await_or_report(lambda: printed, notice, args.timeout, _NO_MESSAGE):
-        raise OneBotError(f"no message on {topic} within {args.timeout:g} s")
+        raise OneBotError(f"no {message} on {topic} within {args.timeout:g} s")
     session.spin(lambda: args.once)
+
+
+def _passes(message: Any, condition: str | None) -> bool:
+    """Whether the expression of ``--filter`` is true for a message, or a part of one."""
+    try:
+        return condition is None or bool(eval(condition, {"m": message}))
+    except Exception as error:  # whatever the user's expression raises
+        raise OneBotError(f"--filter: {type(error).__name__}: {error}") from None
 
 
 _ECHO = (
@@ -158,6 +167,12 @@ _ECHO = (
     flag("--once", "print one message and exit"),
     option("--timeout", "S", "give up after S seconds", positive),
     option("--field", "FIELD", "print only a part: pose.pose.position, position[0]"),
+    option(
+        "--filter",
+        "EXPR",
+        "print only messages for which this Python expression of m, the message (or its FIELD), "
+        "is true, such as 'm.linear.x > 0.1'",
+    ),
     flag("--csv", "print values separated by commas"),
     flag("--flow-style", "one line per message"),
     flag("-f --full-length", "print lists and strings in full"),
@@ -167,10 +182,10 @@ _ECHO = (
 )
 
 
-def _no_message(session: Session, topic: str) -> str:
+def _no_message(session: Session, topic: str, message: str = "message") -> str:
     publishers = session.node.count_publishers(topic)
     question = "" if publishers else TOPICS.question(session, topic)
-    return f"note: no message on {topic} yet; {publishers} publisher(s){question}"
+    return f"note: no {message} on {topic} yet; {publishers} publisher(s){question}"
 
 
 @in_session

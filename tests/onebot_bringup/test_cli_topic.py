@@ -106,7 +106,8 @@ def test_echo_forms(peer: Peer) -> None:
         (): "linear:\n  x: 0.5\n  y: 0.0\n  z: 0.0\nangular:\n  x: 0.0\n  y: 0.0\n  z: 0.0\n---\n",
         ("--flow-style", "--field", "linear"): "{x: 0.5, y: 0.0, z: 0.0}\n---\n",
         ("--field", "linear.x"): "0.5\n---\n",
-        ("--csv",): "0.5,0.0,0.0,0.0,0.0,0.0\n",
+        ("--filter", "any(getattr(m.linear, x) > 0.4 for x in 'xyz')", "--csv"):
+            "0.5,0.0,0.0,0.0,0.0,0.0\n",
     }  # fmt: skip
     publisher = peer.node.create_publisher(Twist, "/cmd_vel", LATCHED)
     message = Twist()
@@ -117,6 +118,18 @@ def test_echo_forms(peer: Peer) -> None:
         assert (done.returncode, done.stdout) == (0, expected), done.stderr
     wrong = onebot("topic", "echo", "--once", "/cmd_vel", "--field", "linar.x")
     assert wrong.returncode == 1 and 'did you mean "linear"' in wrong.stderr
+    for words, code, part in (
+        # With its type, the topic need not be discovered in that time.
+        (
+            ("geometry_msgs/msg/Twist", "--filter", "m.x > 1", "--field", "linear", "--timeout=2"),
+            1,
+            "no message that",
+        ),
+        (("--filter", "m.speed"), 1, "--filter: AttributeError: 'Twist' object has no"),
+        (("--filter", "m."), 1, "--filter: SyntaxError: invalid syntax"),
+    ):
+        wrong = onebot("topic", "echo", "--once", "/cmd_vel", *words)
+        assert wrong.returncode == code and part in wrong.stderr, wrong.stderr
 
 
 def test_errors_of_dds_are_not_output(ros_domain: int) -> None:
