@@ -83,7 +83,6 @@ def _discovered(names: Callable[[Session, Namespace], Iterable[str]]) -> Callabl
 
     def completer(*, parsed_args: Namespace, **_: object) -> list[str]:
         with suppress(OneBotError), Session() as session:
-            session.discover()
             return list(names(session, parsed_args))
         return []
 
@@ -94,15 +93,20 @@ def _types(parser: argparse.ArgumentParser, **_: object) -> list[str]:
     return list(installed_interfaces("srv" if parser.prog.startswith("onebot service") else "msg"))
 
 
+def _discover(session: Session) -> Session:
+    session.discover()
+    return session
+
+
 def _parameters(session: Session, given: Namespace) -> list[str]:
     return ParameterClient(session, session.find_node(given.node)).names()
 
 
 # Completers by the metavar of an argument.
 _COMPLETERS: Mapping[Any, Callable[..., list[str]]] = {
-    "TOPIC": _discovered(lambda session, _: dict(session.topics())),
-    "NODE": _discovered(lambda session, _: session.nodes()),
-    "SERVICE": _discovered(lambda session, _: dict(session.services())),
+    "TOPIC": _discovered(lambda session, _: dict(_discover(session).topics())),
+    "NODE": _discovered(lambda session, _: _discover(session).nodes()),
+    "SERVICE": _discovered(lambda session, _: dict(_discover(session).services())),
     "PARAMETER": _discovered(_parameters),
     "TYPE": _types,
     **dict.fromkeys(("A", "B"), _discovered(lambda session, _: received_frames(session))),

@@ -99,7 +99,8 @@ class FollowedTopics:
     def recent(self, types: Container[str], max_age: float) -> list[Any]:
         """Return each topic's newest message of some types, unless older than ``max_age``, s."""
         newest = [self.newest(topic) for topic, kind in self.topics.items() if kind in types]
-        return [one.message for one in newest if one.age < max_age and one.message is not None]
+        messages = [received.message for received in newest if received.age < max_age]
+        return [message for message in messages if message is not None]
 
     def update(self, topics: Mapping[str, str]) -> None:
         """Follow exactly these topics; call this several times per second.
