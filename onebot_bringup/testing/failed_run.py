@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from onebot_bringup.viewer.blueprint import fitting_eye
+from onebot_bringup.viewer.core.robot_shapes import box_around, diagonal, robot_bounds
 from onebot_bringup.viewer.core.shown_robot import WORLD_DESCRIPTION, RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_bringup.viewer.rendering import render
@@ -17,7 +19,6 @@ from onebot_bringup.viewer.robot_messages import (
     published_description,
     published_transforms,
 )
-from onebot_bringup.viewer.robot_size import box_around, diagonal, fitting_eye, robot_bounds
 from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import CameraSettings, ViewConfig
 from onebot_control.conventions import WORLD_FRAME

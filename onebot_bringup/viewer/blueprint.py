@@ -13,23 +13,17 @@ import rerun.blueprint as rrb
 from onebot_bringup.viewer.core.columns import TIMELINE
 from onebot_bringup.viewer.core.display import LayoutPart, last
 from onebot_bringup.viewer.core.drawing import topic_entity
+from onebot_bringup.viewer.core.robot_shapes import box_around, diagonal, robot_bounds
 from onebot_bringup.viewer.core.settings import Color
 from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.displays.image import ImageDrawing
-from onebot_bringup.viewer.robot_size import (
-    axes_lengths,
-    box_around,
-    diagonal,
-    fitting_eye,
-    fitting_length,
-    robot_bounds,
-)
 from onebot_bringup.viewer.view_config import (
     CameraSettings,
     GridSettings,
     PanelsSettings,
 )
 from onebot_description.arrays import Floats
+from onebot_description.geometry.poses import Triple
 
 ROBOT_VIEW = "Robot"
 _BESIDE = "Plots and pictures"  # name of a tab
@@ -76,7 +70,7 @@ class BlueprintSender:
 
         Args:
             recording: where to send.
-            robots: the robots to fit; ``update`` sets their fitting and axes lengths.
+            robots: the robots to fit.
             from_start: play from the beginning instead of following the latest data.
         """
         self._recording = recording
@@ -100,14 +94,9 @@ class BlueprintSender:
         self._recording.send_blueprint(blueprint, make_active=True, make_default=True)
 
     def _made(self, layout: Layout) -> rrb.Blueprint:
-        boxes_of_robots = [self._fitted(robot, layout.fixed_frame) for robot in self._robots]
-        boxes = [box for box in boxes_of_robots if box is not None]
-        lengths = {
-            frame: length for robot in self._robots for frame, length in robot.axes_lengths.items()
-        }
-        for robot in self._robots:
-            robot.axes_lengths = lengths  # one display draws the axes of all
-        bounds = box_around(np.concatenate(boxes)) if boxes else None
+        boxes = [_box(robot, layout.fixed_frame) for robot in self._robots]
+        known = [box for box in boxes if box is not None]
+        bounds = box_around(np.concatenate(known)) if known else None
         eye = target = None
         size = 0.0
         if bounds is not None:
@@ -122,23 +111,6 @@ class BlueprintSender:
         layout = replace(layout, camera=camera, grid=grid)
         return make_blueprint(layout, follow, self._from_start)
 
-    def _fitted(self, shown: ShownRobot, fixed_frame: str) -> Floats | None:
-        """Return the box around a robot, and store the lengths that fit it."""
-        robot = shown.description
-        if robot is None:
-            return None
-        links = {shown.frame_of(link): link for link in robot.link_names}
-        poses = shown.frames.poses(links, fixed_frame)
-        bounds = robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
-        if bounds is not None:
-            longest = fitting_length(diagonal(bounds), len(links))
-            shown.fitting_length = longest
-            lengths = axes_lengths(robot).items()
-            shown.axes_lengths = {
-                shown.frame_of(link): min(longest, length) for link, length in lengths
-            }
-        return bounds
-
     def followed(self, wanted: str) -> str | None:
         """Return the entity that moves with a link; among several robots, links go by frame."""
         for candidate in self._robots:
@@ -147,6 +119,38 @@ class BlueprintSender:
                 if wanted == (link if len(self._robots) == 1 else candidate.frame_of(link)):
                     return candidate.entity_of(link)
         return None
+
+
+def _box(shown: ShownRobot, fixed_frame: str) -> Floats | None:
+    """Return the (2, 3) box around a robot as it stands in a frame, meters."""
+    robot = shown.description
+    if robot is None:
+        return None
+    links = {shown.frame_of(link): link for link in robot.link_names}
+    poses = shown.frames.poses(links, fixed_frame)
+    return robot_bounds(robot, {links[frame]: pose for frame, pose in poses.items()})
+
+
+def fitting_eye(bounds: Floats, quarters: int = 0) -> tuple[Triple, Triple]:
+    """Return eye and target, meters, that show the whole (2, 3) box from the front left, above.
+
+    Args:
+        bounds: the box.
+        quarters: quarter turns to the left, to look from another side.
+    """
+    center = bounds.mean(axis=0)
+    radius = max(diagonal(bounds) / 2, 0.01)
+    direction = np.array([1.0, 0.75, 0.65])
+    for _ in range(quarters):
+        direction = np.array([-direction[1], direction[0], direction[2]])
+    # The factor fits a field of view of about 55 degrees, with some space around the robot.
+    eye = center + direction / np.linalg.norm(direction) * radius * 2.6
+    return _vector(eye), _vector(center)
+
+
+def _vector(values: Floats) -> Triple:
+    x, y, z = (round(float(value), 4) for value in values)
+    return x, y, z
 
 
 def _without(part: LayoutPart, entities: Container[str]) -> LayoutPart:

@@ -16,8 +16,13 @@ import rerun.blueprint as rrb
 from IPython.display import display
 from ipywidgets import FloatSlider, VBox
 
-from onebot_bringup.viewer.core.robot_shapes import COLLISION_ENTITY, RobotShapes
-from onebot_bringup.viewer.robot_size import diagonal, fitting_eye, posed_bounds
+from onebot_bringup.viewer.blueprint import fitting_eye
+from onebot_bringup.viewer.core.robot_shapes import (
+    COLLISION_ENTITY,
+    RobotShapes,
+    diagonal,
+    robot_bounds,
+)
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
 from onebot_description.model import RobotModel
@@ -122,7 +127,7 @@ class NotebookRobot:
 
     def _blueprint(self) -> rrb.Blueprint:
         """Return a blueprint with only the robot's view, framed as in the viewer."""
-        bounds = posed_bounds(self._description, self.model, self._positions)
+        bounds = robot_bounds(self._description, self.model.link_matrices(self._positions))
         eye, target = (None, None) if bounds is None else fitting_eye(bounds)
         small = bounds is not None and diagonal(bounds) <= 1.0
         view = rrb.Spatial3DView(

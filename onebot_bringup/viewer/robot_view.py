@@ -20,16 +20,14 @@ from onebot_bringup.viewer.core.inbox import (
     DESCRIPTION,
     WARN_AFTER,
     Inbox,
-    LoadLimit,
     Subscription,
     WantedTopic,
 )
 from onebot_bringup.viewer.core.rerun_limits import SELDOM
-from onebot_bringup.viewer.core.robot_shapes import COLLISION_ENTITY
+from onebot_bringup.viewer.core.robot_shapes import COLLISION_ENTITY, robot_size
 from onebot_bringup.viewer.core.shown_robot import RobotToShow, ShownRobot
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.displays import MESSAGE_DRAWINGS, ROBOT_DISPLAYS
-from onebot_bringup.viewer.robot_size import robot_size
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_description.description import Description
 from onebot_description.errors import OneBotError, did_you_mean
@@ -110,9 +108,8 @@ class RobotView:
         self._displays: Sequence[Display[Any]] = [*self.robot_displays, *self.message_displays]
         for display in self._displays:
             display.apply(self._view.settings_of(display))
-        if live:
-            for message_display in self.message_displays:
-                message_display.limit = LoadLimit()
+        for message_display in self.message_displays:
+            message_display.limited = live and message_display.draws.replaces_previous
         problems = self.inbox.subscribe(self._subscriptions())
         if problems:
             raise OneBotError("; ".join(problems))
@@ -214,7 +211,7 @@ class RobotView:
         steady_ns = int(self.stage.clock() * 1e9) if self._live else now_ns
         warnings = self._set_descriptions()
         self.stage.now_ns = self.inbox.stamps.display_time(0, now_ns)
-        self._flush([item for item in self._active if item.is_due(now_ns, steady_ns)])
+        self._flush([item for item in self._active if item.is_due(steady_ns)])
         # Comparing layouts costs as much as drawing a scan.
         tree = self.stage.frames.version, self._changed
         if tree == self._laid_out_of and 0 < steady_ns - self._laid_out_ns < SELDOM:
@@ -261,8 +258,7 @@ class RobotView:
         for display in displays:
             began = time.perf_counter()
             display.flush()
-            if display.limit is not None:
-                display.limit.spent(time.perf_counter() - began)
+            display.rest(time.perf_counter() - began)
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
         """Use the view's settings from now on."""
@@ -277,7 +273,7 @@ class RobotView:
         late = [*self.inbox.stamps.warnings.values()]
         for display in self._active:
             late += display.warnings()
-            if display.limit is not None and display.limit.dropped:
+            if display.dropped:
                 late.append(
                     f"{display.key}: more messages arrive than can be shown without delay: old "
                     "ones are dropped"

@@ -6,7 +6,6 @@ from nav_msgs.msg import Path
 from visualization_msgs.msg import Marker
 
 from onebot_bringup.viewer.automatic import MAX_SHOWN, TopicSelection
-from onebot_bringup.viewer.core.inbox import LoadLimit
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_bringup.viewer.view_config import parse_view
 from tests.onebot_bringup.drive_support import column
@@ -92,28 +91,18 @@ def test_of_very_many_those_that_are_shown_stay():
     assert "/a" in _visible("shown: [a]", many | {"/a": PATH}, selection)
 
 
-def test_a_limit_admits_what_there_is_time_for():
-    """By the time that messages took before; the newest, and one at least."""
-    limit = LoadLimit()
-    assert limit.ready(0.0)
-    assert limit.admit(range(10), [0] * 10) == range(10)
-    limit.spent(1.0)  # 0.1 s each, half a second more than it had
-    assert not limit.ready(1.0)
-    assert limit.ready(4.0)  # and now it has saved all it can, 0.5 s
-    assert limit.admit(range(100), [0] * 100) == range(95, 100)
-    assert limit.dropped == 95
-    limit.spent(0.499)
-    assert limit.ready(4.0)
-    assert limit.admit(range(3), [0] * 3) == range(2, 3)
-
-
-def test_large_messages_count_by_their_size():
-    """What Rerun does with the bytes takes its own threads' time."""
-    limit = LoadLimit()
-    limit.ready(0.0)
-    limit.admit([b""], [400_000_000])
-    limit.spent(0.0)
-    assert not limit.ready(1.0)
+def test_a_display_rests_in_proportion_to_its_work(tmp_path, monkeypatch):
+    """Also to what Rerun does with large messages in its own threads."""
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    display = Shown(tmp_path, live=True).view.message_displays[0]
+    for second, (work, size) in enumerate(((1.0, 0), (0.0, 400_000_000))):
+        display.size = size
+        display.rest(work)
+        now[0] += 2.9
+        assert not display.is_due(second * 10**9)
+        now[0] += 0.2
+        assert display.is_due(second * 10**9)
 
 
 def _path(length):
@@ -125,8 +114,7 @@ def _path(length):
 
 def flood(tmp_path, monkeypatch, topic, messages):
     """Send more than there is time for; returns the file, and what is said."""
-    for name in ("_SHARE", "_SAVED"):
-        monkeypatch.setattr(f"onebot_bringup.viewer.core.inbox.{name}", 1e-9)
+    monkeypatch.setattr("onebot_bringup.viewer.core.display._REST", 1e9)
     now, said = [0.0], []
     shown = Shown(tmp_path, live=True, clock=lambda: now[0])
     for number, message in enumerate(messages, 1):
@@ -148,20 +136,11 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
 
 
 def test_of_a_flood_of_single_markers_none_is_dropped(tmp_path, monkeypatch):
-    """Each is one of many, or deletes another; they are drawn later, together."""
+    """Each is one of many, or deletes another."""
     markers = [Marker(id=number, type=Marker.SPHERE) for number in range(400)]
     for marker in markers:
         marker.header.frame_id = "base"
         marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
     file, said = flood(tmp_path, monkeypatch, "/marks", markers)
     centers = column(file, "/marker/marks/spheres", "InstancePoses3D:translations")
-    assert len(centers) < 400 and len(centers[-1]) == 400 and said == []
-
-
-def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
-    """The oldest are dropped, and a warning says so; a single large message is kept."""
-    monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MAX_BYTES", 1000)
-    shown = Shown(tmp_path, live=True, clock=lambda: 0.0)
-    for number in range(10):
-        shown.send("/marks", Marker(text="x" * 2000, id=number))
-    assert any("marker: more messages arrive" in sentence for sentence in shown.tick())
+    assert len(centers[-1]) == 400 and said == []

@@ -8,7 +8,8 @@ import trimesh
 from PIL import Image
 
 from onebot_bringup.cli import check
-from onebot_bringup.viewer.core.glb import file_state, load_shape
+from onebot_bringup.viewer.core.glb import load_mesh
+from onebot_bringup.viewer.core.robot_shapes import corners, file_state
 from onebot_control.sensing.solids import solid_of
 from onebot_description.elements.meshes import locate_mesh, mesh_corners
 from onebot_description.elements.packages import Resources
@@ -25,7 +26,8 @@ def _mesh(uri, scale=(1.0, 1.0, 1.0)):
 
 
 def _load(path, scale=(1.0, 1.0, 1.0)):
-    return load_shape(_mesh(str(path), scale))
+    mesh = _mesh(str(path), scale)
+    return load_mesh(mesh, file_state(mesh))
 
 
 def _glb(asset) -> trimesh.Scene:
@@ -143,9 +145,9 @@ def test_what_is_up_in_gltf_is_up(tmp_path, suffix, scale):
         (tmp_path / name.replace("model", "arrow")).write_bytes(content)
     expected = np.sort(np.array([[0.0, -0.2, 0.0], [0.1, 0.1, 0.5]]) * scale, axis=0)
     mesh = _mesh(str(tmp_path / f"arrow.{suffix}"), scale)
-    asset = load_shape(mesh)
-    corners = mesh_corners(mesh)
-    for bounds in (asset.bounds, _glb(asset).bounds, [corners.min(axis=0), corners.max(axis=0)]):
+    asset = load_mesh(mesh, file_state(mesh))
+    points = mesh_corners(mesh)
+    for bounds in (asset.bounds, _glb(asset).bounds, [points.min(axis=0), points.max(axis=0)]):
         np.testing.assert_allclose(bounds, expected, atol=1e-6)
     solid = solid_of([(Geometry(mesh, Origin()), np.eye(4))])
     np.testing.assert_allclose(solid.box, expected, atol=1e-6)
@@ -260,12 +262,10 @@ def test_a_mesh_that_is_not_there_is_named(tmp_path):
         (Capsule(0.2, 0.6), (0.2, 0.2, 0.5)),
     ],
 )
-def test_primitives_have_their_size_and_no_color(shape, half):
-    """Centered on their origin; round ones to a thousandth."""
-    asset = load_shape(shape)
-    assert not asset.colored
-    np.testing.assert_allclose(asset.bounds, [np.negative(half), half], atol=1e-3)
-    np.testing.assert_allclose(_glb(asset).bounds, asset.bounds, atol=1e-3)
+def test_primitives_have_their_size(shape, half):
+    """Centered on their origin."""
+    points = corners(Geometry(shape, Origin()))
+    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [np.negative(half), half])
 
 
 def test_a_mesh_is_scaled_and_mirrored(tmp_path):

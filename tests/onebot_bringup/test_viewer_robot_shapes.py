@@ -1,6 +1,9 @@
-"""The shapes of a robot in a recording, and the warnings of those that are missing."""
+"""The shapes of a robot in a recording, the box around them, and warnings of missing ones."""
 
-from onebot_bringup.viewer.core.robot_shapes import RobotShapes
+import numpy as np
+
+from onebot_bringup.viewer.blueprint import fitting_eye
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes, robot_bounds
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
@@ -26,7 +29,8 @@ def test_a_new_description_replaces_the_robot(tmp_path):
     for link, homes in (("tip", ["base", "tip"]), ("hand", ["hand"]), ("base", ["base"])):
         entity = f"/robot/visual/{link}/0"
         assert sorted(home for [home] in column(file, entity, "CoordinateFrame:frame")) == homes
-        assert sum(map(bool, column(file, entity, "Asset3D:blob"))) == 1
+        shape = "Boxes3D:half_sizes" if link == "base" else "Cylinders3D:lengths"
+        assert sum(map(bool, column(file, entity, shape))) == 1
         # A server that reaches its memory limit keeps what is static.
         assert all(chunk.is_static for chunk in chunks(file, entity))
 
@@ -106,3 +110,17 @@ def test_waiting_and_missing_frames_are_said(tmp_path):
     now[0] = 7.0
     [message] = live.tick(START_NS)
     assert 'no transform yet from "base" to tip' in message
+
+
+def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside():
+    """The box follows the links' poses, and the origins of their shapes."""
+    turned = '<origin rpy="0 0 1.5707963267948966"/><geometry><box size=".4 .6 .6"/>'
+    robot = parse_description(ARM.replace('<geometry><box size=".6 .6 .6"/>', turned))
+    tip = np.eye(4)
+    tip[:3, 3] = (0, 1, 0)
+    bounds = robot_bounds(robot, {"base": np.eye(4), "tip": tip})
+    np.testing.assert_allclose(bounds, [[-0.3, -0.2, -0.3], [0.3, 1.3, 0.4]])
+    eye, target = fitting_eye(bounds)
+    np.testing.assert_allclose(target, bounds.mean(axis=0), atol=1e-4)
+    assert np.linalg.norm(np.subtract(eye, target)) > np.linalg.norm(bounds[1] - bounds[0])
+    assert robot_bounds(robot, {}) is None

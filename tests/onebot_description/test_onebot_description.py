@@ -10,8 +10,8 @@ import rerun as rr
 import yaml
 import yourdfpy
 
-from onebot_bringup.viewer.core.glb import load_shape
-from onebot_bringup.viewer.core.robot_shapes import RobotShapes
+from onebot_bringup.viewer.core.glb import load_mesh
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes, file_state
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.elements.packages import package_share
 from onebot_description.elements.urdf import Cylinder, Mesh, Sphere
@@ -76,7 +76,7 @@ def test_rerun_shows_the_robot_without_complaint(combination):
     for visual in (visual for link in robot.links for visual in link.visuals):
         assert visual.color is not None
         if isinstance(visual.shape, Mesh):
-            assert load_shape(visual.shape).colored
+            assert load_mesh(visual.shape, file_state(visual.shape)).colored
 
 
 @pytest.mark.checkout

@@ -5,7 +5,7 @@ Times are the messages', on the timeline ``ros_time``.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
@@ -123,32 +123,33 @@ def _one_row(batch: Any) -> ReadyColumn:
     return ReadyColumn(batch.component_descriptor(), rows)
 
 
-def joinable(
-    rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
-) -> list[list[tuple[int, Sequence[ReadyColumn]]]]:
-    """Group consecutive rows of the same columns; a large row is its own group."""
-    if len(rows) == 1:
-        return [[*rows]]
+def batches(
+    rows: Iterable[tuple[int, Sequence[ReadyColumn]]],
+) -> Iterator[tuple[Sequence[int], Sequence[ReadyColumn]]]:
+    """Join consecutive rows of the same columns; a large row stays alone.
+
+    Args:
+        rows: the time of each row, nanoseconds, and its columns.
+
+    Yields:
+        The times of some rows, and their columns.
+    """
 
     def kind(row: tuple[int, Sequence[ReadyColumn]]) -> object:
         if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
             return object()  # equals no other
         return [column.component_descriptor() for column in row[1]]
 
-    return [[*group] for _, group in groupby(rows, kind)]
+    for _, group in groupby(rows, kind):
+        stamps_ns, columns = zip(*group, strict=True)
+        yield stamps_ns, [_joined(same) for same in zip(*columns, strict=True)]
 
 
-def joined(rows: Sequence[Sequence[ReadyColumn]]) -> Sequence[ReadyColumn]:
-    """Join rows of the same columns into columns of several rows."""
+def _joined(rows: Sequence[ReadyColumn]) -> ReadyColumn:
     if len(rows) == 1:
         return rows[0]
-    return [
-        ReadyColumn(
-            same[0].component_descriptor(),
-            pa.concat_arrays([column.as_arrow_array() for column in same]),
-        )
-        for same in zip(*rows, strict=True)
-    ]
+    array = pa.concat_arrays([row.as_arrow_array() for row in rows])
+    return ReadyColumn(rows[0].component_descriptor(), array)
 
 
 class TimeColumn:

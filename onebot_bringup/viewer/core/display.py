@@ -5,16 +5,17 @@ The viewer's node, the replay of a bag and a snapshot subscribe to its ``topics`
 receives changes of the settings; the layout combines every ``layout``.
 """
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.core.columns import TIMELINE, below
-from onebot_bringup.viewer.core.inbox import LoadLimit, MessageType, WantedTopic
+from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.core.settings import Color
 from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.core.stage import Stage
@@ -30,26 +31,28 @@ COLORS: tuple[Color, ...] = (
     (179, 157, 219),
 )
 
+_REST = 3.0  # seconds that a limited display rests for each second of work
+_BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
+
 # --- part of the layout -------------------------------------------------------------------------
 
 
-class SideView(Protocol):
+@dataclass(frozen=True)
+class SideView(ABC):
     """A view beside the robot's; equal objects give the same view."""
 
-    @property
-    def entity(self) -> str:
-        """The entity that it shows, with everything below."""
+    entity: str  # it is shown with everything below
+    name: str
 
+    @abstractmethod
     def view(self) -> rrb.View:
         """Return the view for Rerun."""
 
 
 @dataclass(frozen=True)
-class Plot:
+class Plot(SideView):
     """A view of curves."""
 
-    entity: str  # everything below it is plotted
-    name: str
     window: float  # seconds before the time cursor; 0 for all
     lines: tuple[str, ...] | None = None  # these entities only
 
@@ -108,14 +111,17 @@ class Display(ABC, Generic[S]):
     of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
     only_plots: bool = False  # draws nothing in the robots' view
-    limit: LoadLimit | None = None  # drops messages if too many arrive
+    limited: bool = False  # it rests after work, and old messages are dropped meanwhile
+    dropped: bool = False
+    size: int = 0  # bytes of the messages since the last ``rest``
 
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
         self.stage = stage
         self.shown_robot = robot
         self.root = "" if robot is None else robot.root  # the entity above the robot's
-        self._flushed_ns: tuple[int, ...] = ()
+        self._flushed_ns = -math.inf
+        self._rests_until = 0.0
 
     @property
     def robot(self) -> ShownRobot:
@@ -132,15 +138,20 @@ class Display(ABC, Generic[S]):
         robot = self.shown_robot
         return self.stage.resolve(topic) if robot is None else robot.full_name(topic)
 
-    def is_due(self, *now_ns: int) -> bool:
-        """Whether to flush it now by any of several clocks; if so, the period starts again."""
-        times = zip(now_ns, self._flushed_ns, strict=False)
-        if self._flushed_ns and all(abs(now - last) < self.period_ns for now, last in times):
-            return False
-        if self.limit is not None and not self.limit.ready(time.monotonic()):
+    def is_due(self, now_ns: int) -> bool:
+        """Whether to flush it now; if so, the period starts again."""
+        is_early = abs(now_ns - self._flushed_ns) < self.period_ns
+        if is_early or time.monotonic() < self._rests_until:
             return False
         self._flushed_ns = now_ns
         return True
+
+    def rest(self, seconds: float) -> None:
+        """Rest after a flush that took ``seconds``, if it is limited."""
+        if self.limited:
+            seconds += self.size / _BYTES_PER_SECOND
+            self._rests_until = time.monotonic() + _REST * seconds
+        self.size = 0
 
     def apply(self, settings: S) -> None:
         """Use these settings from now on; called first of all, and later after ``flush``."""

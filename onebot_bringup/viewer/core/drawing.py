@@ -20,12 +20,12 @@ for one topic under its ``topics``: ``path: {height: 0.1, topics: {/plan: {line_
 
 import time
 from abc import abstractmethod
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Generic
 
+import numpy as np
 import rerun as rr
 
 from onebot_bringup.viewer.core.columns import ReadyColumn, entity_path, one_row
@@ -64,8 +64,8 @@ class Drawing(Generic[S]):
     key: ClassVar[str]  # the name in a view file, and the prefix of its ROS parameters
     message_types: ClassVar[tuple[str, ...]]  # full names, such as "nav_msgs/msg/Path"
     high_bandwidth: ClassVar[bool] = False  # megabytes per second: few are shown automatically
-    stamped_when_sent: ClassVar[bool] = True  # see ``MessageType``
-    replaces_previous: ClassVar[bool] = True  # see ``MessageType``
+    stamped_when_sent: ClassVar[bool] = True  # see ``WantedTopic``
+    replaces_previous: ClassVar[bool] = True  # see ``WantedTopic``
     period_ns: ClassVar[int] = 0  # see ``Display``
     rviz_classes: ClassVar[tuple[str, ...]] = ()  # RViz's names besides the key in title case
 
@@ -86,9 +86,8 @@ class Drawing(Generic[S]):
             settings: how to draw.
             color: used if the settings have no color.
         """
-        self.stage, self.name, self.entity, self.settings = stage, name, entity, settings
+        self.stage, self.name, self.entity = stage, name, entity
         self.default_color = color
-        self.color: Color = getattr(settings, "color", None) or color
         self.frame = ""  # frame of the drawn message, or the newest one; "" for none
         self.entity_frame = ""  # the frame that the entity is in
         self.stamp_ns = 0  # stamp of the message that is drawn
@@ -97,7 +96,7 @@ class Drawing(Generic[S]):
         self._last: tuple[int, Any] | None = None  # the last message drawn, with its time
         self._logged_at = 0.0
         self._frame_before = ""  # frame of the last message that was logged or queued
-        self._styled = False
+        self._use(settings)
 
     def draw(self, message: Any) -> Archetypes:
         """Return what replaces the previous message at the entity; empty to keep that.
@@ -212,26 +211,37 @@ class Drawing(Generic[S]):
         if self._last is not None:
             self.stage.clear(self.entity, self._last[0], self.entity_frame)
 
-    def replace(self, before: "Drawing[S]") -> None:
-        """Take over the last and the pending messages of a drawing with other settings."""
-        self.frame = self._frame_before = before.frame
-        self._pending.extend([before._last] if before._last is not None else [])
-        self._pending.extend(before._pending)
+    def change(self, settings: S) -> None:
+        """Draw the last message again, with other settings."""
+        self.erase()
+        self.problems.clear()
+        self._use(settings)
+        if self._last is not None:
+            self._pending.insert(0, self._last)
+
+    def _use(self, settings: S) -> None:
+        self.settings = settings
+        self.color: Color = getattr(settings, "color", None) or self.default_color
+        self._styled = False
 
 
-class History(deque[Floats]):
+class History:
     """The last places or poses of one frame."""
 
-    frame = ""
-
-    def __init__(self, length: int) -> None:
-        super().__init__(maxlen=length)
+    def __init__(self) -> None:
+        self.rows: list[Floats] = []
+        self._frame = ""
 
     def begin(self, frame: str) -> None:
         """Continue in a frame; forget everything if it differs from the previous frame."""
-        if frame != self.frame:
-            self.frame = frame
-            self.clear()
+        if frame != self._frame:
+            self._frame = frame
+            self.rows.clear()
+
+    def last(self, count: int) -> Floats:
+        """Forget all but the last ``count`` rows, and return them."""
+        del self.rows[:-count]
+        return np.array(self.rows)
 
 
 @lru_cache(maxsize=128)
@@ -275,23 +285,17 @@ class DrawingsDisplay(Display[S]):
     def apply(self, settings: S) -> None:
         """Redraw drawings whose settings changed; erase drawings that are gone."""
         super().apply(settings)
-        new_items, old_items = self.wanted(settings), self.items
-        colors = {name: old.default_color for name, old in old_items.items() if name in new_items}
-        self.items = {}
-        for name, (_, item) in new_items.items():
-            if name not in colors:  # drawings keep their colors when more topics are published
-                colors[name] = min(COLORS, key=[*colors.values()].count)
-            old = old_items.pop(name, None)
-            if old is not None and old.settings == item:
-                self.items[name] = old
-                continue
-            new = self.items[name] = self.make(name, item, colors[name])
-            if old is not None:
-                old.erase()
-                new.replace(old)
-        for gone in old_items.values():
-            gone.erase()
-        self._topics = {name: topics for name, (topics, _) in new_items.items()}
+        wanted = self.wanted(settings)
+        for gone in self.items.keys() - wanted.keys():
+            self.items.pop(gone).erase()
+        for name, (_, item) in wanted.items():
+            if name not in self.items:
+                used = [drawing.default_color for drawing in self.items.values()]
+                self.items[name] = self.make(name, item, min(COLORS, key=used.count))
+            elif self.items[name].settings != item:
+                self.items[name].change(item)
+        self.items = {name: self.items[name] for name in wanted}
+        self._topics = {name: topics for name, (topics, _) in wanted.items()}
 
     def topics(self) -> Sequence[WantedTopic]:
         return [topic for topics in self._topics.values() for topic in topics]
@@ -351,19 +355,16 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
     def _subscriptions(self, topic: str, settings: TopicSettings) -> Sequence[WantedTopic]:
         """Return the subscriptions of a topic, with its type's definition and its QoS."""
-        draws, name = self.draws, self.offered[topic]
-        kind = self.stage.message_type(
-            name,
-            stamped_when_sent=draws.stamped_when_sent,
-            replaces_previous=draws.replaces_previous,
-        )
+        draws = self.draws
         subscription = WantedTopic(
             topic,
-            (kind,),
+            (self.stage.message_type(self.offered[topic]),),
             reliable=settings.reliability == "reliable",
             optional=True,
             as_published=settings.reliability == AUTO,
             depth=settings.depth or (DEPTH_HIGH_BANDWIDTH if draws.high_bandwidth else DEPTH),
+            stamped_when_sent=draws.stamped_when_sent,
+            replaces_previous=draws.replaces_previous,
         )
         return [subscription, *draws.further_topics(self.stage, topic)]
 

@@ -1,9 +1,8 @@
-"""Converts shapes to GLB, which every Rerun viewer reads, so that they look as in RViz.
+"""Converts meshes to GLB, which every Rerun viewer reads, so that they look as in RViz.
 
 yourdfpy makes a trimesh scene of each mesh (see ``meshes``). This module adds what RViz shows and
 yourdfpy leaves out:
 
-- spheres, cylinders and capsules that look round at any size on the screen
 - round faces and sharp edges where a file has no normals
 - whether a file has its own colors, converted to glTF's linear light
 
@@ -27,26 +26,16 @@ from onebot_description.elements.meshes import (
     look_warnings,
     mesh_scene,
 )
-from onebot_description.elements.urdf import (
-    Box,
-    Capsule,
-    Cylinder,
-    Mesh,
-    Shape,
-    Sphere,
-)
+from onebot_description.elements.urdf import Mesh
 from onebot_description.errors import OneBotError
 
 _HEAD = 20  # bytes before the JSON of a GLB file: its own header, then the chunk's size and type
-_CYLINDER_SECTIONS = 72
-_SPHERE_SUBDIVISIONS = 4
-_SMALLEST = 1e-6  # smallest radius of a sphere, m; for radius 0 trimesh makes NaN
 # Meshes with more faces are shaded flat, since finding their sharp edges would take seconds.
 _MAX_FACES_TO_SMOOTH = 200_000
 
 
-class ShapeAsset(NamedTuple):
-    """A shape ready to be logged."""
+class MeshAsset(NamedTuple):
+    """A mesh ready to be logged."""
 
     glb: bytes  # binary glTF
     bounds: NDArray[np.float64]  # (2, 3), minimum and maximum corner, m
@@ -54,53 +43,30 @@ class ShapeAsset(NamedTuple):
     warnings: tuple[str, ...] = ()  # a sentence for each missing file that affects its look
 
 
-FileState = tuple[Path, int, int]  # path, time of the last change in ns, and size
-
-
-def file_state(shape: Shape) -> FileState | None:
-    """Return the state of a mesh's file, which may change; None for other shapes.
-
-    Raises:
-        OneBotError: there is no such file.
-    """
-    if not isinstance(shape, Mesh):
-        return None
-    if shape.path is None:
-        raise OneBotError(f"mesh {shape.problem}")
-    try:
-        status = shape.path.stat()
-    except OSError as error:
-        raise OneBotError(f"mesh {shape.path}: {error.strerror}") from error
-    return shape.path, status.st_mtime_ns, status.st_size
-
-
-def load_shape(shape: Shape) -> ShapeAsset:
-    """Return a shape for Rerun; the last 256 are cached until their files change.
-
-    Raises:
-        OneBotError: its mesh cannot be read, or has no surface.
-    """
-    return _load(shape, file_state(shape))
-
-
 @functools.lru_cache(maxsize=256)
-def _load(shape: Shape, file: FileState | None) -> ShapeAsset:
-    if not isinstance(shape, Mesh):
-        return _asset(_with_normals(trimesh.Scene(_mesh(shape))), colored=False)
-    assert file is not None
+def load_mesh(mesh: Mesh, file: tuple[Path, int, int]) -> MeshAsset:
+    """Return a mesh for Rerun.
+
+    Args:
+        mesh: the mesh.
+        file: its file, with what changes if the file does.
+
+    Raises:
+        OneBotError: it cannot be read, or has no surface.
+    """
     path, *_ = file
     suffix = path.suffix.lower()
     try:
-        scene = mesh_scene(shape)
+        scene = mesh_scene(mesh)
     except OneBotError as error:
         raise OneBotError(f"mesh {error}") from error
     warnings = tuple(look_warnings(scene))
-    if shape.scale != (1.0, 1.0, 1.0):
-        scene = scene.scaled(np.array(shape.scale))
+    if mesh.scale != (1.0, 1.0, 1.0):
+        scene = scene.scaled(np.array(mesh.scale))
     elif suffix == ".glb":
         # Pass the file through: trimesh does not know everything that a glTF may hold.
         glb = _turned(path.read_bytes())
-        return ShapeAsset(glb, np.asarray(scene.bounds, float), True, warnings)
+        return MeshAsset(glb, np.asarray(scene.bounds, float), True, warnings)
     colored = has_colors(path, scene)
     if _lacks_normals(path, suffix):
         scene = _with_normals(scene)
@@ -126,7 +92,7 @@ def _turned(glb: bytes) -> bytes:
     return glb[:8] + file_size + chunk + glb[_HEAD - 4 : _HEAD] + text + glb[end:]
 
 
-def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> ShapeAsset:
+def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool) -> MeshAsset:
     for part in scene.geometry.values():
         if isinstance(part, trimesh.Trimesh):
             # Vertex colors, such as Blender writes into Collada, would become an attribute
@@ -135,19 +101,7 @@ def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool = False) -> Shap
     # glTF's colors are in linear light, the other formats' in sRGB.
     adjust = None if linear else _adjust_colors
     glb = scene.export(file_type="glb", include_normals=True, tree_postprocessor=adjust)
-    return ShapeAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
-
-
-def _mesh(shape: Box | Capsule | Cylinder | Sphere) -> trimesh.Trimesh:
-    """Return the mesh of a shape, centered as in URDF."""
-    if isinstance(shape, Box):
-        return trimesh.creation.box(shape.size)
-    if isinstance(shape, Sphere):
-        return trimesh.creation.icosphere(_SPHERE_SUBDIVISIONS, max(shape.radius, _SMALLEST))
-    size = {"radius": shape.radius, "height": shape.length}
-    if isinstance(shape, Cylinder):
-        return trimesh.creation.cylinder(**size, sections=_CYLINDER_SECTIONS)
-    return trimesh.creation.capsule(**size, count=(48, 48))  # its height excludes the ends
+    return MeshAsset(bytes(glb), np.asarray(scene.bounds, float), colored)
 
 
 def _with_normals(scene: trimesh.Scene) -> trimesh.Scene:

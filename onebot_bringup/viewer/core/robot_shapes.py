@@ -3,21 +3,36 @@
 Entities are ``robot/visual/<link>/<n>`` and ``robot/collision/<link>/<n>`` (separate subtrees, so
 that one click shows or hides each). A shape that cannot be drawn is marked with a wireframe box at
 its origin, ``.../<n>/missing``. All are static, so viewers that join late have them, too. Poses of
-frames come only from /tf.
+frames come only from /tf. Only meshes need trimesh, which takes a second to import.
 """
 
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from itertools import islice
+from itertools import islice, product
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rerun as rr
 
 from onebot_bringup.viewer.core.columns import entity_path
-from onebot_description.elements.urdf import Description, Geometry, Mesh, Rgba
+from onebot_description.arrays import Floats
+from onebot_description.elements.urdf import (
+    Box,
+    Capsule,
+    Cylinder,
+    Description,
+    Geometry,
+    Mesh,
+    Rgba,
+    Shape,
+    Sphere,
+)
 from onebot_description.errors import OneBotError, condensed, listing
+from onebot_description.geometry import matrices
 from onebot_description.geometry.poses import from_rpy
+from onebot_description.model.robot_model import RobotModel
 
 Rgba32 = tuple[int, int, int, int]  # sRGB and alpha
 
@@ -43,7 +58,8 @@ class RobotShapes:
         self._recording = recording
         self._prefix = frame_prefix
         self._root = root.split("/") if root else []
-        self._drawn: dict[str, object] = {}  # content by entity, to log only changes
+        # What each entity shows, to log only changes, and its archetype.
+        self._drawn: dict[str, tuple[object, Any]] = {}
 
     def visual_of(self, link: str) -> str | None:
         """Return the entity of the first visual of ``link``; None if it has none."""
@@ -77,7 +93,6 @@ class RobotShapes:
                     entities.add(path)
         home = self._prefix + robot.root_link
         for path in set(self._drawn) - entities:
-            del self._drawn[path]
             self._erase(path, home)
         return [*condensed([*dict.fromkeys(warnings)]), *_not_drawn(failures)]
 
@@ -85,55 +100,97 @@ class RobotShapes:
         self, path: str, link: str, geometry: Geometry, color: Rgba32 | None
     ) -> Sequence[str]:
         """Draw ``geometry`` in its file's own colors, or else in ``color``; return warnings."""
-        from onebot_bringup.viewer.core.glb import file_state, load_shape  # imports trimesh
-
-        what = (link, geometry, file_state(geometry.shape))
-        if self._drawn.get(path) == what:
+        shape = geometry.shape
+        what = (link, geometry, file_state(shape) if isinstance(shape, Mesh) else None)
+        if self._shows(path, what):
             return ()
-        asset = load_shape(geometry.shape)
+        if not isinstance(shape, Mesh):
+            self._log(path, what, link, geometry, _solid(shape, color or _bytes(geometry.color)))
+            return ()
+        from onebot_bringup.viewer.core.glb import load_mesh
+
+        asset = load_mesh(shape, file_state(shape))
         factor = None if asset.colored and color is None else color or _bytes(geometry.color)
-        self._recording.log(
-            path,
-            rr.CoordinateFrame(self._prefix + link),
-            rr.InstancePoses3D(
-                translations=[geometry.origin.xyz], quaternions=[_quaternion(geometry)]
-            ),
-            rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor),
-            static=True,
-        )
-        self._drawn[path] = what
+        drawn = rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=factor)
+        self._log(path, what, link, geometry, drawn)
         return asset.warnings if color is None else ()
 
     def _mark(self, path: str, link: str, geometry: Geometry, size: float) -> None:
         """Draw a box of ``size``, m, where ``geometry`` would be; its label shows on a click."""
         what = (link, geometry, size)
-        if self._drawn.get(path) == what:
+        if self._shows(path, what):
             return
         name = geometry.shape.uri if isinstance(geometry.shape, Mesh) else "shape"
         radii: Any = [rr.Radius.ui_points(2.0)]
-        self._recording.log(
-            path,
-            rr.CoordinateFrame(self._prefix + link),
-            rr.Boxes3D(
-                half_sizes=[[size / 2] * 3],
-                centers=[geometry.origin.xyz],
-                quaternions=[_quaternion(geometry)],
-                colors=[MISSING_COLOR],
-                radii=radii,
-                labels=[f"missing: {name}"],
-                show_labels=False,
-            ),
-            static=True,
+        box = rr.Boxes3D(
+            half_sizes=[[size / 2] * 3],
+            colors=[MISSING_COLOR],
+            radii=radii,
+            labels=[f"missing: {name}"],
+            show_labels=False,
         )
-        self._drawn[path] = what
+        self._log(path, what, link, geometry, box)
+
+    def _shows(self, path: str, what: object) -> bool:
+        return path in self._drawn and self._drawn[path][0] == what
+
+    def _log(self, path: str, what: object, link: str, geometry: Geometry, drawn: Any) -> None:
+        frame = self._prefix + link
+        if path in self._drawn:
+            self._erase(path, frame)
+        place = rr.InstancePoses3D(
+            translations=[geometry.origin.xyz],
+            quaternions=[rr.Quaternion(xyzw=from_rpy(geometry.origin.rpy))],
+        )
+        self._recording.log(path, rr.CoordinateFrame(frame), place, drawn, static=True)
+        self._drawn[path] = what, type(drawn)
 
     def _erase(self, path: str, home: str) -> None:
         """Empty an entity; rr.Clear does not clear static data, so it is overwritten.
 
         The entity moves to the frame ``home``: otherwise Rerun would report its missing frame.
         """
-        kind = rr.Boxes3D if path.endswith(f"/{_MISSING}") else rr.Asset3D
+        _, kind = self._drawn.pop(path)
         self._recording.log(path, rr.CoordinateFrame(home), kind.cleared(), static=True)
+
+
+def file_state(mesh: Mesh) -> tuple[Path, int, int]:
+    """Return a mesh's file, when it was last changed in ns, and its size.
+
+    Raises:
+        OneBotError: there is no such file.
+    """
+    if mesh.path is None:
+        raise OneBotError(f"mesh {mesh.problem}")
+    try:
+        status = mesh.path.stat()
+    except OSError as error:
+        raise OneBotError(f"mesh {mesh.path}: {error.strerror}") from error
+    return mesh.path, status.st_mtime_ns, status.st_size
+
+
+def _solid(shape: Shape, color: Rgba32) -> Any:
+    """Return the archetype of a shape that is not a mesh."""
+    style: Any = {"colors": [color], "fill_mode": rr.components.FillMode.Solid}
+    if isinstance(shape, Box | Sphere):
+        kind = rr.Boxes3D if isinstance(shape, Box) else rr.Ellipsoids3D
+        return kind.from_fields(half_sizes=[half_size(shape)], **style)
+    assert isinstance(shape, Cylinder | Capsule)
+    style |= {"lengths": [shape.length], "radii": [shape.radius]}
+    if isinstance(shape, Cylinder):
+        return rr.Cylinders3D.from_fields(**style)
+    # Rerun's capsules begin at their origin.
+    return rr.Capsules3D.from_fields(translations=[[0.0, 0.0, -shape.length / 2]], **style)
+
+
+def half_size(shape: Shape) -> Floats:
+    """Return half of the size (3,) of a shape that is not a mesh, meters."""
+    if isinstance(shape, Box):
+        return np.array(shape.size) / 2
+    assert not isinstance(shape, Mesh)
+    height = 0.0 if isinstance(shape, Sphere) else shape.length / 2
+    ends = 0.0 if isinstance(shape, Cylinder) else shape.radius
+    return np.array([shape.radius, shape.radius, height + ends])
 
 
 def marker_size(robot: Description) -> float:
@@ -155,13 +212,68 @@ def _not_drawn(failures: Mapping[str, Sequence[str]]) -> list[str]:
     return sentences
 
 
-def _quaternion(geometry: Geometry) -> rr.Quaternion:
-    return rr.Quaternion(xyzw=from_rpy(geometry.origin.rpy))
-
-
 def _bytes(color: Rgba | None) -> Rgba32:
     """Return a URDF color as bytes; they reach the screen unchanged, as in RViz."""
     if color is None:
         return DEFAULT_COLOR
     red, green, blue, alpha = (round(255 * min(max(value, 0.0), 1.0)) for value in color)
     return red, green, blue, alpha
+
+
+# --- size -----------------------------------------------------------------------------------------
+
+
+def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Floats | None:
+    """Return the (2, 3) box around all visuals, meters, in the fixed frame; None without any.
+
+    Args:
+        description: the robot.
+        poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
+    """
+    clouds = []
+    missing = marker_size(description) * np.array([[-0.5] * 3, [0.5] * 3])
+    for link in description.links:
+        for geometry in link.visuals if link.name in poses else ():
+            try:
+                cloud = corners(geometry)
+            except OneBotError:  # was reported when the visual was drawn
+                cloud = geometry.origin.xyz + missing
+            clouds.append(matrices.transformed(cloud, poses[link.name]))
+    return box_around(np.concatenate(clouds)) if clouds else None
+
+
+def corners(geometry: Geometry) -> Floats:
+    """Return the (8, 3) corners of the box around ``geometry``, meters, in its link's frame."""
+    shape = geometry.shape
+    if isinstance(shape, Mesh):
+        from onebot_bringup.viewer.core.glb import load_mesh
+
+        low, high = load_mesh(shape, file_state(shape)).bounds
+    else:
+        high = half_size(shape)
+        low = -high
+    local = np.array([*product(*zip(low, high, strict=True))])
+    return matrices.transformed(local, matrices.of_origin(geometry.origin))
+
+
+def box_around(points: Floats) -> Floats:
+    """Return the (2, 3) minimum and maximum coordinates of points (N, 3)."""
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def diagonal(bounds: Floats) -> float:
+    """Return the diagonal of a (2, 3) box, meters."""
+    return float(np.linalg.norm(bounds[1] - bounds[0]))
+
+
+def robot_size(description: Description) -> float:
+    """Return the diagonal of the box around a robot whose joints are at 0, meters.
+
+    It is 0 without shapes, and if the links are not one tree: then only TF knows their poses.
+    """
+    try:
+        model = RobotModel.from_description(description)
+    except OneBotError:
+        return 0.0
+    bounds = robot_bounds(description, model.link_matrices(np.zeros(len(model.joints))))
+    return 0.0 if bounds is None else diagonal(bounds)

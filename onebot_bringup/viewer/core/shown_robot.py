@@ -1,6 +1,6 @@
 """A robot of a view: its names, its description and its frames."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import rerun as rr
@@ -71,8 +71,6 @@ class ShownRobot:
         self.shapes = RobotShapes(recording, names.frame_prefix, root)
         self.description: Description | None = None
         self.urdf = ""  # the text of the description
-        self.fitting_length = 0.0  # length of axes that suits the robot, m; 0: unknown
-        self.axes_lengths: Mapping[str, float] = {}  # meters, keyed by frames of links
         self.joint_positions: dict[str, float] = {}  # rad or m, for displays that ask for them
 
     def frame_of(self, link: str) -> str:

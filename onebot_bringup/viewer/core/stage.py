@@ -8,7 +8,7 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.viewer.core.columns import ReadyColumn, joinable, joined, one_row, send
+from onebot_bringup.viewer.core.columns import ReadyColumn, batches, one_row, send
 from onebot_bringup.viewer.core.inbox import MessageType, message_type
 from onebot_bringup.viewer.core.shown_robot import (
     WORLD_DESCRIPTION,
@@ -63,16 +63,14 @@ class Stage:
         self.transform_timeout_ns = _TRANSFORM_TIMEOUT_NS  # how long messages wait for transforms
         self.robot_size = 0.0  # the diagonal of the smallest robot, meters; 0: not known yet
 
-    def message_type(self, name: str, **properties: bool) -> MessageType[Any]:
+    def message_type(self, name: str) -> MessageType[Any]:
         """Return a message type whose messages are decoded by its definition.
-
-        ``properties`` are fields of ``MessageType``.
 
         Raises:
             OneBotError: there is no definition of it.
             ValueError: the definition cannot be read.
         """
-        return message_type(name, self._definitions(name), **properties)
+        return message_type(name, self._definitions(name))
 
     # --- what is logged ---------------------------------------------------------------------------
 
@@ -84,9 +82,8 @@ class Stage:
             (stamp_ns, [column for archetype in archetypes for column in one_row(archetype)])
             for stamp_ns, archetypes in rows
         ]
-        for same in joinable(ready):
-            stamps_ns, columns = zip(*same, strict=True)
-            send(self.recording, entity, stamps_ns, joined(columns))
+        for stamps_ns, columns in batches(ready):
+            send(self.recording, entity, stamps_ns, columns)
 
     def clear(self, entity: str, stamp_ns: int, frame: str) -> None:
         """Clear an entity; it keeps a frame, since the view reports entities without one."""

@@ -32,7 +32,6 @@ def _stamp_ns(message: TfArrays) -> int:
 
 
 TF: MessageType[TfArrays] = MessageType("tf2_msgs/msg/TFMessage", tf_arrays, _stamp_ns)
-TF_STATIC: MessageType[TfArrays] = MessageType(TF.name, TF.read, _stamp_ns, stamped_when_sent=False)
 
 _TRANSLATIONS = ColumnMaker(rr.Transform3D.columns(translation=np.zeros((1, 3))))
 _ROTATIONS = ColumnMaker(rr.Transform3D.columns(quaternion=np.zeros((1, 4))))

@@ -56,7 +56,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
         """Return the projection of the rectified picture, if it has changed."""
         matrix, resolution = _projection(message)
         values = self.frame, matrix.tobytes(), resolution
-        if values == self._drawn and not is_old(self._logged_at):
+        if values == self._drawn and self._styled and not is_old(self._logged_at):
             return ()
         self._drawn = values
         return [

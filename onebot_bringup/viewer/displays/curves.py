@@ -68,11 +68,10 @@ class CurveDrawing(Drawing[S]):
 
     has_header = False
 
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self.curves = [
-            Curves(self.stage.recording, entity, self.legend) for entity in self.entities()
-        ]
+    def _use(self, settings: S) -> None:
+        super()._use(settings)
+        recording = self.stage.recording
+        self.curves = [Curves(recording, entity, self.legend) for entity in self.entities()]
 
     def entities(self) -> Sequence[str]:
         """Return the entity of each curve."""
@@ -229,9 +228,9 @@ class CurvesSettings:
 class FieldDrawing(CurveDrawing[CurveSettings]):
     """The curve of one field of one topic, named by a path such as ``pose.position.x``."""
 
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        steps = (match.groups() for match in _STEP.finditer(self.settings.field))
+    def _use(self, settings: CurveSettings) -> None:
+        super()._use(settings)
+        steps = (match.groups() for match in _STEP.finditer(settings.field))
         self._steps = [name or int(index) for name, index in steps]
 
     def values(self, message: Any) -> Sequence[float]:

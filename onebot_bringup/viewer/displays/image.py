@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, ready
-from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.display import LayoutPart, SideView
 from onebot_bringup.viewer.core.drawing import (
     DEPTH_HIGH_BANDWIDTH,
     Drawing,
@@ -187,15 +187,11 @@ def _format(
 # --- views ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class ImageView:
+class ImageView(SideView):
     """A view of the pictures of a topic."""
 
-    entity: str
-    topic: str
-
     def view(self) -> rrb.View:
-        return rrb.Spatial2DView(origin=self.entity, name=self.topic)
+        return rrb.Spatial2DView(origin=self.entity, name=self.name)
 
 
 def picture_frame(topic: str) -> str:

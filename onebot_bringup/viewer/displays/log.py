@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumnKind
 
 from onebot_bringup.viewer.core.columns import TIMELINE
-from onebot_bringup.viewer.core.display import LayoutPart
+from onebot_bringup.viewer.core.display import LayoutPart, SideView
 from onebot_bringup.viewer.core.drawing import Drawing, TopicSettings
 from onebot_bringup.viewer.core.settings import one_of, setting
 from onebot_description.errors import shortened
@@ -36,19 +36,15 @@ class LogSettings(TopicSettings):
     level: str = setting("info", "the least severe level shown", one_of(*_LEVELS))
 
 
-@dataclass(frozen=True)
-class LogView:
+class LogView(SideView):
     """A view of the lines of one topic."""
-
-    entity: str
-    topic: str
 
     def view(self) -> rrb.View:
         columns = rrb.TextLogColumns(
             timeline_columns=[TIMELINE],
             text_log_columns=[TextLogColumnKind.LogLevel, TextLogColumnKind.Body],
         )
-        return rrb.TextLogView(origin=self.entity, name=self.topic, columns=columns)
+        return rrb.TextLogView(origin=self.entity, name=self.name, columns=columns)
 
 
 class LogDrawing(Drawing[LogSettings]):
@@ -66,8 +62,9 @@ class LogDrawing(Drawing[LogSettings]):
         text = f"[{message.name}] {message.msg}"
         return [rr.TextLog(shortened(text, _LONGEST), level=_level(message.level))]
 
-    def replace(self, before: Drawing[LogSettings]) -> None:
+    def change(self, settings: LogSettings) -> None:
         """Leave the previous lines as they are."""
+        self._use(settings)
 
     def layout(self) -> LayoutPart:
         return LayoutPart(wide=(LogView(self.entity, self.name),))

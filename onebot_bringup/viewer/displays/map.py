@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from onebot_bringup.viewer.core.settings import fraction, one_of, setting
 from onebot_bringup.viewer.core.stage import Stage
 from onebot_description.geometry.quaternions import normalized
 
-UPDATE = replace(known_type("map_msgs/msg/OccupancyGridUpdate"), replaces_previous=False)
+UPDATE = known_type("map_msgs/msg/OccupancyGridUpdate")
 _COLORMAPS = {
     "map": rr.components.Colormap.RvizMap,
     "costmap": rr.components.Colormap.RvizCostmap,
@@ -61,7 +61,11 @@ class MapDrawing(Drawing[MapSettings]):
 
     @classmethod
     def further_topics(cls, stage: Stage, topic: str) -> Sequence[WantedTopic]:
-        return [WantedTopic(f"{topic}_updates", (UPDATE,), optional=True, as_published=True)]
+        topic = f"{topic}_updates"
+        kinds = (UPDATE,)
+        return [
+            WantedTopic(topic, kinds, optional=True, as_published=True, replaces_previous=False)
+        ]
 
     def style(self) -> Sequence[rr.AsComponents]:
         scheme = self.settings.color_scheme
@@ -88,11 +92,6 @@ class MapDrawing(Drawing[MapSettings]):
             return
         self._grid = grid
         super().add(stamp_ns, grid)
-
-    def replace(self, before: Drawing[MapSettings]) -> None:
-        super().replace(before)
-        assert isinstance(before, MapDrawing)
-        self._grid = before._grid
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and the map's pose and cell size."""

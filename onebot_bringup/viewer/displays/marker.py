@@ -9,9 +9,9 @@ frame, where its frame was at its own stamp. Markers whose lifetime is over are 
 """
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count, groupby
+from itertools import chain, count, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +36,6 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MarkerKind,
     MeshVariant,
     Piece,
-    Rows,
     rgba,
 )
 from onebot_description.arrays import Floats
@@ -80,7 +79,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Callable[[], Integers]  # returns the headers' stamps, which are seldom needed
+    stamps_ns: Integers  # the headers' stamps
     points: Integers  # number of points
     poses: Floats  # (N, 7) meters and x y z w; may be written to
     scales: Floats  # (N, 3) meters
@@ -88,45 +87,37 @@ class Incoming(NamedTuple):
     messages: Sequence[Any]
 
     @classmethod
-    def from_array(cls, markers: Any) -> "Incoming":
-        """Return the markers of a MarkerArray, which is a table."""
+    def of(cls, markers: Any) -> "Incoming":
+        """Return a single marker, or those of a MarkerArray, which is a table."""
+        is_table = isinstance(markers.ns, list)
         return cls(
-            spaces=markers.ns,
-            frames=markers.header.frame_id,
-            ids=markers.id,
-            types=markers.type,
-            actions=markers.action,
-            locked=markers.frame_locked,
-            lifetimes=_nanoseconds(markers.lifetime),
-            stamps_ns=lambda: _nanoseconds(markers.header.stamp),
-            points=markers.points.counts,
-            poses=markers.pose.array().copy(),  # contiguous, which is faster
-            scales=markers.scale.array().copy(),
-            colors=markers.color.array().copy(),
-            messages=markers,
+            spaces=markers.ns if is_table else [markers.ns],
+            frames=markers.header.frame_id if is_table else [markers.header.frame_id],
+            ids=np.atleast_1d(markers.id),
+            types=np.atleast_1d(markers.type),
+            actions=np.atleast_1d(markers.action),
+            locked=np.atleast_1d(markers.frame_locked),
+            lifetimes=np.atleast_1d(_nanoseconds(markers.lifetime)),
+            stamps_ns=np.atleast_1d(_nanoseconds(markers.header.stamp)),
+            points=np.atleast_1d(markers.points.counts if is_table else len(markers.points)),
+            # These are copied, since contiguous arrays are faster.
+            poses=np.array(markers.pose.array(), ndmin=2),
+            scales=np.array(markers.scale.array(), ndmin=2),
+            colors=np.array(markers.color.array(), ndmin=2),
+            messages=markers if is_table else [markers],
         )
 
     @classmethod
-    def from_single(cls, markers: Sequence[Any]) -> "Incoming":
-        """Return the markers of messages with one marker each."""
-
-        def column(read: Callable[[Any], Any]) -> NDArray[Any]:
-            return np.array([read(marker) for marker in markers])
-
+    def joined(cls, parts: Iterable["Incoming"]) -> "Incoming":
+        """Return the markers of several messages in order."""
+        columns: Any = zip(*parts, strict=True)
         return cls(
-            spaces=[marker.ns for marker in markers],
-            frames=[marker.header.frame_id for marker in markers],
-            ids=column(lambda marker: marker.id),
-            types=column(lambda marker: marker.type),
-            actions=column(lambda marker: marker.action),
-            locked=column(lambda marker: marker.frame_locked),
-            lifetimes=column(lambda marker: _nanoseconds(marker.lifetime)),
-            stamps_ns=lambda: column(lambda marker: _nanoseconds(marker.header.stamp)),
-            points=column(lambda marker: len(marker.points)),
-            poses=column(lambda marker: marker.pose.array()),
-            scales=column(lambda marker: marker.scale.array()),
-            colors=column(lambda marker: marker.color.array()),
-            messages=markers,
+            *(
+                np.concatenate(column)
+                if isinstance(column[0], np.ndarray)
+                else [*chain.from_iterable(column)]
+                for column in columns
+            )
         )
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
@@ -154,7 +145,7 @@ class LayerKey(NamedTuple):
     space: str
     kind: str
     frame: str
-    variant: object  # a MeshVariant, or the opacity of triangles
+    mesh: MeshVariant | None
 
 
 class Layer:
@@ -163,9 +154,10 @@ class Layer:
     def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: MarkerKind) -> None:
         self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
-        if isinstance(key.variant, MeshVariant):
-            self._own += key.variant.pieces()
+        if key.mesh is not None:
+            self._own += key.mesh.pieces()
         self.ids: list[MarkerId] = []
+        self.changed = False  # since it was logged
         self.batch: Batch  # set with the first markers
         self.first_end = _NEVER  # the end of the first lifetime
         self._logged: Sequence[Piece] = ()
@@ -185,11 +177,12 @@ class Layer:
         self._set([self.ids[slot] for slot in slots], self.batch.at(np.array(slots, np.intp)))
 
     def _set(self, ids: list[MarkerId], batch: Batch) -> None:
-        self.ids, self.batch = ids, batch
+        self.ids, self.batch, self.changed = ids, batch, True
         self.first_end = int(batch.ends.min()) if ids else _NEVER
 
     def log(self, stamp_ns: int, *, hidden: bool) -> None:
         """Log the columns that changed since the last row; from time to time, all of them."""
+        self.changed = False
         drawn = self._kind.pieces(self.batch) if self.ids and not hidden else ()
         if not drawn:
             if self._logged:
@@ -227,7 +220,7 @@ class MarkerPlan(NamedTuple):
     """The layers of the markers of a message, also for later messages with the same signature."""
 
     signature: tuple[object, ...]  # everything that the plan depends on
-    members: list[tuple[Layer, list[MarkerId], Rows]]
+    members: list[tuple[Layer, list[MarkerId], NDArray[np.intp]]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
 
 
@@ -244,9 +237,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._layers: dict[LayerKey, Layer] = {}
-        self._used: set[str] = set()  # entities of the layers
         self._where: dict[MarkerId, LayerKey] = {}
-        self._changed: dict[str, Layer] = {}  # layers to log, by entity
         self._plan: MarkerPlan | None = None
         self._stamp_ns = 0  # stamp of the last row
         self._now_ns = 0  # time of the last flush
@@ -257,7 +248,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
     def add(self, stamp_ns: int, message: Any) -> None:
         self._pending.append((stamp_ns, message))
         if not self.frame:  # it may become the fixed frame if there is no robot
-            markers = message.markers if hasattr(message, "markers") else [message]
+            markers = getattr(message, "markers", [message])
             self.frame = next((_frame(marker) for marker in markers if _frame(marker)), "")
 
     def flush(self) -> None:
@@ -274,24 +265,23 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if self._waiting and tree != self._tree:
             waiting, self._waiting = [*self._waiting.values()], {}
             latest_ns = max(stamp_ns for stamp_ns, _ in waiting)
-            self._take(latest_ns, now_ns, Incoming.from_single([message for _, message in waiting]))
+            markers = Incoming.joined(Incoming.of(message) for _, message in waiting)
+            self._take(latest_ns, now_ns, markers)
         self._tree = tree
         if self._waiting:
             self.frame = _frame(next(iter(self._waiting.values()))[1])
         self._expire(now_ns)
         self._now_ns = now_ns
-        self._repeat()
+        self._log(self._stamp_ns)
 
     def erase(self) -> None:
         for layer in self._layers.values():
             layer.log(self._stamp_ns, hidden=True)
 
-    def replace(self, before: Drawing[MarkerSettings]) -> None:
-        """Take over the markers of a drawing with other settings."""
-        settings = {"settings": self.settings, "color": self.color}
-        vars(self).update(vars(before) | settings)
+    def change(self, settings: MarkerSettings) -> None:
+        super().change(settings)
         for layer in self._layers.values():
-            self._changed[layer.entity] = layer
+            layer.changed = True
         self._log(self._stamp_ns)
 
     def _incoming(self) -> Iterator[tuple[int, Incoming]]:
@@ -301,9 +291,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             stamps_ns, messages = zip(*group, strict=True)
             if hasattr(messages[0], "markers"):
                 for stamp_ns, array in zip(stamps_ns, messages, strict=True):
-                    yield stamp_ns, Incoming.from_array(array.markers)
+                    yield stamp_ns, Incoming.of(array.markers)
             else:
-                yield stamps_ns[-1], Incoming.from_single(messages)
+                yield stamps_ns[-1], Incoming.joined(map(Incoming.of, messages))
 
     # --- messages ---------------------------------------------------------------------------------
 
@@ -316,7 +306,6 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         batch = self._batch(stamp_ns, arrived_ns, incoming, kinds, plan.moved)
         for layer, ids, rows in plan.members:
             layer.update(ids, batch.at(rows))
-            self._changed[layer.entity] = layer
         is_all = all(layer.ids == ids for layer, ids, _ in plan.members)
         self._plan = plan if is_all and not self._waiting else None
         self._log(stamp_ns)
@@ -342,11 +331,11 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
         If nothing relevant changed, it is the previous plan, and nothing is left to remove.
         """
-        variants = _variants(incoming, kinds)
+        meshes = _meshes(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
         numbers = [column.tobytes() for column in columns]
         tree = self._fixed, self.stage.frames.version
-        signature = (incoming.spaces, incoming.frames, numbers, variants, tree)
+        signature = (incoming.spaces, incoming.frames, numbers, meshes, tree)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
         _check(incoming, kinds, self.problems)
@@ -362,7 +351,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 gone.add(marker)
                 self._waiting.pop(marker, None)
                 continue
-            key = self._key(stamp_ns, incoming, row, kinds[row], variants.get(row))
+            key = self._key(stamp_ns, incoming, row, kinds[row], meshes.get(row))
             if key is None:
                 continue
             if self._where.get(marker) != key:
@@ -377,7 +366,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
         return MarkerPlan(
             signature,
-            [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
+            [(self._layers[key], ids, np.array(rows[key])) for key, ids in members.items()],
             moved,
         )
 
@@ -385,10 +374,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         layers = {self._where.pop(marker) for marker in markers if marker in self._where}
         for layer in map(self._layers.__getitem__, layers):
             layer.keep([slot for slot, marker in enumerate(layer.ids) if marker not in markers])
-            self._changed[layer.entity] = layer
 
     def _key(
-        self, stamp_ns: int, incoming: Incoming, row: int, kind: int, variant: object
+        self, stamp_ns: int, incoming: Incoming, row: int, kind: int, mesh: MeshVariant | None
     ) -> LayerKey | None:
         """Return the layer of a marker; None if it is not drawn, or not yet."""
         space, frame = incoming.spaces[row], incoming.frames[row].lstrip("/")
@@ -401,14 +389,13 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             return None
         self._waiting.pop(marker, None)
         home = frame if incoming.locked[row] else self._fixed
-        key = LayerKey(space, KINDS[kind].name, home, variant)
+        key = LayerKey(space, KINDS[kind].name, home, mesh)
         if key not in self._layers:
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
             except OneBotError as error:
                 incoming.report(self.problems, row, str(error), "mesh")
                 return None
-            self._used.add(self._layers[key].entity)
         return key
 
     def _entity(self, key: LayerKey) -> str:
@@ -416,7 +403,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         space = [key.space] if key.space else []
         first = below(self.entity, entity_path(*space, key.kind))
         names = (first if number == 1 else f"{first}_{number}" for number in count(1))
-        return next(entity for entity in names if entity not in self._used)
+        used = {layer.entity for layer in self._layers.values()}
+        return next(entity for entity in names if entity not in used)
 
     def _batch(
         self,
@@ -435,7 +423,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if odd.any():
             incoming.report(self.problems, odd, "its quaternion is not of unit length")
             poses[:, 3:] = normalized(poses[:, 3:])
-        stamps_ns = incoming.stamps_ns() if moved else np.empty(0, np.int64)
+        stamps_ns = incoming.stamps_ns
         for frame, moving in moved.items():
             moments = stamps_ns[moving] // _SAME_NS
             order = np.argsort(moments, kind="stable")  # 100,000 may have a moment each
@@ -497,22 +485,14 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             self._log(max(first, self._stamp_ns))  # not before the markers were drawn
 
     def _log(self, stamp_ns: int) -> None:
-        """Log the layers that have changed, and drop empty ones."""
-        changed, self._changed = self._changed, {}
+        """Log the layers that have changed, or are old, and drop empty ones."""
         self._stamp_ns = stamp_ns
-        for layer in changed.values():
-            layer.log(stamp_ns, hidden=layer.key.space in self.settings.hidden_namespaces)
-        if not all(layer.ids for layer in changed.values()):
-            self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
-            self._used = {layer.entity for layer in self._layers.values()}
-            self._plan = None
-
-    def _repeat(self) -> None:
-        """Log all columns of layers again for which that is long ago."""
         for layer in self._layers.values():
-            if is_old(layer.whole_at):
-                self._changed[layer.entity] = layer
-        self._log(self._stamp_ns)
+            if layer.changed or is_old(layer.whole_at):
+                layer.log(stamp_ns, hidden=layer.key.space in self.settings.hidden_namespaces)
+        if not all(layer.ids for layer in self._layers.values()):
+            self._layers = {key: layer for key, layer in self._layers.items() if layer.ids}
+            self._plan = None
 
 
 def _check(incoming: Incoming, kinds: Integers, problems: dict[str, str]) -> None:
@@ -555,23 +535,12 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
     }, cleared
 
 
-def _selection(rows: list[int]) -> Rows:
-    """Return rows as an index; a slice, which copies nothing, if they are consecutive."""
-    consecutive = range(rows[0], rows[-1] + 1)
-    return slice(rows[0], rows[-1] + 1) if rows == [*consecutive] else np.array(rows)
-
-
-def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
-    """Return, by row, the properties in which markers on one entity must agree."""
-    variants: dict[int, object] = {}
-    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
+def _meshes(incoming: Incoming, kinds: Integers) -> dict[int, MeshVariant]:
+    """Return, by row, the properties in which meshes on one entity must agree."""
+    meshes = {}
+    for row in np.flatnonzero(kinds == MESH).tolist():
         message = incoming.messages[row]
-        colors = incoming.colors[row : row + 1]
-        if kinds[row] == MESH:
-            embedded = bool(message.mesh_use_embedded_materials)
-            uri = message.mesh_resource
-            variants[row] = MeshVariant(uri, None if embedded else int(rgba(colors)[0]))
-        else:
-            color = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
-            variants[row] = int(rgba(np.where(np.isnan(color), colors, color))[0]) & 255
-    return variants
+        color = int(rgba(incoming.colors[row : row + 1])[0])
+        embedded = message.mesh_use_embedded_materials
+        meshes[row] = MeshVariant(message.mesh_resource, None if embedded else color)
+    return meshes

@@ -14,6 +14,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from onebot_bringup.viewer.core.columns import ColumnMaker, ReadyColumn, one_row, ready
+from onebot_bringup.viewer.core.robot_shapes import file_state
 from onebot_description.arrays import Floats
 from onebot_description.elements.meshes import locate_mesh
 from onebot_description.elements.packages import Resources
@@ -35,9 +36,6 @@ class MarkerContent(NamedTuple):
     text: str
 
 
-Rows = NDArray[np.intp] | slice
-
-
 class Batch(NamedTuple):
     """Markers of one type, one per row; or the shapes that they are drawn as."""
 
@@ -47,7 +45,7 @@ class Batch(NamedTuple):
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
     parts: NDArray[np.object_]  # a MarkerContent for markers with points or text, else None
 
-    def at(self, rows: Rows) -> "Batch":
+    def at(self, rows: NDArray[np.intp]) -> "Batch":
         """Return some of the markers."""
         columns: Any = self
         return Batch(*(column[rows] for column in columns))
@@ -253,9 +251,10 @@ class MeshVariant(NamedTuple):
 
     def pieces(self) -> Sequence[Piece]:
         """Return the columns of the mesh itself."""
-        from onebot_bringup.viewer.core.glb import load_shape  # imports trimesh
+        from onebot_bringup.viewer.core.glb import load_mesh  # imports trimesh
 
-        asset = load_shape(locate_mesh(Resources(None), self.uri))
+        mesh = locate_mesh(Resources(None), self.uri)
+        asset = load_mesh(mesh, file_state(mesh))
         color = self.color if self.color is not None or asset.colored else 0xFFFFFFFF
         return one_row(
             rr.Asset3D(contents=asset.glb, media_type="model/gltf-binary", albedo_factor=color)

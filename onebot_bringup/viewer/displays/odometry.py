@@ -56,19 +56,20 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._history = History(min(self.settings.keep or _MAX_KEPT, _MAX_KEPT))
+        self._history = History()
         self._size = 0.0  # the robot's size when the arrows were last drawn, m
 
     def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the previous one."""
         [pose] = one_pose(message.pose.pose)
         self._history.begin(self.frame)
+        poses = self._history.rows
         size, self._size = self._size, self.stage.robot_size
-        if not self._history or not self._is_near(self._history[-1], pose):
-            self._history.append(pose)
-        elif self._last is not None and size == self._size:
+        if not poses or not self._is_near(poses[-1], pose):
+            poses.append(pose)
+        elif self._styled and size == self._size:
             return ()
-        return self.shapes(np.array(self._history))
+        return self.shapes(self._history.last(min(self.settings.keep or _MAX_KEPT, _MAX_KEPT)))
 
     def _is_near(self, before: Floats, pose: Floats) -> bool:
         lengths = np.linalg.norm(before[3:]) * np.linalg.norm(pose[3:])
@@ -77,12 +78,6 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
         moved = np.linalg.norm(pose[:3] - before[:3])
         limits = self.settings
         return bool(moved < limits.position_tolerance and turned < limits.angle_tolerance)
-
-    def replace(self, before: Drawing[OdometrySettings]) -> None:
-        super().replace(before)
-        assert isinstance(before, OdometryDrawing)
-        self._history.begin(before._history.frame)
-        self._history.extend(before._history)
 
 
 # --- topics that a view names ---------------------------------------------------------------------
@@ -165,10 +160,12 @@ class TrailDrawing(Drawing[TrailSettings]):
         return LayoutPart(windows=((self.entity, self.settings.length),))
 
     def erase(self) -> None:
-        """Leave the pieces: the layout hides them, or a drawing of another color continues."""
+        """Leave the pieces, which the layout hides."""
 
-    def replace(self, before: Drawing[TrailSettings]) -> None:
-        self._pending.extend(before._pending)
+    def change(self, settings: TrailSettings) -> None:
+        """Continue with other settings; earlier pieces stay where they are."""
+        self._use(settings)
+        self._start = None
 
 
 class TrailDisplay(OdometryDisplay[Mapping[str, TrailSettings]]):

@@ -100,7 +100,7 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._history = History(self.settings.history_length)
+        self._history = History()
 
     def style(self) -> list[rr.AsComponents]:
         return [rr.Points3D.from_fields(colors=[self.color], radii=[self.settings.radius])]
@@ -111,15 +111,9 @@ class PointStampedDrawing(Drawing[PointStampedSettings]):
             raise ValueError("its point is not finite")
         self._history.begin(self.frame)
         if self._last is None or message is not self._last[1]:  # not a repetition
-            self._history.append(place)
-        return [rr.Points3D.from_fields(positions=np.array(self._history))]
-
-    def replace(self, before: Drawing[PointStampedSettings]) -> None:
-        super().replace(before)
-        assert isinstance(before, PointStampedDrawing)
-        self._history.begin(before._history.frame)
-        self._history.extend(before._history)
-        self._last = before._last
+            self._history.rows.append(place)
+        places = self._history.last(self.settings.history_length)
+        return [rr.Points3D.from_fields(positions=places)]
 
 
 # --- ranges ---------------------------------------------------------------------------------------

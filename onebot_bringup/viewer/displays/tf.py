@@ -10,9 +10,11 @@ from onebot_bringup.viewer.core.display import Display, LayoutPart
 from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
 from onebot_bringup.viewer.core.settings import name_list, setting
 from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
-from onebot_bringup.viewer.core.transform_stream import TF, TF_STATIC
+from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_description.ros.wire.message_arrays import TfArrays
 
+_STATIC = "/tf_static"
+_SHORTEST = 0.05  # share of the robot's size, so that the axes of a hundred links are visible, too
 _DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, meters
 
 
@@ -43,7 +45,7 @@ class TfDisplay(Display[AxesSettings]):
         self._retired: set[str] = set()  # frames of links that a robot no longer has
 
     def topics(self) -> Sequence[WantedTopic]:
-        static = WantedTopic("/tf_static", (TF_STATIC,), latched=True)
+        static = WantedTopic(_STATIC, (TF,), latched=True, stamped_when_sent=False)
         return [WantedTopic("/tf", (TF,), reliable=True), static]
 
     def apply(self, settings: AxesSettings) -> None:
@@ -64,10 +66,10 @@ class TfDisplay(Display[AxesSettings]):
         self.stage.transforms.forget(self._retired)
 
     def add(
-        self, _topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
+        self, topic: str, _kind: MessageType[Any], messages: Sequence[tuple[int, TfArrays]]
     ) -> None:
         for stamp_ns, message in messages:
-            if kind is TF_STATIC:
+            if topic == _STATIC:
                 self.stage.transforms.add_static(message)
             else:
                 self.stage.transforms.add(stamp_ns, message)
@@ -108,15 +110,13 @@ class TfDisplay(Display[AxesSettings]):
 
     def _draw(self, frames: Collection[str]) -> None:
         """Draw axes in ``frames``; in all frames if the look has changed."""
-        settings, robot = self.settings, self.stage.robots[0]
-        lengths = robot.axes_lengths
+        settings, robot = self.settings, self.stage.robots[0].description
+        links = 0 if robot is None else len(robot.links)
+        length = settings.length or fitting_length(self.stage.robot_size, links) or _DEFAULT_LENGTH
         names = settings.names and len(self._drawn) <= settings.names_up_to
-        usual = robot.fitting_length or _DEFAULT_LENGTH
-        look = settings.length, usual, lengths, names
-        if look != self._look:
-            self._look, frames = look, self._drawn
+        if (length, names) != self._look:
+            self._look, frames = (length, names), self._drawn
         for frame in frames:
-            length = settings.length or lengths.get(frame) or usual
             self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
@@ -129,3 +129,11 @@ class TfDisplay(Display[AxesSettings]):
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
         entity = axes_entity(frame)
         self.stage.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
+
+
+def fitting_length(size: float, links: int) -> float:
+    """Return a suitable length of axes for a robot of ``size`` (its diagonal), both in meters.
+
+    The axes are long enough to stick out of a few big links, short enough for many small ones.
+    """
+    return round(size * max(0.55 / links**0.7, _SHORTEST), 3) if links else 0.0
