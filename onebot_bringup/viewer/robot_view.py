@@ -11,7 +11,7 @@ from typing import Any
 
 import rerun as rr
 
-from onebot_bringup.viewer.automatic import OfferedTopic, TopicSelection
+from onebot_bringup.viewer.automatic import OfferedTopic, choose_topics
 from onebot_bringup.viewer.blueprint import BlueprintSender, Layout
 from onebot_bringup.viewer.core.columns import below
 from onebot_bringup.viewer.core.display import Display, LayoutPart, LegendEntry
@@ -93,7 +93,8 @@ class RobotView:
         self._published: Mapping[str, str] = {}
         self._laid_out_ns = 0
         self._laid_out_of: tuple[object, ...] = ()
-        self._selection = TopicSelection(stage)
+        # The topics that could be shown, and whether they are.
+        self.offered: Sequence[OfferedTopic] = ()
         self._blueprint = BlueprintSender(recording, stage.robots, from_start=from_start)
         # Topics whose pictures the page around the view shows itself; None without a page.
         self.page_cameras: Collection[str] | None = None
@@ -130,11 +131,6 @@ class RobotView:
         self.inbox.take(topic, type_name, data, time_ns)
 
     @property
-    def offered(self) -> Sequence[OfferedTopic]:
-        """The topics that could be shown, and whether they are."""
-        return self._selection.offered
-
-    @property
     def legend(self) -> list[LegendEntry]:
         """The entries of a legend, without duplicates for robots that are drawn alike."""
         entries = (entry for display in self._displays for entry in display.legend())
@@ -161,12 +157,16 @@ class RobotView:
             for name, display, _ in self._subscriptions_of_robots()
             if display and not display.only_plots
         }.union(*(robot.clouds_of_scans for robot in self.stage.robots))
-        problems = self._selection.choose(self._view, self._published, drawn)
+        self.offered, problems = choose_topics(
+            self.stage, self._view, self._published, drawn, self.offered
+        )
+        visible = {offer.topic: offer.type for offer in self.offered if offer.visible}
         changed = []
         for display in self._displays:
             topics = self._published
             if isinstance(display, MessageDisplay):
-                topics = self._selection.topics_of(display.draws)
+                types = display.draws.message_types
+                topics = {topic: kind for topic, kind in visible.items() if kind in types}
             if display.offer(topics):
                 changed.append(display)
         if changed:
@@ -256,9 +256,9 @@ class RobotView:
         """Decode and log the messages for these displays; measure how long that takes."""
         self._deliver(displays)
         for display in displays:
-            began = time.perf_counter()
+            began = time.thread_time()
             display.flush()
-            display.rest(time.perf_counter() - began)
+            display.rest(time.thread_time() - began)
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
         """Use the view's settings from now on."""
@@ -372,7 +372,8 @@ class RobotView:
             if not stage.fixed_frame and not any(offer.visible for offer in self.offered):
                 return
         else:
-            complete = all(robot.is_complete(stage.wanted_frame) for robot in stage.robots)
+            is_known = len(self.robots) == len(stage.robots) and stage.has_fixed_frame
+            complete = is_known and not stage.missing
         if not complete and stage.clock() - self._changed < _PATIENCE:
             return
         collisions = [below(robot.root, COLLISION_ENTITY) for robot in (*stage.robots, stage.world)]

@@ -24,7 +24,7 @@ from onebot_bringup.viewer.rerun_viewer import PageCameras, RerunViewer
 from onebot_bringup.viewer.view_config import load_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import ConfigError, read
+from onebot_description.parameters.reader import read
 from onebot_description.ros.domains import used_domain
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.wire.interfaces import TFMessage
@@ -145,13 +145,6 @@ def test_no_process_outlives_the_node(ros_domain, tmp_path):
         node.process.kill()
         assert node.wait() == -signal.SIGKILL
         wait_for(lambda: not any(child.is_running() for child in children), "its children's end")
-
-
-def test_the_memory_limit_is_a_size():
-    """As Rerun reads it."""
-    read(ViewerParameters, {"memory_limit": "10 MB"})
-    with pytest.raises(ConfigError, match='"lots" is not valid; write a size such as 256MB'):
-        read(ViewerParameters, {"memory_limit": "lots"})
 
 
 def test_nothing_to_show_is_said(start_node, capfd):

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo
 
-from onebot_bringup.viewer.core.rerun_limits import REPEAT_AFTER
 from tests.onebot_bringup.drive_support import column
 from tests.onebot_bringup.test_viewer_image import image
 from tests.onebot_bringup.viewer_support import (
-    START_NS,
-    Shown,
     drawn,
     show,
     stamped,
@@ -71,17 +68,3 @@ def test_a_part_of_the_picture(tmp_path):
     [found] = matrices(file)
     np.testing.assert_allclose(found[:2, 2], (15, 12))
     assert column(file, ENTITY, "Pinhole:resolution") == [[[10.0, 8.0]]]
-
-
-def test_the_same_camera_is_logged_only_from_time_to_time(tmp_path, monkeypatch):
-    """It comes with every picture, but a server with a memory limit drops the oldest data."""
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    shown = Shown(tmp_path)
-    for number in range(4):
-        now[0] = number * 0.6 * REPEAT_AFTER
-        shown.send(TOPIC, camera(), at=START_NS + number)
-        shown.tick(START_NS + number * 10**9)
-    shown.send(TOPIC, camera(width=50), at=START_NS + 5)
-    file = shown.end()
-    assert [row[0][0] for row in column(file, ENTITY, "Pinhole:resolution")] == [40.0, 40.0, 50.0]

@@ -11,9 +11,7 @@ from std_msgs.msg import Bool, Float32
 from onebot_bringup.viewer.core.display import Plot
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.displays.curves import CurvesDisplay
-from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
-from onebot_description.parameters.reader import ConfigError
 from tests.onebot_bringup.drive_support import chunks, column, curve, odometry, stamps
 from tests.onebot_bringup.viewer_support import (
     START_NS,
@@ -100,13 +98,6 @@ def test_a_field_that_is_no_number_is_said_once(tmp_path, field, said):
     assert curve(file, "/curves/good") == [0.0, 0.0]
 
 
-def test_what_is_no_field_is_refused():
-    """When the view is read."""
-    for field in ("", "a b", "a.", "[0]", "a[x]", "a..b", "1a"):
-        with pytest.raises(ConfigError, match=r"curves\.lines\.a\.field: .*pose\.position\.x"):
-            parse_view(f"curves: {{lines: {{a: {{topic: t, field: '{field}'}}}}}}")
-
-
 def test_a_topic_is_subscribed_as_it_is_published(tmp_path):
     """Not before it is; in the namespace of the robot; as another type, if that changes."""
     shown = Shown(
@@ -182,12 +173,6 @@ def test_speeds_are_two_curves_with_names(tmp_path, held):
         for name, value in look.items():
             assert column(tmp_path / "x.rrd", entity, f"SeriesLines:{name}") == [value]
         np.testing.assert_array_equal(np.diff(stamps(tmp_path / "x.rrd", entity)), 20_000_000)
-
-
-def test_a_steady_speed_is_flat(tmp_path):
-    """A plot zooms in on whatever there is: a micrometer a second of noise would fill it."""
-    linear, angular = _speeds(tmp_path, [(0, 0.123401, 1e-6), (1, 0.123399, -1e-6)])
-    assert (linear, angular) == ([0.1234] * 2, [0.0] * 2)
 
 
 # --- joint states ---------------------------------------------------------------------------------

@@ -68,9 +68,9 @@ def test_what_is_not_measured_or_wanted_is_not_drawn(settings, unmeasured, count
 
 
 def test_few_of_many_messages_are_drawn(tmp_path):
-    """Of 400 a second some 20; also where the time is set back."""
-    sent = [imu(at=number * 2_500_000) for number in (*range(400), *range(100))]
-    file, _ = show(tmp_path, "", *((TOPIC, each) for each in sent))
-    times = stamps(file, ENTITY)
-    assert (np.diff(times[:20]) == 45_000_000).all()
-    assert 25 <= len(times) <= 30 and times[-1] < times[15]
+    """Of those that come together the newest."""
+    shown = Shown(tmp_path)
+    for tick in range(3):
+        shown.send(TOPIC, *(imu(at=10 * tick + number) for number in range(10)))
+        shown.tick(START_NS + tick)
+    assert stamps(shown.end(), ENTITY) == [START_NS + at for at in (9, 19, 29)]

@@ -315,17 +315,6 @@ def test_a_marker_disappears_when_its_lifetime_is_over(tmp_path):
     assert _cleared(file, "arrows") == []
 
 
-def test_a_lifetime_begins_when_a_marker_comes_also_between_two_ticks(tmp_path):
-    """As in a recording, of which half a second is drawn at once."""
-    shown = Shown(tmp_path)
-    shown.view.tick(START_NS)
-    single = marker(lifetime=0.2)
-    single.header.stamp = time_message(START_NS + SECOND // 4)
-    take(shown.view, "/mark", single, START_NS + SECOND // 4)
-    shown.view.tick(START_NS + SECOND // 2)
-    assert _cleared(shown.end(), "cubes", "mark") == [pytest.approx(0.45)]
-
-
 @pytest.mark.parametrize(
     "came",
     [
@@ -491,23 +480,6 @@ def test_what_is_wrong_is_said_once(tmp_path, kind, fields, drawn, said):
     assert sum(bool(chunks(file, f"/marker/marks/w/{name}")) for name in layers) == drawn
     for turns in rows(file, "w/cubes", "InstancePoses3D:quaternions"):
         np.testing.assert_allclose(turns, [[0, 0, 0, 1]] * 2)
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_numbers_that_are_none_cost_nothing_of_other_markers(tmp_path):
-    """A neighbor's quaternion is checked as ever; a color that is none is the marker's own."""
-    shown = Shown(tmp_path)
-    bad = marker(number=1, at=(np.nan, 0, 0), turn=(np.nan, 0.0, 0.0, 1.0))
-    colors = [(np.nan,) * 4, GREEN, GREEN]
-    triangle = marker(Marker.TRIANGLE_LIST, 2, points=SQUARE, colors=colors)
-    said = shown.send(marker(turn=(0.0,) * 4), bad, triangle)
-    assert [sentence.partition("its")[2] for sentence in said] == [
-        " numbers are not finite: not drawn",
-        " quaternion is not of unit length",
-    ]
-    file = shown.end()
-    assert flat(rows(file, "cubes", "InstancePoses3D:quaternions")) == [0, 0, 0, 1]
-    assert rows(file, "triangles", "Mesh3D:vertex_colors") == [[0xFF0000FF] + [0x00FF00FF] * 2]
 
 
 def _model(state, markers):

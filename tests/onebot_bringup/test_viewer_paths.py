@@ -120,16 +120,6 @@ def test_an_empty_path_clears_the_line(tmp_path):
     assert chunks(file, "/path/other/plan") == []
 
 
-def test_what_is_sent_once_is_logged_again(tmp_path, monkeypatch):
-    """A server with a memory limit drops the oldest data."""
-    monkeypatch.setattr("onebot_bringup.viewer.core.rerun_limits.REPEAT_AFTER", -1.0)
-    live, end = _begun(tmp_path)
-    take(live, "/plan", path(LINE))
-    for tick in range(5):
-        live.tick(START_NS + tick * SECOND)
-    assert len(_lines(end())) == 6
-
-
 def test_settings_take_effect_at_once(tmp_path):
     """The last path is drawn in another color, also one that waits for its frame."""
     live, end = _begun(tmp_path)

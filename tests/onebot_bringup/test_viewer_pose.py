@@ -13,7 +13,7 @@ from geometry_msgs.msg import (
 )
 
 from tests.onebot_bringup.drive_support import column, frames, stamps
-from tests.onebot_bringup.viewer_support import START_NS, Shown, drawn, show, stamped
+from tests.onebot_bringup.viewer_support import START_NS, drawn, show, stamped
 
 RED, GREEN, BLUE = 0xCC3333FF, 0x33CC33FF, 0x3366FFFF
 QUARTER = (0.0, 0.0, 2.0, 2.0)  # turned to the left; of any length
@@ -81,15 +81,6 @@ def test_many_poses_are_flat_arrows(tmp_path):
     assert column(file, "/pose_array/a", "LineStrips3D:colors")[0] == COLORED
 
 
-def test_many_poses_are_arrows(tmp_path):
-    """By the view's words."""
-    many = stamped(PoseArray(poses=PARTICLES))
-    file = drawn(tmp_path, "pose_array: {shape: Arrow (3D)}", ("/a", many))
-    origins, vectors = arrows(file, "/pose_array/a")
-    np.testing.assert_allclose(origins, [[1, 0, 0], [2, 1, 0]])
-    np.testing.assert_allclose(vectors, [[0.3, 0, 0], [0, 0.3, 0]], atol=1e-7)
-
-
 def covariant(variances) -> PoseWithCovarianceStamped:
     """A pose at (1, 0), turned to the left, of these variances by their numbers."""
     message = stamped(PoseWithCovarianceStamped())
@@ -148,17 +139,6 @@ def test_points_have_a_history(tmp_path):
     assert column(file, entity, "Points3D:colors") == [COLORED]
     assert column(file, entity, "Points3D:radii") == [[pytest.approx(0.1)]]
     assert frames(file, entity) == ["base", "tip"]
-
-
-def test_another_look_keeps_the_points(tmp_path):
-    """All that were there, each once; of a shorter history the last."""
-    shown = Shown(tmp_path, "point_stamped: {history_length: 5}")
-    shown.send("/p", *(point(number, START_NS + number) for number in range(3)))
-    shown.tick()
-    for look in ("radius: 0.3, history_length: 5", "history_length: 2"):
-        shown.look(f"point_stamped: {{{look}}}")
-    rows = column(shown.end(), "/point_stamped/p", "Points3D:positions")
-    assert [[x for x, _, _ in row] for row in rows][2:] == [[0, 1, 2], [0, 1, 2], [1, 2]]
 
 
 def test_a_polygon_is_a_closed_line(tmp_path):

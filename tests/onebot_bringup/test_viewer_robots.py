@@ -129,19 +129,6 @@ def test_curves_have_a_tab_for_each_robot_and_the_camera_sees_all(tmp_path):
     fleet.end()
 
 
-def test_a_robot_that_is_not_plotted_is_shown_all_the_same(tmp_path):
-    """Its joint states and commands are not even subscribed."""
-    fleet = Fleet(
-        tmp_path / "x.rrd", VIEW.replace("topic: odom, type", "topic: v, type"), plotted=False
-    )
-    wanted = set(fleet.view.topics)
-    assert {"/left/joint_states", "/left/v", "/right/odom"} <= wanted
-    assert not {"/right/joint_states", "/right/v"} & wanted
-    assert fleet.show() == []
-    fleet.end()
-    assert chunks(tmp_path / "x.rrd", "/right/robot/visual/tip/0")
-
-
 def test_robots_come_one_by_one(tmp_path):
     """The first is shown at once; the layout fits all that have come; who lacks is named."""
     fleet = Fleet(tmp_path / "x.rrd")

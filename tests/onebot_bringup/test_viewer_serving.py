@@ -294,6 +294,7 @@ def test_the_page_responds_by_the_rules_of_http():
     ("module", "library"),
     [
         ("onebot_bringup.viewer.display_server", "aiohttp"),  # a window or a file needs no server
+        ("onebot_bringup.viewer.robot_view", "trimesh"),  # robots without meshes need none
         ("onebot_bringup.steering.steering_page", "rerun"),
         ("onebot_control.nodes.world_interface", "embreex"),  # most robots have no sensors
         ("onebot_control.nodes.world_interface", "numpy.random"),

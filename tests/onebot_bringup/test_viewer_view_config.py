@@ -39,6 +39,7 @@ def test_the_views_of_our_robots_are_valid():
         ("trails: [odom]", "is a list; write a map"),
         ("trails: {a: {topic: a b}}", '"a b" is not valid; write a topic, such as'),
         ("speeds: {lines: {a: {topic: b, type: twist}}}", 'a.type: no "twist" (did you mean "Twi'),
+        ("curves: {lines: {a: {topic: t, field: a..b}}}", "write a field, such as pose.position.x"),
         ("background: [1, 2, 300]", "background: 300 is above 255; write three bytes, such as"),
     ],
 )

@@ -1,6 +1,5 @@
 """A view that its user edits, switches and saves."""
 
-import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -77,19 +76,6 @@ def test_a_view_without_a_file_is_saved_where_the_user_says(tmp_path):
     named.save(tmp_path / "copy.yaml")
     assert load_view(tmp_path / "copy.yaml") == named.view
     assert (tmp_path / "view.yaml").read_text() == TEXT
-
-
-def test_saving_through_a_link_keeps_the_link_and_the_mode(tmp_path):
-    """As an installed view is a link into the checkout."""
-    source = _source(tmp_path)
-    (tmp_path / "view.yaml").chmod(0o600)
-    (tmp_path / "link.yaml").symlink_to(tmp_path / "view.yaml")
-    source.change("collision", True)
-    source.save(tmp_path / "link.yaml")
-    assert (tmp_path / "link.yaml").is_symlink()
-    assert load_view(tmp_path / "view.yaml").collision
-    assert (tmp_path / "view.yaml").stat().st_mode & 0o777 == 0o600
-    assert sorted(os.listdir(tmp_path)) == ["link.yaml", "view.yaml"]
 
 
 def test_an_edit_counts_where_it_changes_something(tmp_path):

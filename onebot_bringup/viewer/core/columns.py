@@ -5,7 +5,7 @@ Times are the messages', on the timeline ``ros_time``.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
@@ -80,7 +80,9 @@ class ColumnMaker:
 
         Large arrays are not copied: do not write to ``values`` afterwards.
         """
-        if values.nbytes > _MANY and self._dtype == values.dtype and _is_ready(values):
+        # Contiguous and aligned, as Arrow wants them.
+        is_ready = values.flags.c_contiguous and values.ctypes.data % 8 == 0
+        if is_ready and values.nbytes > _MANY and self._dtype == values.dtype:
             array = pa.array(values.reshape(-1), self._number)
         else:
             array = self._numbers(values)
@@ -96,18 +98,16 @@ class ColumnMaker:
         return ReadyColumn(self._descriptor, _lists(self._rows, array, rows, each))
 
 
-class BytesMaker:
-    """Makes columns of a component that holds bytes, without copying them."""
+def bytes_maker(sample: rr.ComponentColumnList) -> Callable[[NDArray[np.uint8]], ReadyColumn]:
+    """Return a function that makes columns of one row of bytes, without copying them."""
+    [column] = ready(sample)
+    rows = column.as_arrow_array().type
 
-    def __init__(self, sample: rr.ComponentColumnList) -> None:
-        [column] = ready(sample)
-        self._descriptor = column.component_descriptor()
-        self._rows = column.as_arrow_array().type
+    def row(data: NDArray[np.uint8]) -> ReadyColumn:
+        bytes_ = _lists(rows.value_type, pa.array(data), 1, len(data))
+        return ReadyColumn(column.component_descriptor(), _lists(rows, bytes_, 1, 1))
 
-    def row(self, data: NDArray[np.uint8]) -> ReadyColumn:
-        """Return a column of one row of bytes; do not write to ``data`` afterwards."""
-        bytes_ = _lists(self._rows.value_type, pa.array(data), 1, len(data))
-        return ReadyColumn(self._descriptor, _lists(self._rows, bytes_, 1, 1))
+    return row
 
 
 def one_row(archetype: "rr.AsComponents | ReadyColumn") -> Sequence[ReadyColumn]:
@@ -165,11 +165,6 @@ class TimeColumn:
     def as_arrow_array(self) -> pa.Array:
         """Return the array, one time per row."""
         return self._array
-
-
-def _is_ready(values: NDArray[Any]) -> bool:
-    """Whether the numbers are contiguous and aligned as Arrow wants them."""
-    return bool(values.flags.c_contiguous and values.ctypes.data % 8 == 0)
 
 
 def empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:

@@ -6,7 +6,6 @@ receives changes of the settings; the layout combines every ``layout``.
 """
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -121,7 +120,7 @@ class Display(ABC, Generic[S]):
         self.shown_robot = robot
         self.root = "" if robot is None else robot.root  # the entity above the robot's
         self._flushed_ns = -math.inf
-        self._rests_until = 0.0
+        self._pause_ns = 0.0  # minimum time from that flush to the next
 
     @property
     def robot(self) -> ShownRobot:
@@ -139,18 +138,16 @@ class Display(ABC, Generic[S]):
         return self.stage.resolve(topic) if robot is None else robot.full_name(topic)
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether to flush it now; if so, the period starts again."""
-        is_early = abs(now_ns - self._flushed_ns) < self.period_ns
-        if is_early or time.monotonic() < self._rests_until:
+        """Whether to flush it now; if so, the pause starts again."""
+        if abs(now_ns - self._flushed_ns) < self._pause_ns:
             return False
         self._flushed_ns = now_ns
         return True
 
     def rest(self, seconds: float) -> None:
-        """Rest after a flush that took ``seconds``, if it is limited."""
-        if self.limited:
-            seconds += self.size / _BYTES_PER_SECOND
-            self._rests_until = time.monotonic() + _REST * seconds
+        """Pause after a flush that took ``seconds``: for its period, if it is limited longer."""
+        seconds += self.size / _BYTES_PER_SECOND
+        self._pause_ns = max(self.period_ns, 1e9 * _REST * seconds * self.limited)
         self.size = 0
 
     def apply(self, settings: S) -> None:

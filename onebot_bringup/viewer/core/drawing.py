@@ -76,6 +76,9 @@ class Drawing(Generic[S]):
     newest_only: ClassVar[bool] = False  # only the newest message of a flush is drawn
     max_waiting: ClassVar[int] = DEPTH  # maximum number of messages that wait for a transform
 
+    topics: Sequence[WantedTopic] = ()
+    _styled: bool  # whether ``style`` was logged
+
     def __init__(self, stage: Stage, name: str, entity: str, settings: S, color: Color) -> None:
         """Draw nothing yet.
 
@@ -265,7 +268,6 @@ class DrawingsDisplay(Display[S]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.items: dict[str, Drawing[Any]] = {}
-        self._topics: dict[str, Sequence[WantedTopic]] = {}  # topics of each item
         self._waiting_since: dict[str, float] = {}
         self.offered: Mapping[str, str] = {}
 
@@ -288,24 +290,24 @@ class DrawingsDisplay(Display[S]):
         wanted = self.wanted(settings)
         for gone in self.items.keys() - wanted.keys():
             self.items.pop(gone).erase()
-        for name, (_, item) in wanted.items():
+        for name, (topics, item) in wanted.items():
             if name not in self.items:
                 used = [drawing.default_color for drawing in self.items.values()]
                 self.items[name] = self.make(name, item, min(COLORS, key=used.count))
             elif self.items[name].settings != item:
                 self.items[name].change(item)
+            self.items[name].topics = topics
         self.items = {name: self.items[name] for name in wanted}
-        self._topics = {name: topics for name, (topics, _) in wanted.items()}
 
     def topics(self) -> Sequence[WantedTopic]:
-        return [topic for topics in self._topics.values() for topic in topics]
+        return [topic for drawing in self.items.values() for topic in drawing.topics]
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
         """Pass messages to the drawings of their topic."""
-        for name, topics in self._topics.items():
-            if any(item.name == topic for item in topics):
+        for drawing in self.items.values():
+            if any(item.name == topic for item in drawing.topics):
                 for stamp_ns, message in messages:
-                    self.items[name].add(stamp_ns, message)
+                    drawing.add(stamp_ns, message)
 
     def flush(self) -> None:
         for drawing in self.items.values():

@@ -147,12 +147,6 @@ class ShownRobot:
         top = self.frames.top(fixed_frame)
         return [frame for frame in map(self.frame_of, links) if self.frames.top(frame) != top]
 
-    def is_complete(self, wanted: str) -> bool:
-        """Whether the robot is known and each link has a transform to ``wanted`` ("": to any)."""
-        if self.description is None or (wanted and not self.known_as(wanted)):
-            return False
-        return not self.missing(self.fixed_frame(wanted))
-
     def late(self, wanted: str) -> list[str]:
         """Return a sentence about links without a transform, one about an unknown fixed frame."""
         if self.description is None:

@@ -17,7 +17,7 @@ from onebot_bringup.viewer.core.drawing import (
     TopicSettings,
     topic_entity,
 )
-from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable, is_old
+from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
 from onebot_bringup.viewer.core.settings import Color, color, setting
 from onebot_bringup.viewer.displays.image import picture_frame
 
@@ -40,7 +40,7 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
     message_types = ("sensor_msgs/msg/CameraInfo",)
     period_ns = SELDOM
     newest_only = True
-    _drawn: object = None
+    _drawn = False
 
     def layout(self) -> LayoutPart:
         """Return the pictures shown in the frustum, once there is a frustum."""
@@ -53,12 +53,9 @@ class CameraInfoDrawing(Drawing[CameraInfoSettings]):
         return [rr.Pinhole.from_fields(image_plane_distance=far_clip, color=self.color)]
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents]:
-        """Return the projection of the rectified picture, if it has changed."""
+        """Return the projection of the rectified picture."""
         matrix, resolution = _projection(message)
-        values = self.frame, matrix.tobytes(), resolution
-        if values == self._drawn and self._styled and not is_old(self._logged_at):
-            return ()
-        self._drawn = values
+        self._drawn = True
         return [
             rr.Pinhole.from_fields(
                 image_from_camera=matrix,

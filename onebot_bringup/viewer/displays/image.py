@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, ready
+from onebot_bringup.viewer.core.columns import ReadyColumn, bytes_maker, ready
 from onebot_bringup.viewer.core.display import LayoutPart, SideView
 from onebot_bringup.viewer.core.drawing import (
     DEPTH_HIGH_BANDWIDTH,
@@ -132,14 +132,14 @@ class ImageDrawing(Drawing[ImageSettings]):
             pixels = pixels.view(np.uint16).byteswap().view(np.uint8)
         elif message.encoding == "mono16":
             pixels = self._grey(pixels.view(np.uint16))
-        buffer = _DEPTH if encoding.kind is rr.DepthImage else _BUFFER
+        buffer = _depth_buffer if encoding.kind is rr.DepthImage else _buffer
         bounds = (
             None
             if self.settings.normalize_range
             else (self.settings.min_value, self.settings.max_value)
         )
         size = (message.width, message.height)
-        return [buffer.row(pixels), *_format(message.encoding, size, bounds)]
+        return [buffer(pixels), *_format(message.encoding, size, bounds)]
 
     def _grey(self, values: NDArray[np.uint16]) -> Bytes:
         low, high = self.settings.min_value, self.settings.max_value
@@ -154,14 +154,14 @@ class ImageDrawing(Drawing[ImageSettings]):
         for magic, media_type in _COMPRESSED.items():
             if start.startswith(magic):
                 kind = rr.EncodedImage.columns(media_type=[media_type])
-                return [_BLOB.row(message.data), *ready(kind)]
+                return [_blob(message.data), *ready(kind)]
         name = printable(shortened(message.format))
         raise ValueError(f'format "{name}" is not supported, only jpeg and png')
 
 
-_BUFFER = BytesMaker(rr.Image.columns(buffer=[b"0"]))
-_DEPTH = BytesMaker(rr.DepthImage.columns(buffer=[b"0"]))
-_BLOB = BytesMaker(rr.EncodedImage.columns(blob=[b"0"]))
+_buffer = bytes_maker(rr.Image.columns(buffer=[b"0"]))
+_depth_buffer = bytes_maker(rr.DepthImage.columns(buffer=[b"0"]))
+_blob = bytes_maker(rr.EncodedImage.columns(blob=[b"0"]))
 
 
 @lru_cache(maxsize=64)

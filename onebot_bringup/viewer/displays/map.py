@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from onebot_bringup.viewer.core.columns import BytesMaker, ReadyColumn, empty, one_row
+from onebot_bringup.viewer.core.columns import ReadyColumn, bytes_maker, empty, one_row
 from onebot_bringup.viewer.core.drawing import AUTO, Drawing, TopicSettings
 from onebot_bringup.viewer.core.inbox import WantedTopic, known_type
 from onebot_bringup.viewer.core.rerun_limits import SELDOM, is_drawable
@@ -25,7 +25,7 @@ _COLORMAPS = {
     "costmap": rr.components.Colormap.RvizCostmap,
     "raw": rr.components.Colormap.Grayscale,
 }
-_DATA = BytesMaker(rr.GridMap.columns(data=[b"0"]))
+_data = bytes_maker(rr.GridMap.columns(data=[b"0"]))
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def _cells(cells: NDArray[np.int8]) -> ReadyColumn:
     """Return cells as an image, whose first row has the highest y."""
     image = empty(cells.shape, np.uint8)
     image[...] = np.flipud(cells).view(np.uint8)
-    return _DATA.row(image.reshape(-1))
+    return _data(image.reshape(-1))
 
 
 @lru_cache(maxsize=16)

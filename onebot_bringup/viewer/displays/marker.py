@@ -111,14 +111,13 @@ class Incoming(NamedTuple):
     def joined(cls, parts: Iterable["Incoming"]) -> "Incoming":
         """Return the markers of several messages in order."""
         columns: Any = zip(*parts, strict=True)
-        return cls(
-            *(
-                np.concatenate(column)
-                if isinstance(column[0], np.ndarray)
-                else [*chain.from_iterable(column)]
-                for column in columns
-            )
-        )
+        joined: list[Any] = [
+            np.concatenate(column)
+            if isinstance(column[0], np.ndarray)
+            else [*chain.from_iterable(column)]
+            for column in columns
+        ]
+        return cls(*joined)
 
     def report(self, problems: dict[str, str], which: Any, text: str, kind: str = "") -> None:
         """Store a problem with the first marker that has it.

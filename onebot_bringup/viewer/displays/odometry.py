@@ -57,17 +57,15 @@ class OdometryDrawing(PosesDrawing[OdometrySettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._history = History()
-        self._size = 0.0  # the robot's size when the arrows were last drawn, m
 
     def draw(self, message: Any) -> Archetypes:
         """Return the last poses, if this one is far enough from the previous one."""
         [pose] = one_pose(message.pose.pose)
         self._history.begin(self.frame)
         poses = self._history.rows
-        size, self._size = self._size, self.stage.robot_size
         if not poses or not self._is_near(poses[-1], pose):
             poses.append(pose)
-        elif self._styled and size == self._size:
+        elif self._styled:
             return ()
         return self.shapes(self._history.last(min(self.settings.keep or _MAX_KEPT, _MAX_KEPT)))
 
@@ -196,19 +194,15 @@ class CovarianceDrawing(Drawing[CovarianceSettings]):
     """Pose uncertainty: an ellipse around the position, a sector around the heading."""
 
     newest_only = True
-    _drawn = False  # whether the covariance is known and drawn
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the shapes; empty ones, once, if the covariance is no longer known."""
+        """Return the shapes; empty ones if the covariance is not known."""
         place = _place(message, self.settings.height)
         if place is None:
             return ()
         pose = np.concatenate([place, message.pose.pose.orientation.array()])
         limits = self.settings.sigma, self.settings.heading
         lines = outlines(pose, message.pose.covariance, *limits)
-        had_lines, self._drawn = self._drawn, bool(lines)
-        if not lines and not had_lines:
-            return ()
         return covariance_shapes(lines, self.color, [self.settings.width / 2])
 
 

@@ -38,7 +38,7 @@ class PointsSettings(TopicSettings):
 
     size: float = setting(0.0, "meters; 0: a few pixels")
     color_transformer: str = setting(
-        AUTO, "auto: the first that has data", one_of(AUTO, INTENSITY, AXIS, FLAT)
+        AUTO, "auto: the first that has data", one_of(AUTO, RGB8, INTENSITY, AXIS, FLAT)
     )
     channel_name: str = setting("intensity", "the field that Intensity shows")
     use_rainbow: bool = setting(True, "rainbow for Intensity; false: from min_color to max_color")
@@ -218,18 +218,7 @@ _POSITION = ("x", "y", "z")
 _PACKED = ("rgb", "rgba")  # fields of colors with a byte per channel, blue in the lowest one
 
 
-@dataclass(frozen=True)
-class PointCloud2Settings(PointsSettings):
-    """Points of clouds."""
-
-    color_transformer: str = setting(
-        AUTO,
-        "auto: the first that has data",
-        one_of(AUTO, RGB8, INTENSITY, AXIS, FLAT),
-    )
-
-
-class PointCloud2Drawing(PointsDrawing[PointCloud2Settings]):
+class PointCloud2Drawing(PointsDrawing[PointsSettings]):
     """The clouds of one topic."""
 
     key = "point_cloud2"

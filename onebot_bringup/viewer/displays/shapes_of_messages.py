@@ -180,7 +180,6 @@ def displayed_range(message: Any) -> float:
 
 _AXES: tuple[Color, ...] = ((255, 60, 60), (60, 220, 60), (80, 120, 255))  # x, y, z
 _SLIMNESS = 40  # ratio of an axis's length to its thickness
-_PERIOD_NS = 45_000_000  # between two drawn messages, since hundreds may arrive per second
 _UNKNOWN = -1.0  # a covariance that begins with this belongs to a value that is not measured
 
 
@@ -200,17 +199,13 @@ class ImuDrawing(Drawing[ImuSettings]):
 
     key = "imu"
     message_types = ("sensor_msgs/msg/Imu",)
-    _drawn_ns = 0  # stamp of the message drawn last
+    newest_only = True  # hundreds may arrive per second
 
     def style(self) -> list[rr.AsComponents]:
         radius = max(self.settings.axes_scale, 0.01) / _SLIMNESS / 2
         return [rr.Arrows3D.from_fields(radii=[radius])]
 
     def draw(self, message: Any) -> Archetypes:
-        """Return the arrows, at most about 20 times a second."""
-        if 0 < self.stamp_ns - self._drawn_ns < _PERIOD_NS:
-            return ()
-        self._drawn_ns = self.stamp_ns
         turn = self._turn(message)
         vectors: list[Any] = []
         colors: list[Color] = []
