@@ -1,6 +1,6 @@
 """The viewer's blueprint: the robot on its grid, other views beside it, panels collapsed."""
 
-from collections.abc import Collection, Container, Iterable, Sequence
+from collections.abc import Collection, Container, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, groupby
 from typing import Any
@@ -97,17 +97,12 @@ class BlueprintSender:
         boxes = [_box(robot, layout.fixed_frame) for robot in self._robots]
         known = [box for box in boxes if box is not None]
         bounds = box_around(np.concatenate(known)) if known else None
-        eye = target = None
-        size = 0.0
-        if bounds is not None:
-            eye, target = fitting_eye(bounds)
-            size = diagonal(bounds)
+        eye, target = (None, None) if bounds is None else fitting_eye(bounds)
         camera, follow = layout.camera, self.followed(layout.camera.follow)
         if len(self._robots) > 1 and camera.follow and follow is None:
             camera = CameraSettings()  # the view's camera was set up for a single robot
         camera = replace(camera, eye=camera.eye or eye, target=camera.target or target)
-        spacing = layout.grid.spacing or (1.0 if bounds is None or size > 1.0 else 0.1)
-        grid = replace(layout.grid, spacing=spacing)
+        grid = replace(layout.grid, spacing=layout.grid.spacing or fitting_spacing(bounds))
         layout = replace(layout, camera=camera, grid=grid)
         return make_blueprint(layout, follow, self._from_start)
 
@@ -146,6 +141,11 @@ def fitting_eye(bounds: Floats, quarters: int = 0) -> tuple[Triple, Triple]:
     # The factor fits a field of view of about 55 degrees, with some space around the robot.
     eye = center + direction / np.linalg.norm(direction) * radius * 2.6
     return _vector(eye), _vector(center)
+
+
+def fitting_spacing(bounds: Floats | None) -> float:
+    """Return the spacing of a grid that suits a (2, 3) box, meters."""
+    return 1.0 if bounds is None or diagonal(bounds) > 1.0 else 0.1
 
 
 def _vector(values: Floats) -> Triple:
@@ -198,9 +198,11 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
     if layout.background is not None:
         optional["background"] = rrb.Background(color=layout.background)
     windows = chain.from_iterable(part.windows for part in layout.parts)
+    hidden = (f"- /{entity}/**" for part in layout.parts for entity in part.hidden)
+    shown = (f"+ /{entity}/**" for part in layout.parts for entity in part.shown)
     view = rrb.Spatial3DView(
         origin="/",
-        contents=_contents(layout.parts),
+        contents=["+ /**", *hidden, *shown],
         name=ROBOT_VIEW,
         overrides={
             **{
@@ -231,13 +233,6 @@ def _robot_view(layout: Layout, follow: str | None) -> rrb.Spatial3DView:
     # view of a new layout counts as the previous view, which already follows the entity.
     view.id = _ROBOT_VIEW_ID
     return view
-
-
-def _contents(parts: Iterable[LayoutPart]) -> list[str]:
-    """Return the query of the robots' view: everything except the parts' hidden entities."""
-    parts = list(parts)
-    hidden = [f"- /{entity}/**" for part in parts for entity in part.hidden]
-    return ["+ /**", *hidden, *(f"+ /{entity}/**" for part in parts for entity in part.shown)]
 
 
 def _panels(panels: PanelsSettings, from_start: bool) -> tuple[Any, ...]:

@@ -16,13 +16,19 @@ import rerun.blueprint as rrb
 from IPython.display import display
 from ipywidgets import FloatSlider, VBox
 
-from onebot_bringup.viewer.blueprint import fitting_eye
+from onebot_bringup.viewer.blueprint import (
+    Layout,
+    fitting_eye,
+    fitting_spacing,
+    make_blueprint,
+)
+from onebot_bringup.viewer.core.display import LayoutPart
 from onebot_bringup.viewer.core.robot_shapes import (
     COLLISION_ENTITY,
     RobotShapes,
-    diagonal,
     robot_bounds,
 )
+from onebot_bringup.viewer.view_config import CameraSettings, GridSettings, PanelsSettings
 from onebot_description.arrays import Floats
 from onebot_description.description import Description, Joint
 from onebot_description.model import RobotModel
@@ -129,20 +135,11 @@ class NotebookRobot:
         """Return a blueprint with only the robot's view, framed as in the viewer."""
         bounds = robot_bounds(self._description, self.model.link_matrices(self._positions))
         eye, target = (None, None) if bounds is None else fitting_eye(bounds)
-        small = bounds is not None and diagonal(bounds) <= 1.0
-        view = rrb.Spatial3DView(
-            origin="/",
-            overrides={COLLISION_ENTITY: rrb.EntityBehavior(visible=False)},
-            line_grid=rrb.LineGrid3D(spacing=0.1 if small else 1.0),
-            spatial_information=rrb.SpatialInformation(
-                target_frame=self.model.root_link, show_axes=False
-            ),
-            eye_controls=rrb.EyeControls3D(
-                kind=rrb.Eye3DKind.Orbital, position=eye, look_target=target, eye_up=(0, 0, 1)
-            ),
-        )
-        hidden = rrb.TopPanel(state="hidden"), rrb.TimePanel(state="hidden")
-        return rrb.Blueprint(view, *hidden, collapse_panels=True)
+        grid = GridSettings(spacing=fitting_spacing(bounds))
+        camera, panels = CameraSettings(eye, target), PanelsSettings(*["hidden"] * 4)
+        parts = (LayoutPart(visible=((COLLISION_ENTITY, False),)),)
+        frame = self.model.root_link
+        return make_blueprint(Layout(grid, None, camera, panels, parts, frame, True, ()))
 
 
 def _slider(joint: Joint, position: float) -> FloatSlider:

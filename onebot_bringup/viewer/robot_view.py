@@ -239,12 +239,11 @@ class RobotView:
         ]
 
     def _deliver(self, displays: Collection[Display[Any]]) -> None:
-        """Decode the messages for these displays."""
-        self.inbox.deliver(displays)
-        self._store_message_frames()
+        """Decode the messages for these displays.
 
-    def _store_message_frames(self) -> None:
-        """Store the messages' frames, which determine the fixed frame if there is no robot."""
+        The messages' frames determine the fixed frame if there is no robot.
+        """
+        self.inbox.deliver(displays)
         self.stage.message_frames = [
             drawing.frame
             for display in self.message_displays
@@ -265,7 +264,7 @@ class RobotView:
         for display in displays:
             display.flush()
             display.apply(self._view.settings_of(display))
-        self._store_message_frames()
+        self._deliver(())
 
     def _late(self) -> list[str]:
         """Return one sentence per new problem: something is overdue, or cannot be shown."""

@@ -78,12 +78,7 @@ def test_many_messages_are_one_call(tmp_path):
     [
         ("linear_acc.x", 'has no field "linear_acc" (did you mean "linear_acceleration"?'),
         ("linear_acceleration", "not a number in <sensor_msgs/Imu.linear_acceleration: x, y"),
-        ("linear_acceleration_covariance", "not a number in array([ 0.,"),
         ("linear_acceleration_covariance[9]", "index 9 is out of bounds"),
-        (
-            "linear_acceleration[0]",
-            "not a number in <sensor_msgs/Imu.linear_acceleration: x, y",
-        ),
         ("linear_acceleration.x.y", "not a number in 1.0: "),
         ("header.frame_id", "not a number in 'tip'"),
     ],

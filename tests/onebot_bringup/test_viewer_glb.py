@@ -14,7 +14,6 @@ from onebot_control.sensing.solids import solid_of
 from onebot_description.elements.meshes import locate_mesh, mesh_corners
 from onebot_description.elements.packages import Resources
 from onebot_description.elements.urdf import Box, Capsule, Cylinder, Geometry, Sphere
-from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import Origin
 from tests.onebot_bringup.viewer_support import ORANGE, box, write_collada, write_obj
 
@@ -237,19 +236,6 @@ def test_a_mesh_is_converted_once_until_its_file_changes(tmp_path):
     assert _load(path) is first
     trimesh.creation.box(extents=(2, 2, 2)).subdivide().export(path)
     np.testing.assert_allclose(_load(path).bounds, [[-1, -1, -1], [1, 1, 1]])
-
-
-def test_a_mesh_that_is_not_there_is_named(tmp_path):
-    """Also one that has gone since it was found."""
-    with pytest.raises(OneBotError, match="mesh .*/nowhere"):
-        file_state(_mesh("/nowhere/x.stl"))
-    path = tmp_path / "a b.stl"
-    box().export(path)
-    gone = _mesh(path.as_uri())
-    assert file_state(gone)[0] == path
-    path.unlink()
-    with pytest.raises(OneBotError, match="a b.stl: No such file"):
-        file_state(gone)
 
 
 @pytest.mark.parametrize(

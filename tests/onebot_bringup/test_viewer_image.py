@@ -9,8 +9,7 @@ from PIL import Image as Pillow
 from sensor_msgs.msg import CompressedImage, Image
 
 from onebot_bringup.viewer.blueprint import Layout, make_blueprint
-from onebot_bringup.viewer.core.display import LayoutPart, Plot
-from onebot_bringup.viewer.core.drawing import topic_entity
+from onebot_bringup.viewer.core.display import LayoutPart
 from onebot_bringup.viewer.displays.image import ImageView
 from onebot_bringup.viewer.view_config import ViewConfig
 from tests.onebot_bringup.drive_support import column
@@ -145,24 +144,3 @@ def test_many_pictures_are_in_two_columns(count, kind, shares):
     root = make_blueprint(_layout(LayoutPart(views=views))).root_container
     assert isinstance(root.contents[1], kind) and list(root.column_shares) == [3, shares]
     assert len(root.contents[1].contents) == count
-
-
-def test_in_a_page_the_robot_has_the_room_and_no_picture_is_there_twice():
-    """The page's cameras are left out, in the frustum too; what is beside the robot is in a tab."""
-    front, depth = "/front/image_raw", "/front/depth/image_raw"
-    pictures = tuple(ImageView(topic_entity("image", topic), topic) for topic in (front, depth))
-    speeds = Plot("speeds/linear", "Speed (m/s)", 20.0)
-    of_pictures = LayoutPart(
-        views=pictures,
-        hidden=tuple(picture.entity for picture in pictures),
-        shown=tuple(picture.entity for picture in pictures),
-    )
-    layout = _layout(of_pictures, LayoutPart(views=(speeds,)))
-    root = make_blueprint(layout.in_page({front})).root_container
-    assert isinstance(root, rrb.Tabs)
-    robot, beside = root.contents
-    assert isinstance(robot, rrb.Spatial3DView)
-    assert [view.name for view in beside.contents] == [depth, "Speed (m/s)"]
-    assert f"+ /{pictures[0].entity}/**" not in robot.contents
-    assert f"- /{pictures[0].entity}/**" in robot.contents
-    assert f"+ /{pictures[1].entity}/**" in robot.contents

@@ -96,6 +96,7 @@ def test_a_page_around_the_view_lays_it_out_anew(tmp_path, monkeypatch):
         kinds.append(sent[-1].root_container)
     assert [type(kind) for kind in kinds[1:3]] == [rrb.Tabs, rrb.Tabs]
     assert [len(kind.contents) for kind in kinds[1:3]] == [2, 1]
+    assert all("- /image/cam/image_raw/**" in kind.contents[0].contents for kind in kinds)
     assert isinstance(kinds[0], rrb.Horizontal) and isinstance(kinds[3], rrb.Horizontal)
     # Else Rerun moves the eye close to the robot that it follows.
     assert len({kind.contents[0].id for kind in kinds}) == 1, "the same view in each layout"

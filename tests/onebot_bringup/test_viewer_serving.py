@@ -1,7 +1,6 @@
 """The processes and servers around the recording."""
 
 import contextlib
-import errno
 import ipaddress
 import os
 import signal
@@ -31,43 +30,6 @@ from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.steering_support import requested
 from tests.support import PATIENCE, wait_for
-
-FULL_DISK = """
-import resource, sys
-from pathlib import Path
-import rerun as rr
-from onebot_bringup.viewer.display_server import open_recording
-from onebot_description.errors import OneBotError
-
-file = Path(sys.argv[1])
-recording = open_recording(0, file)
-recording.stream.log("before", rr.TextLog("kept"))
-recording.stream.flush()
-size = 64
-resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-recording.stream.log("after", rr.TextLog("lost"))
-recording.stream.flush()  # waits behind the write that fails
-recording.stream.log("later", rr.TextLog("served only"))
-try:
-    recording.close()
-except OneBotError as error:
-    print(error)
-"""
-
-
-def test_a_full_disk_stops_neither_the_recording_nor_its_end(tmp_path):
-    """Also where a flush waits behind the write that fails, which Rerun never answers by itself."""
-    file = tmp_path / "x.rrd"
-    ended = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, file],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=True,
-    )
-    assert ended.stdout == f"save:={file}: {os.strerror(errno.EFBIG)}\n", ended.stderr
-    assert file.stat().st_size >= 64
-
 
 STALLED = """
 import socket, sys

@@ -182,7 +182,6 @@ class LaserScanDrawing(PointsDrawing[PointsSettings]):
     key = "laser_scan"
     message_types = ("sensor_msgs/msg/LaserScan",)
     order = (INTENSITY,)
-    _directions: tuple[object, Floats32] = ((), np.empty((2, 0), np.float32))
 
     def points(self, message: Any) -> Points:
         """Return the points with ranges of at least range_min and below range_max."""
@@ -190,7 +189,7 @@ class LaserScanDrawing(PointsDrawing[PointsSettings]):
         if len(intensities) not in (0, len(ranges)):
             raise ValueError(f"{len(ranges)} ranges, but {len(intensities)} intensities")
         measured = (ranges >= message.range_min) & (ranges < message.range_max)
-        directions = self._along(message.angle_min, message.angle_increment, len(ranges))
+        directions = _directions(message.angle_min, message.angle_increment, len(ranges))
         if not measured.all():
             ranges, directions = ranges[measured], directions[:, measured]
             intensities = intensities[measured] if len(intensities) else intensities
@@ -199,15 +198,13 @@ class LaserScanDrawing(PointsDrawing[PointsSettings]):
         np.multiply(directions, ranges, out=positions[:2])
         return Points(positions.T, {"intensity": intensities if len(intensities) else None}.get)
 
-    def _along(self, start: float, step: float, count: int) -> Floats32:
-        """Return the directions (2, N) of the rays; cached, since they seldom change."""
-        rays = (start, step, count)
-        if self._directions[0] != rays:
-            with np.errstate(all="ignore"):  # non-finite points are left out later
-                angles = start + step * np.arange(count)
-                directions = np.array([np.cos(angles), np.sin(angles)], np.float32)
-            self._directions = (rays, directions)
-        return self._directions[1]
+
+@lru_cache(maxsize=8)
+def _directions(start: float, step: float, count: int) -> Floats32:
+    """Return the directions (2, N) of the rays, which seldom change."""
+    with np.errstate(all="ignore"):  # non-finite points are left out later
+        angles = start + step * np.arange(count)
+        return np.array([np.cos(angles), np.sin(angles)], np.float32)
 
 
 # --- clouds ---------------------------------------------------------------------------------------
