@@ -144,7 +144,7 @@ class LayerKey(NamedTuple):
     space: str
     kind: str
     frame: str
-    mesh: MeshVariant | None
+    variant: object  # a MeshVariant, or the opacity of triangles
 
 
 class Layer:
@@ -153,8 +153,8 @@ class Layer:
     def __init__(self, stage: Stage, entity: str, key: LayerKey, kind: MarkerKind) -> None:
         self._stage, self.entity, self.key, self._kind = stage, entity, key, kind
         self._own: list[Piece] = [*one_row(rr.CoordinateFrame(key.frame))]  # same for all rows
-        if key.mesh is not None:
-            self._own += key.mesh.pieces()
+        if isinstance(key.variant, MeshVariant):
+            self._own += key.variant.pieces()
         self.ids: list[MarkerId] = []
         self.changed = False  # since it was logged
         self.batch: Batch  # set with the first markers
@@ -330,11 +330,11 @@ class MarkerDrawing(Drawing[MarkerSettings]):
 
         If nothing relevant changed, it is the previous plan, and nothing is left to remove.
         """
-        meshes = _meshes(incoming, kinds)
+        variants = _variants(incoming, kinds)
         columns = incoming.ids, incoming.actions, kinds, incoming.locked
         numbers = [column.tobytes() for column in columns]
         tree = self._fixed, self.stage.frames.version
-        signature = (incoming.spaces, incoming.frames, numbers, meshes, tree)
+        signature = (incoming.spaces, incoming.frames, numbers, variants, tree)
         if self._plan is not None and self._plan.signature == signature:
             return self._plan
         _check(incoming, kinds, self.problems)
@@ -350,7 +350,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
                 gone.add(marker)
                 self._waiting.pop(marker, None)
                 continue
-            key = self._key(stamp_ns, incoming, row, kinds[row], meshes.get(row))
+            key = self._key(stamp_ns, incoming, row, kinds[row], variants.get(row))
             if key is None:
                 continue
             if self._where.get(marker) != key:
@@ -375,7 +375,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             layer.keep([slot for slot, marker in enumerate(layer.ids) if marker not in markers])
 
     def _key(
-        self, stamp_ns: int, incoming: Incoming, row: int, kind: int, mesh: MeshVariant | None
+        self, stamp_ns: int, incoming: Incoming, row: int, kind: int, variant: object
     ) -> LayerKey | None:
         """Return the layer of a marker; None if it is not drawn, or not yet."""
         space, frame = incoming.spaces[row], incoming.frames[row].lstrip("/")
@@ -388,7 +388,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             return None
         self._waiting.pop(marker, None)
         home = frame if incoming.locked[row] else self._fixed
-        key = LayerKey(space, KINDS[kind].name, home, mesh)
+        key = LayerKey(space, KINDS[kind].name, home, variant)
         if key not in self._layers:
             try:
                 self._layers[key] = Layer(self.stage, self._entity(key), key, KINDS[kind])
@@ -534,12 +534,17 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
     }, cleared
 
 
-def _meshes(incoming: Incoming, kinds: Integers) -> dict[int, MeshVariant]:
-    """Return, by row, the properties in which meshes on one entity must agree."""
-    meshes = {}
-    for row in np.flatnonzero(kinds == MESH).tolist():
+def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
+    """Return, by row, the properties in which markers on one entity must agree."""
+    variants: dict[int, object] = {}
+    for row in np.flatnonzero((kinds == MESH) | (kinds == TRIANGLE_LIST)).tolist():
         message = incoming.messages[row]
-        color = int(rgba(incoming.colors[row : row + 1])[0])
-        embedded = message.mesh_use_embedded_materials
-        meshes[row] = MeshVariant(message.mesh_resource, None if embedded else color)
-    return meshes
+        colors = incoming.colors[row : row + 1]
+        if kinds[row] == MESH:
+            embedded = bool(message.mesh_use_embedded_materials)
+            uri = message.mesh_resource
+            variants[row] = MeshVariant(uri, None if embedded else int(rgba(colors)[0]))
+        else:
+            color = message.colors.array().reshape(-1, 4)[:1] if len(message.colors) else colors
+            variants[row] = int(rgba(np.where(np.isnan(color), colors, color))[0]) & 255
+    return variants
