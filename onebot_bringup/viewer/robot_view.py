@@ -339,11 +339,12 @@ class RobotView:
         twins = (twin for twin in stage.robots if twin is not robot and twin.urdf == urdf)
         alike = next((twin.description for twin in twins), None)
         warnings = robot.set_description(urdf, alike)
+        if alike is None:
+            stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         for display in self._displays:
             if display.shown_robot in (None, robot):
                 display.set_robot()
         warnings += self._select()
-        stage.robot_size = min(map(robot_size, self.robots.values()), default=0.0)
         first = self.robot
         if first is not None and (previous is None or first.robot_name != previous.robot_name):
             several = "" if stage.alone else f" and {len(stage.robots) - 1} more"

@@ -1,9 +1,12 @@
 """The shapes of a robot in a recording, the box around them, and warnings of missing ones."""
 
+from itertools import pairwise
+
 import numpy as np
+import pytest
 
 from onebot_bringup.viewer.blueprint import fitting_eye
-from onebot_bringup.viewer.core.robot_shapes import RobotShapes, robot_bounds
+from onebot_bringup.viewer.core.robot_shapes import RobotShapes, axes_lengths, robot_bounds
 from onebot_bringup.viewer.core.shown_robot import RobotToShow
 from onebot_bringup.viewer.display_server import open_recording
 from onebot_description.description import parse_description
@@ -124,3 +127,20 @@ def test_bounds_enclose_every_visual_but_no_collision_and_the_eye_lies_outside()
     np.testing.assert_allclose(target, bounds.mean(axis=0), atol=1e-4)
     assert np.linalg.norm(np.subtract(eye, target)) > np.linalg.norm(bounds[1] - bounds[0])
     assert robot_bounds(robot, {}) is None
+
+
+_LINK = '<link name="{}"><visual><geometry><box size="{}"/></geometry></visual></link>'
+_JOINT = '<joint name="{1}" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
+
+
+def test_axes_are_in_proportion_to_links_and_robot():
+    """Those of a link without shapes are as its parent's; a hundred links have some, too."""
+    links = '<link name="root"/><link name="tip"/>'
+    links += _LINK.format("hand", "0.3 1e-9 0.4") + _LINK.format("finger", "0.03 0.04 1e-9")
+    names = ("root", "hand", "finger", "tip")
+    joints = "".join(_JOINT.format(*pair) for pair in pairwise(names))
+    robot = parse_description(f'<robot name="r">{links}{joints}</robot>')
+    found = axes_lengths(robot, 10.0)
+    longest = round(5.5 / 4**0.7, 3)
+    assert found == pytest.approx({"root": longest, "hand": 0.375, "finger": 0.038, "tip": 0.038})
+    assert axes_lengths(robot, 0.5)["hand"] == pytest.approx(longest / 20, abs=1e-3)

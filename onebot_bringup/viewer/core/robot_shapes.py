@@ -277,3 +277,31 @@ def robot_size(description: Description) -> float:
         return 0.0
     bounds = robot_bounds(description, model.link_matrices(np.zeros(len(model.joints))))
     return 0.0 if bounds is None else diagonal(bounds)
+
+
+_SHORTEST = 0.05  # share of the robot's size, so that the axes of a hundred links are visible, too
+_OF_LINK = 0.75  # share of a link's size that its axes have
+
+
+def axes_lengths(robot: Description, size: float) -> dict[str, float]:
+    """Return suitable lengths of the axes of links, meters, by link name.
+
+    The axes stick out of a few big links, and do not hide small ones. A link without visuals has
+    its parent's length.
+
+    Args:
+        robot: the robot.
+        size: its diagonal, meters.
+    """
+    longest = size * max(0.55 / len(robot.links) ** 0.7, _SHORTEST)
+    parents = {joint.child: joint.parent for joint in robot.joints}
+    boxes = {name: robot_bounds(robot, {name: np.eye(4)}) for name in robot.link_names}
+    lengths = {}
+    for name in robot.link_names:
+        link = name
+        while boxes[link] is None and link in parents:
+            link = parents[link]
+        box = boxes[link]
+        length = longest if box is None else min(longest, _OF_LINK * diagonal(box))
+        lengths[name] = round(length, 3)
+    return lengths

@@ -8,13 +8,13 @@ import rerun as rr
 
 from onebot_bringup.viewer.core.display import Display, LayoutPart
 from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
+from onebot_bringup.viewer.core.robot_shapes import axes_lengths
 from onebot_bringup.viewer.core.settings import name_list, setting
 from onebot_bringup.viewer.core.shown_robot import FRAMES_ENTITY, axes_entity
 from onebot_bringup.viewer.core.transform_stream import TF
 from onebot_description.ros.wire.message_arrays import TfArrays
 
 _STATIC = "/tf_static"
-_SHORTEST = 0.05  # share of the robot's size, so that the axes of a hundred links are visible, too
 _DEFAULT_LENGTH = 0.5  # length of axes while the robot's size is unknown, meters
 
 
@@ -40,7 +40,7 @@ class TfDisplay(Display[AxesSettings]):
         self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
         self._drawn: set[str] = set()
-        self._links: set[str] = set()  # frames of the robots' links
+        self._lengths: dict[str, float] = {}  # of axes in the frames of the robots' links, meters
         self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links that a robot no longer has
 
@@ -57,11 +57,17 @@ class TfDisplay(Display[AxesSettings]):
 
     def set_robot(self) -> None:
         """Draw the axes of new links, and hide those of removed links, at the next flush."""
-        old_links, self._links = self._links, set()
+        self._retired.update(self._lengths)
+        self._lengths = {}
+        known, lengths = None, dict[str, float]()
         for robot in self.stage.robots:
-            if robot.description is not None:
-                self._links.update(map(robot.frame_of, robot.description.link_names))
-        self._retired = (self._retired | old_links) - self._links
+            if robot.description is None:
+                continue
+            if robot.description is not known:  # many robots may be alike
+                known = robot.description
+                lengths = axes_lengths(known, self.stage.robot_size)
+            self._lengths |= {robot.frame_of(link): size for link, size in lengths.items()}
+        self._retired -= self._lengths.keys()
         self._shown_of = None
         self.stage.transforms.forget(self._retired)
 
@@ -97,9 +103,10 @@ class TfDisplay(Display[AxesSettings]):
             return
         self._shown_of = frames.version, fixed_frame
         connected = set(frames.names)
-        if self._links:
+        if self._lengths:
             top = frames.top(fixed_frame)
-            connected = {frame for frame in connected if frames.top(frame) == top} | self._links
+            connected = {frame for frame in connected if frames.top(frame) == top}
+            connected.update(self._lengths)
         connected -= self._retired
         if self._only:
             connected &= self._only
@@ -110,13 +117,14 @@ class TfDisplay(Display[AxesSettings]):
 
     def _draw(self, frames: Collection[str]) -> None:
         """Draw axes in ``frames``; in all frames if the look has changed."""
-        settings, robot = self.settings, self.stage.robots[0].description
-        links = 0 if robot is None else len(robot.links)
-        length = settings.length or fitting_length(self.stage.robot_size, links) or _DEFAULT_LENGTH
+        settings, lengths = self.settings, self._lengths
         names = settings.names and len(self._drawn) <= settings.names_up_to
-        if (length, names) != self._look:
-            self._look, frames = (length, names), self._drawn
+        usual = max(lengths.values(), default=0.0) or _DEFAULT_LENGTH
+        look = settings.length, lengths, names
+        if look != self._look:
+            self._look, frames = look, self._drawn
         for frame in frames:
+            length = settings.length or lengths.get(frame) or usual
             self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
@@ -129,11 +137,3 @@ class TfDisplay(Display[AxesSettings]):
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
         entity = axes_entity(frame)
         self.stage.recording.log(entity, rr.CoordinateFrame(parent), axes, static=True)
-
-
-def fitting_length(size: float, links: int) -> float:
-    """Return a suitable length of axes for a robot of ``size`` (its diagonal), both in meters.
-
-    The axes are long enough to stick out of a few big links, short enough for many small ones.
-    """
-    return round(size * max(0.55 / links**0.7, _SHORTEST), 3) if links else 0.0
