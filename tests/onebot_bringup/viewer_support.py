@@ -165,45 +165,16 @@ def box() -> trimesh.Trimesh:
 
 def write_collada(path: Path, meter: float, up_axis: str) -> Path:
     """Write ``box()`` as Collada in units of ``meter``; half of it orange, half blue."""
-    mesh = box()
-    numbers = " ".join(f"{value:.6f}" for value in (mesh.vertices / meter).ravel())
-    half = len(mesh.faces) // 2
-    parts = [_triangles(mesh.faces[:half], "s0"), _triangles(mesh.faces[half:], "s1")]
-    effects = "".join(
-        f'<effect id="e{i}"><profile_COMMON><technique sid="t"><lambert><diffuse><color>'
-        f"{' '.join(str(value / 255) for value in rgb)} 1</color></diffuse></lambert></technique>"
-        "</profile_COMMON></effect>"
-        for i, rgb in enumerate((ORANGE, BLUE))
-    )
-    materials = "".join(
-        f'<material id="m{i}"><instance_effect url="#e{i}"/></material>' for i in range(2)
-    )
-    bound = "".join(f'<instance_material symbol="s{i}" target="#m{i}"/>' for i in range(2))
-    path.write_text(f"""<?xml version="1.0"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified>
-<unit name="u" meter="{meter}"/><up_axis>{up_axis}</up_axis></asset>
-<library_effects>{effects}</library_effects><library_materials>{materials}</library_materials>
-<library_geometries><geometry id="g"><mesh><source id="p">
-<float_array id="pa" count="{mesh.vertices.size}">{numbers}</float_array>
-<technique_common><accessor source="#pa" count="{len(mesh.vertices)}" stride="3">
-<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
-</accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{"".join(parts)}
-</mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g">
-<bind_material><technique_common>{bound}</technique_common></bind_material>
-</instance_geometry></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>""")
+    mesh, parts = box().apply_scale(1.0 / meter), []
+    for faces, rgb in zip(np.split(mesh.faces, 2), (ORANGE, BLUE), strict=True):
+        part = trimesh.Trimesh(mesh.vertices, faces, process=False)
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=(*rgb, 255))
+        part.visual = trimesh.visual.TextureVisuals(material=material)
+        parts.append(part)
+    text = trimesh.exchange.dae.export_collada(parts).decode()
+    unit = f'<unit name="u" meter="{meter}"/><up_axis>{up_axis}</up_axis>'
+    path.write_text(text.replace("<up_axis>Y_UP</up_axis>", unit))
     return path
-
-
-def _triangles(faces, symbol: str) -> str:
-    indices = " ".join(str(index) for index in faces.ravel())
-    return (
-        f'<triangles count="{len(faces)}" material="{symbol}">'
-        f'<input semantic="VERTEX" source="#v" offset="0"/><p>{indices}</p></triangles>'
-    )
 
 
 def write_obj(path: Path, material: str | None = None) -> Path:

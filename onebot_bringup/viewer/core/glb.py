@@ -10,8 +10,6 @@ trimesh takes a second to import, so modules import this one only to draw a shap
 """
 
 import functools
-import json
-import math
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +27,6 @@ from onebot_description.elements.meshes import (
 from onebot_description.elements.urdf import Mesh
 from onebot_description.errors import OneBotError
 
-_HEAD = 20  # bytes before the JSON of a GLB file: its own header, then the chunk's size and type
 # Meshes with more faces are shaded flat, since finding their sharp edges would take seconds.
 _MAX_FACES_TO_SMOOTH = 200_000
 
@@ -63,33 +60,11 @@ def load_mesh(mesh: Mesh, file: tuple[Path, int, int]) -> MeshAsset:
     warnings = tuple(look_warnings(scene))
     if mesh.scale != (1.0, 1.0, 1.0):
         scene = scene.scaled(np.array(mesh.scale))
-    elif suffix == ".glb":
-        # Pass the file through: trimesh does not know everything that a glTF may hold.
-        glb = _turned(path.read_bytes())
-        return MeshAsset(glb, np.asarray(scene.bounds, float), True, warnings)
     colored = has_colors(path, scene)
     if _lacks_normals(path, suffix):
         scene = _with_normals(scene)
     asset = _asset(scene, colored, linear=suffix in GLTF_SUFFIXES)
     return asset._replace(warnings=warnings)
-
-
-def _turned(glb: bytes) -> bytes:
-    """Return a GLB file with a node above all others that turns its y, which is up, to z."""
-    end = _HEAD + int.from_bytes(glb[_HEAD - 8 : _HEAD - 4], "little")  # end of the JSON chunk
-    tree = json.loads(glb[_HEAD:end])
-    for scene in tree.get("scenes", ()):
-        node = {
-            "rotation": [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)],
-            "children": scene.get("nodes", []),
-        }
-        scene["nodes"] = [len(tree["nodes"])]
-        tree["nodes"].append(node)
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    sizes = [(len(text) - (end - _HEAD) + len(glb)), len(text)]
-    file_size, chunk = (size.to_bytes(4, "little") for size in sizes)
-    return glb[:8] + file_size + chunk + glb[_HEAD - 4 : _HEAD] + text + glb[end:]
 
 
 def _asset(scene: trimesh.Scene, colored: bool, *, linear: bool) -> MeshAsset:
