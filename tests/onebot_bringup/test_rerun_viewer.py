@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import psutil
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -28,21 +28,13 @@ from onebot_description.parameters.reader import read
 from onebot_description.ros.domains import used_domain
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.messages import transforms_message
 from tests.onebot_bringup.drive_support import chunks, while_written
 from tests.onebot_bringup.viewer_support import ARM, VIEW, viewer_node
 from tests.ros_support import LATCHED, NodeProcess, Peer, spin_until
 from tests.support import lines_of_ours, wait_for
 
 NODE = "/rerun_viewer"
-
-
-def _edge(parent: str, child: str, y: float, seconds: int) -> TFMessage:
-    edge = TransformStamped(
-        header=Header(stamp=Time(sec=seconds), frame_id=parent),
-        child_frame_id=child,
-        transform=Transform(translation=Vector3(y=y)),
-    )
-    return TFMessage(transforms=[edge])
 
 
 class Robot:
@@ -61,8 +53,9 @@ class Robot:
 
     def move(self, y: float = 1.0, child: str = "tip") -> None:
         self.seconds += 1
-        self._tf.publish(_edge("base", child, y, self.seconds))
-        header = Header(stamp=Time(sec=self.seconds))
+        stamp, place = Time(sec=self.seconds), np.array([[0.0, y, 0.0, 0.0, 0.0, 0.0, 1.0]])
+        self._tf.publish(transforms_message(stamp, ["base"], [child], place))
+        header = Header(stamp=stamp)
         self._joints.publish(
             JointState(header=header, name=["slide"], position=[y], velocity=[0.5])
         )

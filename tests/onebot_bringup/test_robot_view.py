@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Header, String
@@ -15,6 +14,7 @@ from onebot_bringup.viewer.robot_view import RobotView
 from onebot_bringup.viewer.view_config import parse_view
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.messages import transforms_message
 from tests.onebot_bringup import viewer_support as support
 from tests.onebot_bringup.drive_support import column, stamps
 from tests.onebot_bringup.viewer_support import START_NS
@@ -38,12 +38,8 @@ class Shown(support.Shown):
 
 
 def _tf(child: str, y: float, sec: int) -> bytes:
-    edge = TransformStamped(
-        header=Header(stamp=Time(sec=sec), frame_id="base"),
-        child_frame_id=child,
-        transform=Transform(translation=Vector3(y=y)),
-    )
-    return bytes(serialize_message(TFMessage(transforms=[edge])))
+    place = np.array([[0.0, y, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    return bytes(serialize_message(transforms_message(Time(sec=sec), ["base"], [child], place)))
 
 
 def _joints(position: float, sec: int, names=("slide",)) -> bytes:

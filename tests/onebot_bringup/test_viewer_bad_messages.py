@@ -53,10 +53,8 @@ def changed(message, changes):
     [
         (scan((1.0,), intensities=[1.0, 2.0]), "1 ranges, but 2 intensities"),
         (rgb(step=5), "5 from row to row (step), do not fit into 12"),
-        (rgb(width=HUGE, height=HUGE), "do not fit into 12"),
         (rgb(width=0), "it has no pixels"),
         (image("64FC1", PIXELS), 'encoding "64FC1" is not supported, only rgb8, '),
-        (compressed("png", "16UC1; compressedDepth png", b"\0" * 30), '"16UC1; compressedDepth'),
         (
             compressed("png", "jpeg", b""),
             'format "jpeg" is not supported, only jpeg and png',
@@ -64,7 +62,6 @@ def changed(message, changes):
         (points_of(width=HUGE, height=HUGE), "do not fit into 56 bytes"),
         (points_of(row_step=23), "23 from row to row"),
         (points_of(point_step=0), 'the field "x" ends at byte 4 of a point, which has 0'),
-        (points_of(point_step=HUGE), "do not fit into 56 bytes"),
         (points_of(fields=[]), "no fields x, y and z that can be read, but none"),
         (points_of(fields=[PointField(name=name, datatype=9) for name in "xyz"]), "but x, y, z"),
         (
@@ -75,16 +72,11 @@ def changed(message, changes):
         (cells(resolution=0.0), "resolution is 0 m"),
         (grid([[0]], x=INF), "its origin [inf, 0.0,"),
         (imu((0, 0, 0, 0)), "its orientation [0.0, 0.0, 0.0, 0.0] is not a quaternion"),
-        (imu((NAN, 0, 0, 1)), "is not a quaternion"),
         (imu(acceleration=(NAN, 0, 0)), "its acceleration is not finite"),
-        (echo(1.0, view=0.0), "its field of view is "),
         (echo(1.0, view=NAN), "its field of view is "),
-        (camera(k=[0.0] * 9), "it is not calibrated"),
         (camera(k=[1e300, 0, 1, 0, 1e300, 1, 0, 0, 1]), "it is not calibrated"),
-        (camera(width=0), "its picture has no pixels"),
         (camera(binning_x=41), "its picture has no pixels"),
         (stamped(PoseStamped(pose=pose(NAN))), "not finite"),
-        (stamped(PoseStamped(pose=pose(0, 0, (0.0, INF, 0.0, 0.0)))), "not finite"),
         (stamped(point(INF)), "not finite"),
     ],
 )

@@ -3,9 +3,10 @@
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from geometry_msgs.msg import TransformStamped
+from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 
 from onebot_bringup.cli.live_picture import RunningRobots, running_robots
@@ -17,6 +18,7 @@ from onebot_bringup.viewer.view_config import parse_view
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_description.errors import OneBotError
 from onebot_description.ros.wire.interfaces import TFMessage
+from onebot_description.ros.wire.messages import transforms_message
 from tests.onebot_bringup.drive_support import chunks, column, frames, odometry
 from tests.onebot_bringup.viewer_support import (
     ARM,
@@ -171,19 +173,17 @@ def test_the_world_is_shown_around_one_robot_and_around_many(tmp_path):
 def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch):
     """Found by their descriptions; a prefix that nobody publishes is the namespace."""
     with Peer(ros_domain) as peer, Session() as session:
-        edges = []
+        edges: list[tuple[str, str]] = []
         for space in ("left", "right"):
             topic = f"/{space}/robot_description"
             # By its name it has a view of its own.
             urdf = ARM.replace('"arm"', '"onebot"').replace('"base"', '"base_link"')
             peer.node.create_publisher(String, topic, LATCHED).publish(String(data=urdf))
             chain = ["world", *(f"{space}/{frame}" for frame in ("odom", "base_link", "tip"))]
-            for parent, child in pairwise(chain):
-                edge = TransformStamped(child_frame_id=child)
-                edge.header.frame_id = parent
-                edges.append(edge)
+            edges += pairwise(chain)
         static = peer.node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        static.publish(TFMessage(transforms=edges))
+        poses = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(edges), 1))
+        static.publish(transforms_message(Time(), *zip(*edges, strict=True), poses))
         robots = running_robots(session)
         found = [(one.namespace, one.frame_prefix) for one in robots]
         assert found == [("/left", "left/"), ("/right", "right/")]
