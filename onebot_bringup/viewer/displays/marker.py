@@ -339,9 +339,9 @@ class MarkerDrawing(Drawing[MarkerSettings]):
             return self._plan
         _check(incoming, kinds, self.problems)
         newest, cleared = _newest_rows(incoming)
-        for marker in [m for m in self._waiting if "" in cleared or m[0] in cleared]:
+        gone = {m for m in (*self._where, *self._waiting) if "" in cleared or m[0] in cleared}
+        for marker in gone & self._waiting.keys():
             del self._waiting[marker]
-        gone = {m for m in self._where if "" in cleared or m[0] in cleared}
         keys: dict[MarkerId, LayerKey] = {}
         members: dict[LayerKey, list[MarkerId]] = {}
         moved: dict[str, list[int]] = {}
@@ -517,21 +517,16 @@ def _frame(marker: Any) -> str:
 
 def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
     """Return the last row of each marker, and the namespaces deleted before; "" for all."""
-    newest: dict[str, dict[int, int]] = {}
+    newest: dict[MarkerId, int] = {}
     cleared = set[str]()
     rows = zip(incoming.spaces, incoming.ids.tolist(), incoming.actions.tolist(), strict=True)
     for row, (space, number, action) in enumerate(rows):
-        if action != DELETE_ALL:
-            newest.setdefault(space, {})[number] = row
-            continue
-        cleared.add(space)
-        if space:
-            newest.pop(space, None)
+        if action == DELETE_ALL:
+            cleared.add(space)
+            newest = {key: at for key, at in newest.items() if space not in ("", key[0])}
         else:
-            newest.clear()
-    return {
-        (space, number): row for space, numbers in newest.items() for number, row in numbers.items()
-    }, cleared
+            newest[space, number] = row
+    return newest, cleared
 
 
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:
