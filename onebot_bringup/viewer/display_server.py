@@ -373,7 +373,9 @@ class DisplayServer:
         elif isinstance(viewer, WebPage) and not self.page_address and viewer.ready:
             self.page_address = viewer.address
             if not self._parameters.embedded:
-                self._announce(viewer.url)
+                self._log.info(f"open {viewer.url}")
+                if self._parameters.open_browser:
+                    open_in_browser(viewer.url)
 
     def _watch_file(self) -> None:
         try:
@@ -384,11 +386,6 @@ class DisplayServer:
                 raise
             self._file = None
             self._log.warning(f"no longer recording: {error}")
-
-    def _announce(self, url: str) -> None:
-        self._log.info(f"open {url}")
-        if self._parameters.open_browser:
-            open_in_browser(url)
 
     def close(self) -> None:
         """Close the page or window, write out the recording; raises as ``RecordingFile.check``."""

@@ -252,12 +252,10 @@ class RobotView:
         ]
 
     def _flush(self, displays: Collection[Display[Any]]) -> None:
-        """Decode and log the messages for these displays; measure how long that takes."""
+        """Decode and log the messages for these displays."""
         self._deliver(displays)
         for display in displays:
-            began = time.thread_time()
             display.flush()
-            display.rest(time.thread_time() - began)
 
     def _apply(self, displays: Iterable[Display[Any]]) -> None:
         """Use the view's settings from now on."""

@@ -5,7 +5,7 @@ Times are the messages', on the timeline ``ros_time``.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
@@ -80,9 +80,12 @@ class ColumnMaker:
 
         Large arrays are not copied: do not write to ``values`` afterwards.
         """
-        # Contiguous and aligned, as Arrow wants them.
-        is_ready = values.flags.c_contiguous and values.ctypes.data % 8 == 0
-        if is_ready and values.nbytes > _MANY and self._dtype == values.dtype:
+        if (
+            values.nbytes > _MANY
+            and values.dtype == self._dtype
+            and values.flags.c_contiguous
+            and values.ctypes.data % 8 == 0  # aligned, as Arrow wants them
+        ):
             array = pa.array(values.reshape(-1), self._number)
         else:
             array = self._numbers(values)
@@ -124,7 +127,7 @@ def _one_row(batch: Any) -> ReadyColumn:
 
 
 def batches(
-    rows: Iterable[tuple[int, Sequence[ReadyColumn]]],
+    rows: Sequence[tuple[int, Sequence[ReadyColumn]]],
 ) -> Iterator[tuple[Sequence[int], Sequence[ReadyColumn]]]:
     """Join consecutive rows of the same columns; a large row stays alone.
 
@@ -134,6 +137,10 @@ def batches(
     Yields:
         The times of some rows, and their columns.
     """
+    if len(rows) == 1:
+        [(stamp_ns, columns)] = rows
+        yield [stamp_ns], columns
+        return
 
     def kind(row: tuple[int, Sequence[ReadyColumn]]) -> object:
         if any(column.as_arrow_array().nbytes > _MANY for column in row[1]):
@@ -141,8 +148,8 @@ def batches(
         return [column.component_descriptor() for column in row[1]]
 
     for _, group in groupby(rows, kind):
-        stamps_ns, columns = zip(*group, strict=True)
-        yield stamps_ns, [_joined(same) for same in zip(*columns, strict=True)]
+        stamps_ns, of_rows = zip(*group, strict=True)
+        yield stamps_ns, [_joined(same) for same in zip(*of_rows, strict=True)]
 
 
 def _joined(rows: Sequence[ReadyColumn]) -> ReadyColumn:

@@ -30,9 +30,6 @@ COLORS: tuple[Color, ...] = (
     (179, 157, 219),
 )
 
-_REST = 3.0  # seconds that a limited display rests for each second of work
-_BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
-
 # --- part of the layout -------------------------------------------------------------------------
 
 
@@ -112,7 +109,7 @@ class Display(ABC, Generic[S]):
     only_plots: bool = False  # draws nothing in the robots' view
     limited: bool = False  # it rests after work, and old messages are dropped meanwhile
     dropped: bool = False
-    size: int = 0  # bytes of the messages since the last ``rest``
+    size: int = 0  # bytes of the messages since the last flush
 
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
@@ -120,7 +117,7 @@ class Display(ABC, Generic[S]):
         self.shown_robot = robot
         self.root = "" if robot is None else robot.root  # the entity above the robot's
         self._flushed_ns = -math.inf
-        self._pause_ns = 0.0  # minimum time from that flush to the next
+        self.rest_ns = 0.0  # minimum time from that flush to the next, as its period
 
     @property
     def robot(self) -> ShownRobot:
@@ -138,17 +135,11 @@ class Display(ABC, Generic[S]):
         return self.stage.resolve(topic) if robot is None else robot.full_name(topic)
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether to flush it now; if so, the pause starts again."""
-        if abs(now_ns - self._flushed_ns) < self._pause_ns:
+        """Whether to flush it now; if so, the period starts again."""
+        if abs(now_ns - self._flushed_ns) < max(self.period_ns, self.rest_ns):
             return False
         self._flushed_ns = now_ns
         return True
-
-    def rest(self, seconds: float) -> None:
-        """Pause after a flush that took ``seconds``: for its period, if it is limited longer."""
-        seconds += self.size / _BYTES_PER_SECOND
-        self._pause_ns = max(self.period_ns, 1e9 * _REST * seconds * self.limited)
-        self.size = 0
 
     def apply(self, settings: S) -> None:
         """Use these settings from now on; called first of all, and later after ``flush``."""

@@ -40,6 +40,8 @@ from onebot_description.parameters.reader import OwnClass
 AUTO = "auto"
 _RELIABILITIES = (AUTO, "reliable", "best_effort")
 DEPTH, DEPTH_HIGH_BANDWIDTH = 100, 5  # messages queued in DDS, or for a transform
+_REST = 3.0  # seconds that a limited display rests for each second of work
+_BYTES_PER_SECOND = 400e6  # rate at which Rerun copies, encodes and sends in its own threads
 
 Archetypes = Sequence[rr.AsComponents | ReadyColumn]
 
@@ -349,6 +351,15 @@ class MessageDisplay(DrawingsDisplay[Any]):
         self.key = draws.key
         self.noun = draws.key.replace("_", " ")
         self.period_ns = draws.period_ns
+
+    def flush(self) -> None:
+        """Draw the messages; then rest in proportion to the work, if it is limited."""
+        began = time.thread_time()
+        super().flush()
+        if self.limited:
+            seconds = time.thread_time() - began + self.size / _BYTES_PER_SECOND
+            self.rest_ns = 1e9 * _REST * seconds
+        self.size = 0
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
         of_topics = {self.full_name(name): topic for name, topic in settings.topics.items()}

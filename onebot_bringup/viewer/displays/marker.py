@@ -36,6 +36,7 @@ from onebot_bringup.viewer.displays.marker_shapes import (
     MarkerKind,
     MeshVariant,
     Piece,
+    Rows,
     rgba,
 )
 from onebot_description.arrays import Floats
@@ -79,7 +80,8 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    stamps_ns: Integers  # the headers' stamps
+    seconds: Integers  # of the headers' stamps
+    nanoseconds: Integers
     points: Integers  # number of points
     poses: Floats  # (N, 7) meters and x y z w; may be written to
     scales: Floats  # (N, 3) meters
@@ -98,7 +100,8 @@ class Incoming(NamedTuple):
             actions=np.atleast_1d(markers.action),
             locked=np.atleast_1d(markers.frame_locked),
             lifetimes=np.atleast_1d(_nanoseconds(markers.lifetime)),
-            stamps_ns=np.atleast_1d(_nanoseconds(markers.header.stamp)),
+            seconds=np.atleast_1d(markers.header.stamp.sec),
+            nanoseconds=np.atleast_1d(markers.header.stamp.nanosec),
             points=np.atleast_1d(markers.points.counts if is_table else len(markers.points)),
             # These are copied, since contiguous arrays are faster.
             poses=np.array(markers.pose.array(), ndmin=2),
@@ -219,7 +222,7 @@ class MarkerPlan(NamedTuple):
     """The layers of the markers of a message, also for later messages with the same signature."""
 
     signature: tuple[object, ...]  # everything that the plan depends on
-    members: list[tuple[Layer, list[MarkerId], NDArray[np.intp]]]
+    members: list[tuple[Layer, list[MarkerId], Rows]]
     moved: dict[str, list[int]]  # rows that lie in the fixed frame, by their own frames
 
 
@@ -365,7 +368,7 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         rows = {key: [newest[marker] for marker in ids] for key, ids in members.items()}
         return MarkerPlan(
             signature,
-            [(self._layers[key], ids, np.array(rows[key])) for key, ids in members.items()],
+            [(self._layers[key], ids, _selection(rows[key])) for key, ids in members.items()],
             moved,
         )
 
@@ -422,8 +425,8 @@ class MarkerDrawing(Drawing[MarkerSettings]):
         if odd.any():
             incoming.report(self.problems, odd, "its quaternion is not of unit length")
             poses[:, 3:] = normalized(poses[:, 3:])
-        stamps_ns = incoming.stamps_ns
         for frame, moving in moved.items():
+            stamps_ns = incoming.seconds * np.int64(NS_PER_S) + incoming.nanoseconds
             moments = stamps_ns[moving] // _SAME_NS
             order = np.argsort(moments, kind="stable")  # 100,000 may have a moment each
             starts = np.flatnonzero(np.diff(moments[order])) + 1
@@ -527,6 +530,12 @@ def _newest_rows(incoming: Incoming) -> tuple[dict[MarkerId, int], set[str]]:
         else:
             newest[space, number] = row
     return newest, cleared
+
+
+def _selection(rows: list[int]) -> Rows:
+    """Return rows as an index; a slice, which copies nothing, if they are consecutive."""
+    consecutive = range(rows[0], rows[-1] + 1)
+    return slice(rows[0], rows[-1] + 1) if rows == [*consecutive] else np.array(rows)
 
 
 def _variants(incoming: Incoming, kinds: Integers) -> dict[int, object]:

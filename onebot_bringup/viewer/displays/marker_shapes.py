@@ -36,6 +36,9 @@ class MarkerContent(NamedTuple):
     text: str
 
 
+Rows = NDArray[np.intp] | slice
+
+
 class Batch(NamedTuple):
     """Markers of one type, one per row; or the shapes that they are drawn as."""
 
@@ -45,7 +48,7 @@ class Batch(NamedTuple):
     ends: NDArray[np.int64]  # when its lifetime is over, nanoseconds
     parts: NDArray[np.object_]  # a MarkerContent for markers with points or text, else None
 
-    def at(self, rows: NDArray[np.intp]) -> "Batch":
+    def at(self, rows: Rows) -> "Batch":
         """Return some of the markers."""
         columns: Any = self
         return Batch(*(column[rows] for column in columns))
