@@ -39,7 +39,8 @@ class TfDisplay(Display[AxesSettings]):
         super().__init__(*arguments)
         self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
-        self._drawn: set[str] = set()
+        # The frames that have axes: their length, and whether they have names.
+        self._drawn: dict[str, tuple[float, bool] | None] = {}
         self._lengths: dict[str, float] = {}  # of axes in the frames of the robots' links, meters
         self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links that a robot no longer has
@@ -110,9 +111,9 @@ class TfDisplay(Display[AxesSettings]):
         connected -= self._retired
         if self._only:
             connected &= self._only
-        self._hide(self._drawn - connected)
-        new_frames = connected - self._drawn
-        self._drawn |= new_frames
+        self._hide(self._drawn.keys() - connected)
+        new_frames = connected - self._drawn.keys()
+        self._drawn |= dict.fromkeys(new_frames)
         self._draw(new_frames)
 
     def _draw(self, frames: Collection[str]) -> None:
@@ -124,14 +125,16 @@ class TfDisplay(Display[AxesSettings]):
         if look != self._look:
             self._look, frames = look, self._drawn
         for frame in frames:
-            length = settings.length or lengths.get(frame) or usual
-            self._log(frame, frame, rr.TransformAxes3D(length, show_frame=names))
+            axes = settings.length or lengths.get(frame) or usual, names
+            if self._drawn[frame] != axes:
+                self._drawn[frame] = axes
+                self._log(frame, frame, rr.TransformAxes3D(axes[0], show_frame=names))
 
     def _hide(self, frames: Iterable[str]) -> None:
         # Static data cannot be cleared but overwritten, in a frame that exists.
         home = next((robot.root_frame for robot in self.stage.robots if robot.root_frame), "")
-        for frame in self._drawn.intersection(frames):
-            self._drawn.discard(frame)
+        for frame in frames:
+            del self._drawn[frame]
             self._log(frame, home, rr.TransformAxes3D.cleared())
 
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
