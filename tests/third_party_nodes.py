@@ -120,9 +120,10 @@ def outcome(folder: Path, tried: Tried, seconds: float) -> tuple[float, float, f
                 node.trigger_configure()
                 node.trigger_activate()
         ros.add(*nodes, *([Clouds(tried.clouds)] if tried.clouds else []))
-        simulation.robot.drive(0.1, 0.3)  # a circle, unless the node commands the robot
-        simulation.run(seconds)
         publishers = [publisher for node in nodes for publisher in node.publishers]
+        if "/cmd_vel" not in {publisher.topic_name for publisher in publishers}:
+            simulation.robot.drive(0.1, 0.3)  # a circle
+        simulation.run(seconds)
         own = [data for publisher, data in messages if publisher in publishers]
         pose, digest = simulation.robot.pose, hashlib.sha256(b"".join(own)).hexdigest()
         return pose.x, pose.y, pose.yaw, len(own), digest

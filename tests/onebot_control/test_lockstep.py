@@ -11,7 +11,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState, LaserScan
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -93,17 +92,6 @@ def test_each_measurement_that_is_due_is_published() -> None:
         assert [scan.ranges.tolist() for scan in node.scans] == measured
         stamps = [scan.header.stamp.sec + 1e-9 * scan.header.stamp.nanosec for scan in node.scans]
         assert stamps == pytest.approx([0.01 + 0.1 * count for count in range(20)], abs=1e-9)
-
-
-def test_latched_messages_are_there_when_a_node_is_added() -> None:
-    """Else it would be left to chance in which cycle they are received."""
-    with Simulation(**MAZE) as simulation, simulation.ros() as ros:
-        received = list[String]()
-        for count in range(1, 11):
-            node = Node(f"late_{count}")
-            node.create_subscription(String, "/world_description", received.append, LATCHED)
-            ros.add(node)
-            assert len(received) == count
 
 
 def test_a_coroutine_may_await_what_takes_simulated_time(
