@@ -14,7 +14,6 @@ from onebot_description import RobotModel, load_description, parse_description
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 DIFF_DRIVE, ARM = ROBOTS / "diff_drive.urdf", "package://mrm_description/urdf/mrm.xacro"
-JOINT = "base_link__link_01"
 TEXT = DIFF_DRIVE.read_text()
 
 WRONG = [
@@ -70,12 +69,6 @@ def sensed() -> Iterator[Simulation]:
         yield one
 
 
-@pytest.fixture(scope="module")
-def standing() -> Iterator[Simulation]:
-    with Simulation(ARM) as one:
-        yield one
-
-
 CALLS: list[tuple[Callable[[Simulation], object], str]] = [
     (lambda s: s.run(), "run takes seconds, or until=..."),
     (lambda s: s.run(1.0, until=lambda: True), "run takes seconds, or until=..."),
@@ -106,6 +99,11 @@ CALLS: list[tuple[Callable[[Simulation], object], str]] = [
     (lambda s: s.robot.scan("lidat"), "name a sensor that measures scan: lidar"),
     (lambda s: s.robot.points(), "name a sensor that measures points: camera, lidar"),
     (lambda s: s.robot.scan().at("0"), 'angle: "0" is a string'),
+    (lambda s: s.robot.move_to([0.1], seconds=1), "write a dict of positions by joint"),
+    (lambda s: s.robot.move_to({"a": "1"}, seconds=1), 'positions.a: "1" is a string'),
+    (lambda s: s.robot.move_to({"a": math.nan}, seconds=1), "positions.a: nan is not finite"),
+    (lambda s: s.robot.move_to({"nope": 0.1}, seconds=1), 'no joint "nope"'),
+    (lambda s: s.robot.move_to({"a": 0.1}, seconds=0), "seconds: 0 is not above 0"),
     (lambda s: s.robot.navigation.go_to("1", 0), 'x: "1" is a string'),
     (lambda s: s.robot.navigation.place((0, 0, 0)), "pose: [0, 0, 0] is a list; write a Planar"),
 ]
@@ -118,23 +116,6 @@ def test_a_method_s(sensed: Simulation, call: Callable[[Simulation], object], wo
         call(sensed)
     assert words in str(caught.value)
     assert (sensed.time, str(sensed), sensed.seed) == before
-
-
-@pytest.mark.parametrize(
-    ("positions", "seconds", "words"),
-    [
-        ([0.1], 1, "positions: [0.1] is a list; write a dict of positions by joint"),
-        ({JOINT: "1"}, 1, f'positions.{JOINT}: "1" is a string'),
-        ({JOINT: math.nan}, 1, f"positions.{JOINT}: nan is not finite"),
-        ({"nope": 0.1}, 1, 'no joint "nope"'),
-        ({JOINT: 0.1}, 0, "seconds: 0 is not above 0"),
-    ],
-)
-def test_goals_of_joints(standing: Simulation, positions: Any, seconds: Any, words: str) -> None:
-    with pytest.raises(OneBotError) as caught:
-        standing.robot.move_to(positions, seconds=seconds)
-    assert words in str(caught.value)
-    assert not standing.robot.moving
 
 
 ARGUMENTS: dict[str, Any] = {
