@@ -14,7 +14,7 @@ from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
 from onebot_control.control_files import ControlFiles
 from onebot_control.drive_kinds import ControlConfig
-from onebot_description.cad.dimensions import read_dimensions
+from onebot_description.cad.__main__ import read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters import bounded_yaml
