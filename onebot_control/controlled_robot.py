@@ -16,8 +16,10 @@ from onebot_control.trajectories.following import JointFollower, Outcome
 from onebot_control.trajectories.goal import FollowedJoint, MotorLimits
 from onebot_control.trajectories.trajectory import JointMotion
 from onebot_description.errors import OneBotError, did_you_mean, unknown_names
-from onebot_description.geometry.poses import PlanarPose, Transform, scaled, total, yaw_of
+from onebot_description.geometry.poses import PlanarPose, Transform, clamp, scaled, total, yaw_of
 from onebot_description.parameters.reader import ConfigError, Problem
+
+_DRIFT_PERIOD = 0.1  # s between comparisons of odometry and ground truth
 
 
 class Snapshot(NamedTuple):
@@ -146,7 +148,7 @@ class ControlledRobot:
         pace: the pace of its cycles.
         body: the simulated robot.
         followers: the followers that move joints, by the names of their controllers.
-        joints: names of the moving joints.
+        joints: names of the moving joints: the body's, then those that mimic its wheels.
         held: positions of the joints that do not move, by name.
         finished: goals that have ended, as (controller, outcome); the reader empties it.
         ticks: number of control cycles done.
@@ -164,8 +166,13 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         self._prepared, self.body, spawn = prepared, body, prepared.spawn
-        self.joints = tuple(body.joints)
         self.description, self.held = prepared.member.description, spawn.held
+        self.joints = (*body.joints, *spawn.followers)
+        ranges = {joint.name: joint.range for joint in self.description.joints}
+        self._wheel_followers = [
+            (mimic, body.joints.index(mimic.joint), *ranges[name])
+            for name, mimic in spawn.followers.items()
+        ]
         self._starts = spawn.starts
         self.joint_controllers = {**prepared.controllers}
         self.followers: dict[str, JointFollower] = {}
@@ -241,6 +248,7 @@ class ControlledRobot:
         self._base.configure(config.drive)
         self.config, self.period = config, 1.0 / config.update_rate
         self.pace.set_window(self._base.window)
+        self._drift_cycles = math.ceil(_DRIFT_PERIOD * config.update_rate)
 
     def accept(
         self, linear: float, angular: float, age: float | None = None, *, lateral: float = 0.0
@@ -264,6 +272,9 @@ class ControlledRobot:
         self.observe()
         self.pace.cycle(self.period)
         self._base.decide(self.period)
+        if self.drive and self.ticks % self._drift_cycles == 0:
+            odometry, obstructed = self.drive.odometry.pose, self.body.obstructed()
+            self.drive.drift.update(odometry, self.true_pose, obstructed=obstructed)
         for name, follower in self.followers.items():
             positions, velocities, _ = self.states(name)
             motion = JointMotion(positions, velocities, ())
@@ -441,3 +452,15 @@ class ControlledRobot:
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.body.state()
+        if self._wheel_followers:
+            self._joints = self._with_followers(self._joints)
+
+    def _with_followers(self, states: JointStates) -> JointStates:
+        """Return the states of the body's joints, then of those that mimic its wheels."""
+        positions, velocities = [*states.positions], [*states.velocities]
+        for mimic, leader, lower, upper in self._wheel_followers:
+            at = mimic.at(positions[leader])
+            positions.append(clamp(at, lower, upper))
+            velocities.append(mimic.multiplier * velocities[leader] if lower < at < upper else 0.0)
+        efforts = (*states.efforts, *[0.0] * len(self._wheel_followers))
+        return JointStates(tuple(positions), tuple(velocities), efforts)

@@ -40,8 +40,8 @@ position_controllers/GripperActionController:
 
 Controllers of other types are skipped. If several move the same joint, the first is active.
 
-controller_manager has joint_states, /tf_static (world_frame_id -> root link), /clock, the
-topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and rejects goals),
+controller_manager has joint_states, /tf_static (world_frame_id -> root link), /clock, /diagnostics,
+the topics of sensors, ~/cmd_vel_lock (std_msgs/msg/Bool; true holds all joints and rejects goals),
 ~/teleport, and the services ~/reset, ~/pause and ~/step, as in velocity_controller, and the
 services of the node simulation.
 """

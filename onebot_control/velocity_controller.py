@@ -51,6 +51,8 @@ Publishes (reliable, depth 10, unless noted):
     /clock (rosgraph_msgs/msg/Clock): simulated time, every control cycle, if use_sim_time is true
         or real_time_factor is not 1.0 at the start; then all stamps are simulated time. Otherwise
         stamps are system time, and there is no /clock.
+    /diagnostics (diagnostic_msgs/msg/DiagnosticArray): the real-time factor and the number of
+        missed control cycles, once a second; WARN in slow motion.
 
 Velocities are per second of the clock of their stamps: in slow motion, on system time, they are
 lower than in the simulation.

@@ -28,6 +28,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from onebot_control.drive.drift_check import DriftCheck
 from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.drive.odometry import Odometry, PoseCovariance
 from onebot_control.drive.parameters import DriveParameters
@@ -69,6 +70,7 @@ class Drive:
         odometry: the robot's pose and twist from its wheels, in the time of the cycles.
         command: the current command.
         origin: the odometry frame in the world, as long as the wheels do not slip.
+        drift: compares the odometry with the true pose.
         notice: message about the last command that the drive could not follow; "" if none.
     """
 
@@ -101,7 +103,7 @@ class Drive:
         _, kinematics = config.fitted(wheels)
         self.odometry = Odometry(kinematics, config.velocity_rolling_window_size)
         self.origin = PlanarPose()
-        self.notice = ""
+        self.drift, self.notice = DriftCheck(skids=wheels.skids), ""
         self.configure(config)
         self.halt()
 
@@ -228,11 +230,13 @@ class Drive:
         """Set the odometry's pose, with zero covariance, for a robot that is at ``truth``."""
         self.odometry.set_pose(*pose)
         self.origin = truth.compose(pose.inverse())
+        self.drift.restart()
 
     def moved(self) -> None:
         """Stop, and continue from the current pose, after a teleport."""
         self.halt()
         self.odometry.forget_wheels()
+        self.drift.restart()
 
     def continue_from(self, other: "Drive | None") -> None:
         """Take over the odometry of the drive that this one replaces; None if there was none."""

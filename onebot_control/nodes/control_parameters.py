@@ -88,13 +88,18 @@ class ControlParameters:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about entries without effect, each with its place."""
+        """Warnings about entries without effect and about older names, each with its place."""
         limits = self.config.drive.limits if self.config.drive else {}
         problems = [
             Problem(f"{axis}.{name}", f"limits nothing without {axis}.{needed}")
             for axis, limit in limits.items()
             for name, needed in _IDLE.items()
             if math.isnan(getattr(limit, needed)) and not math.isnan(getattr(limit, name))
+        ]
+        problems += [
+            Problem(f"{axis}.min_acceleration", f"an older name of {axis}.max_deceleration")
+            for axis, limit in limits.items()
+            if not math.isnan(limit.min_acceleration)
         ]
         return [*self._ignored, *(problem.message(self.places) for problem in problems)]
 

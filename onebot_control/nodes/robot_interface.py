@@ -24,6 +24,7 @@ from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.description.loading import load_sensors
 from onebot_description.errors import OneBotError
+from onebot_description.parameters.reader import ConfigError, Problem
 from onebot_description.ros.description_topic import GOES_ON, DescriptionTopic
 from onebot_description.ros.node_parameters import follow_changes, refuse_undeclared
 from onebot_description.timing import NS_PER_S
@@ -205,13 +206,13 @@ class RobotInterface:
         return f"no command with the stamp {stamp} or a later one arrived on {cmd_vel}"
 
     def poll(self) -> None:
-        """Look for publishers of commands and edited files, several times per second."""
+        """Look for publishers of commands, drift and edited files, several times per second."""
         if self.commands.subscription is not None:
             self.commands.subscription.follow()
         drive = self.slot.robot.drive if self.slot.loop is not None else None
         if drive is not None:
-            if drive.notice:
-                self._warn.once(drive.notice)
+            for warning in filter(None, (drive.drift.warning, drive.notice)):
+                self._warn.once(warning)
             radius = self.settings.values.get(_RADIUS)
             if radius is not None and radius != drive.geometry.minimum_radius:
                 self.node.set_parameters([Parameter(_RADIUS, value=drive.geometry.minimum_radius)])
@@ -268,11 +269,23 @@ class RobotInterface:
     def _check(self, parameters: Sequence[Parameter]) -> None:
         """Raise OneBotError if changes of parameters cannot be applied."""
         config = self.settings.changed(parameters, self._world.simulated)
+        self._check_effect(config)
         if self.slot.loop is not None:
             self.slot.robot.fitted(config)
             if config.sensors and config.sensors != self.settings.config.sensors:
                 load_sensors(config.sensors, self.slot.robot.description)
             self._world.check_frames(self.slot.row, self.frames(config))
+
+    def _check_effect(self, config: SimulationConfig) -> None:
+        """Raise ConfigError if a change of TF parameters would have no effect."""
+        previous, in_scene = self.settings.config, self._world.scene is not None
+        frame = config.world_frame(in_scene=in_scene)
+        if in_scene and previous.world_frame_id and not config.world_frame_id:
+            text = "a world needs a parent frame; ground_truth_tf: false removes odom from it"
+            raise ConfigError([Problem("world_frame_id", text)])
+        if config.ground_truth_tf and not (previous.ground_truth_tf or frame):
+            text = "there is no frame to publish odom in; set world_frame_id first"
+            raise ConfigError([Problem("ground_truth_tf", text)])
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         """Apply changes that ``_check`` has accepted."""

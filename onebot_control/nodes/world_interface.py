@@ -4,6 +4,7 @@ import gc
 import logging
 from collections.abc import Sequence
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -23,7 +24,7 @@ from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
 from onebot_control.runtime.frames import RobotFrames, check_frames
-from onebot_control.runtime.pacing import Divider, PaceMeter
+from onebot_control.runtime.pacing import Divider, Pace, PaceMeter
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
 from onebot_control.simulation_parameters import DescriptionConfig, SimulationConfig
@@ -33,6 +34,7 @@ from onebot_description.parameters.reader import read
 from onebot_description.ros.command_line import RosArguments
 from onebot_description.ros.node_parameters import declare
 from onebot_description.ros.run_node import steady_timer
+from onebot_description.ros.topic_qos import DEPTH
 
 _POLL_PERIOD = 0.1  # s between polls for publishers of commands
 
@@ -81,6 +83,7 @@ class WorldInterface:
         self._scene_publisher: ScenePublisher | None = None
         self._node = nodes[0]  # has the topics, services and log of the world
         self._failure: BaseException | None = None
+        self._diagnostics = self._node.create_publisher(DiagnosticArray, "/diagnostics", DEPTH)
         simulation_log.handlers = [NodeLog(self._node)]
         self.simulated, self.scene, self.seed = simulated, scene, seed
         self.factor = settings[0].config.real_time_factor
@@ -151,7 +154,7 @@ class WorldInterface:
             fleet,
             self.publish,
             simulated=self.simulated,
-            meter=PaceMeter(self._log_pace),
+            meter=PaceMeter(self._report_pace),
             measured=sensing.flush,
             missing=self._missing,
             failed=self._fail,
@@ -267,11 +270,22 @@ class WorldInterface:
         if self.loop is not None:
             self._localizers.poll()
 
-    def _log_pace(self, text: str, is_slow: bool) -> None:
-        if is_slow:  # rclpy allows only one severity per line of code
-            self._node.get_logger().warning(text)
-        else:
-            self._node.get_logger().info(text)
+    def _report_pace(self, pace: Pace, is_slow: bool, line: str) -> None:
+        """Publish the pace of the last second, and log a line; see ``PaceMeter``."""
+        values = {"real_time_factor": f"{pace.factor:.3f}", "missed control cycles": pace.missed}
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if is_slow else DiagnosticStatus.OK,
+            name=f"{self._node.get_fully_qualified_name()[1:]}: real-time factor",
+            message=str(pace),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+        if line and is_slow:  # rclpy allows only one severity per line of code
+            self._node.get_logger().warning(line)
+        elif line:
+            self._node.get_logger().info(line)
 
     def _fail(self, error: BaseException) -> None:
         self._failure = self._failure or error  # later ones are consequences

@@ -162,6 +162,12 @@ class RobotBody:
         self._sums = [0.0] * len(motors)  # efforts summed over all physics steps but the last
         self.read_again()
 
+    def obstructed(self) -> bool:
+        """Return whether something other than the ground touches the robot."""
+        own = {self.parts.body, self.world.bullet.ground}
+        points = self.world.bullet.getContactPoints(self.parts.body)
+        return any(not {point[1], point[2]} <= own for point in points)
+
     def turn(self, velocities: Sequence[float]) -> None:
         """Set the motors' target velocities, which apply until others are set.
 

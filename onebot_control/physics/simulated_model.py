@@ -5,8 +5,8 @@
   gears.
 - Joints without a command interface in ``<ros2_control>`` swing freely; other joints of arms,
   grippers and heads are held still.
-- A joint that mimics a wheel keeps its start position in the physics; its position is not
-  published, so that it follows the wheel on TF.
+- A joint that mimics a wheel keeps its start position in the physics; only its published position
+  follows the wheel.
 
 For friction and contacts see ``friction``.
 """
@@ -27,12 +27,14 @@ from onebot_control.physics.physics_urdf import SkidAxle
 from onebot_control.physics.roller_wheels import with_rollers
 from onebot_control.physics.spawning import RobotSpawn
 from onebot_description.arrays import Floats
+from onebot_description.elements.meshes import read_mesh
 from onebot_description.elements.urdf import (
     Description,
     Inertial,
     Joint,
     JointInterfaces,
     Link,
+    Mesh,
     Mimic,
     reduced_mimics,
 )
@@ -52,6 +54,7 @@ _MIN_MASS, _MIN_MOMENT = 0.02, 1e-3  # kg, kg m^2 about the joint's axis
 # Minimum moment of inertia per motor effort behind geared joints: like that of rotors, it grows
 # with the gear ratio. With less, linkages that press on something are off by more than 1e-3 rad.
 _MIN_GEARED = 1e-4  # kg m^2 / (N m)
+_FILLED = 0.5  # share of the convex hull below which a finger's mesh is reported
 _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 
@@ -104,6 +107,7 @@ def simulated_model(
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
+    _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     rigid = replace(rigid, links=tuple(links))
     if wheels and wheels.rollers:
         rollers = {name: (wheels.tyre(name), angle) for name, angle in wheels.rollers.items()}
@@ -118,6 +122,7 @@ def simulated_model(
         fixed_base=wheels is None,
         links=description.links,
         held=roles.held,
+        followers=roles.followers,
     )
 
 
@@ -168,7 +173,8 @@ class _Roles:
 
     Attributes:
         held: positions of joints that do not move, by name.
-        fixed: positions of these and of joints that mimic wheels and casters, by name.
+        followers: how joints mimic wheels, casters and joints that swing freely, by name.
+        fixed: start positions of both of these, by name.
         gears: gears of the joints that follow commanded joints, by name.
         starts: start positions of commanded joints and gears, by name.
         passive: start positions of joints that swing freely, by name.
@@ -198,6 +204,7 @@ class _Roles:
         own |= dict.fromkeys(rolling, 0.0)
         self.fixed: dict[str, float] = {}
         self.held: dict[str, float] = {}
+        self.followers: dict[str, Mimic] = {}
         self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
         leaders = self._joints.keys() - (mimics.keys() - {*rolling, *commanded})
@@ -210,7 +217,9 @@ class _Roles:
                     self.gears[name] = mimic
             elif not (rolls and name == leader):
                 self.fixed[name] = clamp(at, *self._joints[name].range)
-                if not rolls:
+                if rolls:
+                    self.followers[name] = mimic
+                else:
                     self.held[name] = self.fixed[name]
 
     def _check(
@@ -284,6 +293,37 @@ def _report_held(
             description.source,
             listing(leaders),
         )
+
+
+def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
+    """Warn about fingers with hollow or bent meshes: their convex hulls touch the object.
+
+    Args:
+        rigid: the robot; joints that are held still are fixed.
+        fingers: names of the joints that move the fingers.
+    """
+    bodies = merged_bodies(rigid) if fingers else {}
+    hollow = [
+        link.name
+        for joint in rigid.joints
+        if joint.name in fingers
+        for shape, _, link in bodies[joint.child].collisions
+        if isinstance(shape, Mesh) and _is_hollow(shape)
+    ]
+    if hollow:
+        logger.warning(
+            "%s: link %s: a collision mesh fills less than half of its convex hull, which is used "
+            "for contacts; to grip well, fingers need boxes or several convex meshes",
+            rigid.source,
+            listing(dict.fromkeys(hollow)),
+        )
+
+
+def _is_hollow(mesh: Mesh) -> bool:
+    from trimesh import Trimesh  # slow to import, and few grippers have meshes
+
+    solid = Trimesh(*read_mesh(mesh))
+    return bool(solid.is_volume and solid.volume < _FILLED * solid.convex_hull.volume)
 
 
 def _with_rotors(

@@ -46,6 +46,7 @@ class RobotSpawn(NamedTuple):
     fixed_base: bool = False  # whether the root link is fixed
     links: tuple[Link, ...] = ()  # the original links, if some have other shapes when simulated
     held: Mapping[str, float] = MappingProxyType({})  # positions of the joints made fixed
+    followers: Mapping[str, Mimic] = MappingProxyType({})  # joints made fixed that mimic wheels
 
     @property
     def converges_slowly(self) -> bool:

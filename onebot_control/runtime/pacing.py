@@ -9,7 +9,8 @@ import ctypes
 import sys
 import time
 from collections.abc import Callable
-from operator import itemgetter
+from operator import add, itemgetter
+from typing import NamedTuple
 
 from onebot_description.timing import NS_PER_S
 
@@ -21,8 +22,8 @@ _SET_BACK = NS_PER_S  # ns; the system clock has been set if it goes back by thi
 _PR_SET_TIMERSLACK = 29
 _SECOND = 1.0
 # Fractions of the wanted factor: a second below _SLOW is slow motion, which ends after _STEADY
-# seconds that all reached _BACK.
-_SLOW, _BACK, _STEADY = 0.9, 0.95, 5
+# seconds that all reached _BACK. Meanwhile, a line is logged every _LOG_PERIOD seconds.
+_SLOW, _BACK, _STEADY, _LOG_PERIOD = 0.9, 0.95, 5, 60.0
 
 
 class Pacer:
@@ -150,29 +151,50 @@ class SystemStamps:
         return system - (start + end) // 2, end - start
 
 
+class Pace(NamedTuple):
+    """The real-time factor and missed cycles over some seconds."""
+
+    seconds: float = 0.0  # real time, s
+    simulated: float = 0.0  # simulated time, s
+    cycles: int = 0  # number of control cycles, also missed ones
+    missed: int = 0  # number of missed control cycles
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds per real second."""
+        return self.simulated / self.seconds
+
+    def plus(self, seconds: float, simulated: float, cycles: int, missed: int) -> "Pace":
+        """Return the pace with further time and cycles."""
+        return Pace(*map(add, self, (seconds, simulated, cycles, missed)))
+
+    def __str__(self) -> str:
+        return (
+            f"real-time factor {self.factor:.2g} in the last {self.seconds:.0f} s, "
+            f"{self.missed} of {self.cycles} control cycles missed"
+        )
+
+
 class PaceMeter:
-    """Measures the pace of a control loop, and logs when it falls and recovers.
+    """Measures the pace of a control loop each second, and reports when it falls and recovers.
 
     Attributes:
         wanted: simulated seconds per real second; 0: as fast as possible.
     """
 
-    def __init__(self, log: Callable[[str, bool], object] = lambda *_: None) -> None:
+    def __init__(self, report: Callable[[Pace, bool, str], object] = lambda *_: None) -> None:
         """Prepare; call ``set`` afterwards.
 
         Args:
-            log: logs a line; called with it and whether slow motion begins or ends.
+            report: called each second with its pace, whether the loop is in slow motion, and a line
+                to log or "".
         """
-        self._log, self._in_slow_motion = log, False
+        self._report, self._is_slow = report, False
 
     def set(self, due: float, wanted: float) -> None:
         """Start measuring at the cycle due at ``due`` (monotonic, s), for a wanted factor."""
-        self._due, self.wanted, self._steady = due, wanted, 0
-        self._restart()
-
-    def _restart(self) -> None:
-        self._seconds = self._simulated = 0.0
-        self._cycles = self._missed = 0
+        self._due, self.wanted = due, wanted
+        self._second = self._minute = self._steady = Pace()
 
     def skip(self, due: float) -> None:
         """Ignore the time until ``due`` (monotonic, s), as simulated time was paused."""
@@ -186,25 +208,28 @@ class PaceMeter:
             simulated: simulated duration of the cycle, s.
             missed: number of missed cycles after it.
         """
-        self._seconds += due - self._due
-        self._due = due
-        self._simulated += simulated
-        self._cycles += 1 + missed
-        self._missed += missed
-        if self._seconds >= _SECOND:
-            self._judge(self._simulated / self._seconds)
-            self._restart()
+        second = self._second.plus(due - self._due, simulated, 1 + missed, missed)
+        self._due, self._second = due, second
+        if second.seconds >= _SECOND:
+            self._second = Pace()
+            line = self._line(second)
+            self._report(second, self._is_slow, line)
 
-    def _judge(self, factor: float) -> None:
-        """Log if slow motion begins or ends, by the real-time factor of the last second."""
-        text = f"real-time factor {factor:.2g}, {self._missed} of {self._cycles} control cycles"
-        self._steady = self._steady + 1 if factor >= _BACK * self.wanted else 0
-        if factor < _SLOW * self.wanted and not self._in_slow_motion:
-            self._in_slow_motion = True
-            self._log(f"slow motion: {text} missed in the last second", True)
-        elif self._in_slow_motion and self._steady >= _STEADY:
-            self._in_slow_motion = False
-            self._log(f"the pace is back: {text} missed in the last second", False)
+    def _line(self, second: Pace) -> str:
+        """Detect the begin and end of slow motion; return a line to log, or ""."""
+        is_steady = second.factor >= _BACK * self.wanted
+        self._steady = self._steady.plus(*second) if is_steady else Pace()
+        self._minute = self._minute.plus(*second)
+        if not self._is_slow and second.factor < _SLOW * self.wanted:
+            self._is_slow, self._minute = True, Pace()
+            return f"slow motion: {second}"
+        if self._is_slow and self._steady.seconds >= _STEADY:
+            self._is_slow = False
+            return f"the pace is back: {self._steady}"
+        if self._is_slow and self._minute.seconds >= _LOG_PERIOD:
+            minute, self._minute = self._minute, Pace()
+            return f"slow motion: {minute}"
+        return ""
 
 
 def wake_exactly(exactly: bool = True) -> None:

@@ -35,7 +35,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "onebot_control/drive/kinematics.py": _control("odometry"),
     "onebot_control/drive/diff_drive.py": _control("odometry", "control_config"),
     "onebot_control/controlled_robot.py": _control(
-        "controlled_robot", "fleet", "joint_state_broadcaster"
+        "controlled_robot", "fleet", "joint_state_broadcaster", "drift_check"
     ),
     "onebot_control/fleet.py": _control("fleet", "control_loop"),
     "onebot_control/conventions.py": _control("conventions"),

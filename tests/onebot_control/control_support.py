@@ -120,6 +120,9 @@ class IdealPlant:
     def teleport(self, x: float, y: float, yaw: float) -> None:
         self._truth.set_pose(x, y, yaw)
 
+    def obstructed(self) -> bool:
+        return False
+
     def close(self) -> None:
         self.closed = True
 

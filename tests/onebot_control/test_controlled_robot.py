@@ -345,7 +345,7 @@ HELD = (
 
 
 def test_mimic_joints_stand_where_their_masters_have_them() -> None:
-    """Of held masters in chains, within their limits; those of wheels are left to TF."""
+    """Of held masters and of driven wheels, in chains, within their limits."""
     wheels = wheel("left", 0.2), wheel("right", -0.2)
     leader, wide = "left_wheel_joint", LIMIT.format(-900, 900)
     description = parse_description(
@@ -374,16 +374,22 @@ def test_mimic_joints_stand_where_their_masters_have_them() -> None:
                 dict(zip(names, values, strict=True))
                 for values in drive.broadcaster.values(snapshot.joints)
             )
+            turned, speed = positions[leader], velocities[leader]
             expected = {
                 "arm_joint": (0.25, 0.0),
                 "finger_joint": (0.25, 0.0),
                 "tip_joint": (0.6, 0.0),
                 "stop_joint": (0.125, 0.0),
+                "slide_joint": (0.1 + 0.5 * turned, 0.5 * speed),
+                "gear_joint": (0.5 + 3.0 * turned, 3.0 * speed),
+                "gauge_joint": (-0.25 - 3.0 * turned, -3.0 * speed),
             }
+            if turned > 0.4:
+                expected["slide_joint"] = 0.3, 0.0
             for name, (position, velocity) in expected.items():
                 assert positions[name] == pytest.approx(position, abs=1e-9), name
                 assert velocities[name] == pytest.approx(velocity, abs=1e-9), name
-        assert {*names} == {leader, "right_wheel_joint", *expected}
+        assert turned > 1.0 and len(names) == len(set(names)) == 9
         # The physics has them there, too.
         held = {joint.name: joint for joint in drive.body.spawn.description.joints}
         assert held["tip_joint"].origin.rpy[2] == pytest.approx(0.6)

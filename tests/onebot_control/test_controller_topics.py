@@ -23,7 +23,7 @@ from onebot_description.geometry.poses import Transform, compose
 from onebot_description.ros.topic_qos import make_qos
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.arm_models import rod
-from tests.onebot_control.control_support import robot
+from tests.onebot_control.control_support import CASTER, RADIUS, robot, urdf, wheel
 from tests.onebot_control.node_support import NODE, RosSimulation, Stepped, twist, x
 from tests.onebot_control.test_scene import BOX, WALL
 from tests.ros_support import LATCHED, Peer
@@ -180,6 +180,42 @@ def test_parameters_take_effect_or_are_refused(ros_simulation: RosSimulation) ->
         limited.clear()
         stepped.simulation.run(0.1)
         assert len(limited) == (10 if wanted else 0)
+
+
+def test_odometry_that_drifts_from_the_truth_is_warned_of_once(
+    ros_simulation: RosSimulation, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Also if no node is in step."""
+    ros = ros_simulation(robot(), parameters={"wheel_radius": 2.0 * RADIUS})
+    ros.simulation.robot.drive(0.2)
+    ros.simulation.run(10.0)
+    assert capfd.readouterr().err.count("odometry and ground truth drift apart") == 1
+
+
+def test_a_joint_that_mimics_a_wheel_is_in_joint_states_and_on_tf(
+    ros_simulation: RosSimulation,
+) -> None:
+    """By its multiplier and offset, and clipped to its limit."""
+    slide = (
+        '<link name="slide"/><joint name="slide" type="prismatic"><parent link="base_link"/>'
+        '<child link="slide"/><mimic joint="left_wheel_joint" multiplier="0.5" offset="0.1"/>'
+        '<limit lower="-1" upper="0.3" effort="1" velocity="1"/></joint>'
+    )
+    description = parse_description(urdf(wheel("left", 0.2), wheel("right", -0.2), CASTER, slide))
+    stepped = Stepped(ros_simulation(description))
+    states, frames = stepped.hear(JointState, "/joint_states"), stepped.hear(TFMessage, "/tf")
+    for velocity, seconds in ((0.02, 0.5), (0.2, 3.0)):
+        stepped.drive(twist(velocity), seconds)
+        positions = dict(zip(states[-1].name, states[-1].position, strict=True))
+        expected = min(0.1 + 0.5 * positions["left_wheel_joint"], 0.3)
+        [seen, *_] = [
+            each.transform.translation.x
+            for message in reversed(frames)
+            for each in message.transforms
+            if each.child_frame_id == "slide"
+        ]
+        assert positions["slide"] == pytest.approx(expected) == seen
+    assert seen == 0.3
 
 
 # Commands ---------------------------------------------------------------------------------------

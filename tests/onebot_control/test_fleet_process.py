@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import SetBool, Trigger
 
 from tests.onebot_control.control_support import urdf
@@ -34,3 +35,9 @@ def test_the_clock_of_one_world_is_shared(peer: Peer, tmp_path: Path) -> None:
         assert peer.set_parameters("/b/velocity_controller", real_time_factor=1e6)[0].successful
         assert peer.parameter("/c/velocity_controller", "real_time_factor") == 1e6
         wait_for(lambda: "slow motion: real-time factor" in node.output, "the log")
+        diagnostics = peer.hear(DiagnosticArray, "/diagnostics")
+        [status] = wait_for(lambda: diagnostics, "diagnostics")[0].status
+        assert status.level == DiagnosticStatus.WARN
+        assert status.name == "a/velocity_controller: real-time factor"
+        factor, missed = [float(each.value) for each in status.values]
+        assert 0.0 < factor < 9e5 and missed > 100.0

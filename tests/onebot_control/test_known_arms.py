@@ -50,6 +50,11 @@ HELD = (
     "joint gripper: held still, because no controller moves it; name it in a controller's "
     "parameter joints, or give it a position command interface in <ros2_control>"
 )
+HOLLOW = (
+    "link left_inner_knuckle, right_inner_knuckle: a collision mesh fills less than half of its "
+    "convex hull, which is used for contacts; to grip well, fingers need boxes or several convex "
+    "meshes"
+)
 KNOWN = {
     "gen3_2f85": Arm(8, 5, linkage=True),
     "iiwa14": Arm(
@@ -88,7 +93,7 @@ KNOWN = {
     "xarm6_gripper": XARM_WITH_GRIPPER._replace(warnings={}),
 }
 PUBLIC = {
-    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER,
+    "xarm/xarm6_with_gripper.urdf": XARM_WITH_GRIPPER._replace(repaired=[HOLLOW, *XARM.repaired]),
 }
 FILES = {
     **{name: (ARMS / f"{name}.urdf", arm) for name, arm in KNOWN.items()},

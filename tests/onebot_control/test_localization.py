@@ -62,6 +62,8 @@ def test_the_truth_gives_way_to_a_localizer(
         assert result.successful
     robots.simulation.run(1.0)
     assert parents(received) == {"world"}
+    (result,) = robots.set_parameters(NODE, world_frame_id="")
+    assert not result.successful and "a world needs a parent frame" in result.reason
 
 
 def test_a_static_localizer_with_the_frames_of_the_truth(ros_simulation: RosSimulation) -> None:
@@ -92,10 +94,12 @@ def test_the_truth_off_tf(ros_simulation: RosSimulation) -> None:
 
 
 def test_without_a_world_the_static_truth_is_withdrawn(ros_simulation: RosSimulation) -> None:
-    """Those who come later do not receive it."""
+    """Those who come later do not receive it; changes without effect are refused."""
     robots = Stepped(ros_simulation(robot(), parameters={"world_frame_id": ""}))
     static = robots.hear(TFMessage, "/tf_static", EVERY)
-    robots.set_parameters(NODE, ground_truth_tf=False)
+    for value, reason in ((False, ""), (True, "set world_frame_id first")):
+        (result,) = robots.set_parameters(NODE, ground_truth_tf=value)
+        assert result.successful is not bool(reason) and reason in result.reason
     robots.set_parameters(NODE, world_frame_id="world")
     assert not parents(static)
     robots.set_parameters(NODE, ground_truth_tf=True)

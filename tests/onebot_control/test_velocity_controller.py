@@ -180,13 +180,14 @@ def test_description_from_the_topic_also_changed(peer: Peer) -> None:
 def test_ends_at_once_and_cleanly(ros_domain: int, model: str) -> None:
     """SIGTERM ends it with code 0, as Ctrl-C does, and nothing but log lines was printed.
 
-    One of them warns of a limit without effect.
+    Two of them warn of a limit without effect, and of an older name.
     """
-    limit = ["--ros-args", "-p", "linear.x.min_jerk:=-1.0"]
-    with NodeProcess(MODULE, model, *limit) as node:
+    names = "min_jerk", "min_acceleration"
+    limits = [text for name in names for text in ("-p", f"linear.x.{name}:=-1.0")]
+    with NodeProcess(MODULE, model, "--ros-args", *limits) as node:
         wait_for(lambda: "driving robot" in node.output, "the start")
-        text = "linear.x.min_jerk: limits nothing without linear.x.max_jerk"
-        assert text in node.output
+        assert "linear.x.min_jerk: limits nothing without linear.x.max_jerk" in node.output
+        assert "linear.x.min_acceleration: an older name of linear.x.max_dece" in node.output
         os.kill(node.process.pid, signal.SIGTERM)
         assert node.wait() == 0
         assert "pybullet" not in node.output
