@@ -14,7 +14,6 @@ from onebot_bringup.introspection.parameter_values import parse_value
 from onebot_bringup.viewer.view_config import load_view, parse_view
 from onebot_control.control_files import ControlFiles
 from onebot_control.drive_kinds import ControlConfig
-from onebot_description.cad.__main__ import read_dimensions
 from onebot_description.errors import OneBotError
 from onebot_description.joints.config import JointsConfig
 from onebot_description.parameters import bounded_yaml
@@ -46,14 +45,13 @@ def test_too_much_is_refused_with_its_line(name: str) -> None:
         bounded_yaml.load(text)
 
 
-def test_every_file_is_read_within_the_bounds(tmp_path: Path) -> None:
+def test_every_file_of_users_is_read_within_the_bounds(tmp_path: Path) -> None:
     file = tmp_path / "metadata.yaml"
     file.write_text(NESTED)
     for read_it in (
         lambda: read_files([file], "/jsp", JointsConfig),
         lambda: ControlFiles([file], "/", "velocity_controller").parameters(),
         lambda: load_view(file),
-        lambda: read_dimensions(file),
         lambda: Bag(tmp_path),  # without a file that holds messages
     ):
         with pytest.raises(OneBotError):
