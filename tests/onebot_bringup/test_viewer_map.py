@@ -44,18 +44,17 @@ def update(x, y, cells, stamp_ns, cut=0) -> bytes:
 class Shown(support.Shown):
     """A view with one map topic."""
 
-    def __init__(self, folder, view="", topic="/map"):
-        super().__init__(folder, view)
-        self._topic = topic
-        assert self.view.offer({topic: MAP}) == []
+    def __init__(self, folder):
+        super().__init__(folder)
+        assert self.view.offer({"/map": MAP}) == []
         self.now, self.warnings = START_NS, []
 
     def take(self, message: OccupancyGrid) -> None:
-        take(self.view, self._topic, message, self.now)
+        take(self.view, "/map", message, self.now)
 
     def update(self, *arguments, **options) -> None:
         data = update(*arguments, self.now, **options)
-        self.view.take(f"{self._topic}_updates", UPDATE.name, data, self.now)
+        self.view.take("/map_updates", UPDATE.name, data, self.now)
 
     def tick(self) -> None:
         self.warnings += self.view.tick(self.now)
@@ -64,8 +63,8 @@ class Shown(support.Shown):
     def cells(self) -> list:
         """The cells of each row, the lowest y first; None for none."""
         self.end()
-        data = column(self.file, f"/map{self._topic}", "GridMap:data")
-        forms = column(self.file, f"/map{self._topic}", "GridMap:format")
+        data = column(self.file, "/map/map", "GridMap:data")
+        forms = column(self.file, "/map/map", "GridMap:format")
         return [
             np.flipud(np.array(blob[0], np.uint8).view(np.int8).reshape(form[0]["height"], -1))
             for blob, form in zip(filter(None, data), filter(None, forms), strict=True)
