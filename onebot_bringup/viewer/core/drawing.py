@@ -219,12 +219,12 @@ class Drawing(Generic[S]):
     def change(self, settings: S) -> None:
         """Draw the last message again, with other settings."""
         self.erase()
-        self.problems.clear()
         self._use(settings)
         if self._last is not None:
             self._pending.insert(0, self._last)
 
     def _use(self, settings: S) -> None:
+        self.problems.clear()
         self.settings = settings
         self.color: Color = getattr(settings, "color", None) or self.default_color
         self._styled = False
