@@ -9,12 +9,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import rerun.blueprint as rrb
 
 from onebot_bringup.viewer.core.columns import TIMELINE, below
-from onebot_bringup.viewer.core.inbox import MessageType, WantedTopic
+from onebot_bringup.viewer.core.inbox import Receiver, WantedTopic
 from onebot_bringup.viewer.core.settings import Color
 from onebot_bringup.viewer.core.shown_robot import ShownRobot
 from onebot_bringup.viewer.core.stage import Stage
@@ -94,7 +94,7 @@ def last(seconds: float) -> rrb.VisibleTimeRanges:
 # --- displays -----------------------------------------------------------------------------------
 
 
-class Display(ABC, Generic[S]):
+class Display(Receiver, ABC, Generic[S]):
     """Base class of displays, which each draw one kind of thing; ``S`` are the settings.
 
     A view has one of each class with a ``key`` in the folder of displays for each robot, or a
@@ -107,9 +107,6 @@ class Display(ABC, Generic[S]):
     of_all_robots: ClassVar[bool] = False
     period_ns: int = 0  # nanoseconds between two calls of ``flush``; 0: every tick
     only_plots: bool = False  # draws nothing in the robots' view
-    limited: bool = False  # it rests after work, and old messages are dropped meanwhile
-    dropped: bool = False
-    size: int = 0  # bytes of the messages since the last flush
 
     def __init__(self, stage: Stage, robot: ShownRobot | None = None) -> None:
         """Draw nothing yet; ``robot`` is the robot to show, None for all."""
@@ -148,18 +145,6 @@ class Display(ABC, Generic[S]):
     def topics(self) -> Sequence[WantedTopic]:
         """Return the topics to subscribe to with the current settings."""
         return ()
-
-    def add(  # noqa: B027  a display without topics gets none
-        self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]
-    ) -> None:
-        """Add messages, to be logged by ``flush``.
-
-        Args:
-            topic: the name that ``topics`` gives.
-            kind: one of the topic's types.
-            messages: the time of each, nanoseconds (its stamp, or without one its receive time),
-                and the result of ``kind.read``.
-        """
 
     @abstractmethod
     def flush(self) -> None:

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from onebot_description.ros.wire.cdr import SYSTEM_TIME_NS, nanoseconds
 from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, known_schema
@@ -120,15 +120,22 @@ class WantedTopic:
 # --- queues ---------------------------------------------------------------------------------------
 
 
-class Receiver(Protocol):
-    """An object that messages are passed to: a display."""
+class Receiver:
+    """The base class of objects that messages are passed to: of displays."""
 
-    limited: bool  # old messages are dropped if too many arrive
-    dropped: bool  # whether that has happened
-    size: int  # bytes of all messages that were passed
+    limited = False  # old messages are dropped if too many arrive
+    dropped = False  # whether that has happened
+    size = 0  # bytes of the messages since they were last drawn
 
     def add(self, topic: str, kind: MessageType[Any], messages: Sequence[tuple[int, Any]]) -> None:
-        """Add messages of a topic, as it is called in its subscription, each with its time."""
+        """Add messages.
+
+        Args:
+            topic: the name of their topic in its subscription.
+            kind: one of the topic's types.
+            messages: the time of each, nanoseconds (its stamp, or without one its receive time),
+                and the result of ``kind.read``.
+        """
 
 
 # A topic's full name, its receiver (None for a description), and how to subscribe.
