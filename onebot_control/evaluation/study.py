@@ -70,7 +70,8 @@ def evaluate(
         cases: one mapping per case, such as ``grid(seed=range(100))``.
         workers: number of concurrent episodes; None for one per processor, 0 to run them in this
             process, one after another and without a timeout.
-        on: "processes" for processes of this computer, or "ray" for a Ray cluster.
+        on: "processes" for processes of this computer, or "ray" for a Ray cluster, to which this
+            process then stays connected.
         timeout: s of wall time after which an episode is ended.
         success: columns that are false in an unsuccessful episode.
         journal: a file to which each row is written at once; None for no journal.

@@ -157,7 +157,8 @@ def run_in_processes(
     with patch.dict(os.environ, blas_variables()), ThreadPoolExecutor(count) as threads:
         try:
             while True:
-                while len(running) < count and (task := next(cases, None)):
+                # Twice their number, so that no process waits for its next episode.
+                while len(running) < 2 * count and (task := next(cases, None)):
                     running[threads.submit(run, task[1])] = task[0]
                 if not running:
                     return
@@ -165,5 +166,7 @@ def run_in_processes(
                     yield running.pop(future), future.result()
         finally:
             ended.set()
+            for waiting in running:
+                waiting.cancel()
             for _ in range(count):  # all at once: some may take seconds
                 threads.submit(lambda: idle.get().close())

@@ -13,7 +13,6 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores
 
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.writer import Qos
 from onebot_bringup.cli.snapshot import kind_of
 from onebot_description.errors import OneBotError
 from tests.onebot_bringup.bag_support import STRING, cdr, write_words
@@ -109,23 +108,6 @@ def test_definitions(tmp_path, plugin):
     for kind in ("other_msgs/msg/InIdl", "other_msgs/msg/None", "strange"):
         with pytest.raises(OneBotError, match=f"{kind} is neither in .* nor installed"):
             bag.definition(kind)
-
-
-@pytest.mark.parametrize(
-    ("text", "offered"),
-    [
-        ("[{reliability: best_effort}]", [Qos("best_effort")]),
-        ("[{reliability: 2, durability: 1}]", [Qos("best_effort", "transient_local")]),
-        ("[{reliability: 1, durability: null}]", [Qos()]),
-        ("best effort", []),
-        ("", []),
-    ],
-)
-def test_offered_qos(tmp_path, text, offered):
-    """Words, and rmw's numbers."""
-    foreign(tmp_path / "bag", StoragePlugin.SQLITE3)
-    change(tmp_path / "bag", f"UPDATE topics SET offered_qos_profiles = '{text}'")
-    assert Bag(tmp_path / "bag").offered["/words"] == offered
 
 
 def test_nothing_is_left_beside_a_file(tmp_path):

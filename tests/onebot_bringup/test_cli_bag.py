@@ -12,10 +12,6 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from onebot_bringup.bags.bag_reader import Bag
-from onebot_bringup.bags.writer import Qos
-from onebot_bringup.cli.bag import played_qos
-from onebot_description.ros.topic_qos import is_reliable, is_transient_local
-from tests.onebot_bringup.bag_support import LATCHED as LATCHED_QOS
 from tests.onebot_bringup.bag_support import write_words
 from tests.onebot_bringup.cli_support import onebot, output_of, running
 from tests.onebot_bringup.other_robots import SECOND, START, OtherRobot
@@ -70,23 +66,6 @@ def add_what_is_not_played(folder: Path) -> None:
             " type_description_hash) VALUES (?, 'std_msgs/msg/String', 'cdr', '', '')",
             [("/a b",), ("/rosout",)],
         )
-
-
-@pytest.mark.parametrize(
-    ("offered", "reliable", "latched"),
-    [
-        ([], True, False),
-        ([Qos("best_effort")] * 2, False, False),
-        ([Qos("best_effort"), Qos("reliable")], True, False),
-        ([LATCHED_QOS, Qos()], True, False),
-        ([LATCHED_QOS] * 2, True, True),
-    ],
-)
-def test_qos_that_suits_every_subscriber(offered: list[Qos], reliable: bool, latched: bool) -> None:
-    """Of the recorded publishers: more reliable than one of them harms none."""
-    played = played_qos(offered)
-    assert played.depth == 1000
-    assert (is_reliable(played), is_transient_local(played)) == (reliable, latched)
 
 
 def problems(command) -> list[str]:
