@@ -249,6 +249,9 @@ class CommandGate:
         loop, now = self._slot.loop, boot_time()
         if loop is None:
             return
+        if stamp == 0:
+            text = f"{self.topic} has stamp 0, which is replaced by the send time (logged once)"
+            self._warn.once(text)
         if self.lock.locked:
             if any(velocity):
                 text = f"{self.topic} is ignored: {self.lock.reason}"

@@ -21,7 +21,7 @@ XACRO_NAMESPACES = (
     "http://wiki.ros.org/xacro",
     "https://www.ros.org/wiki/xacro",
 )
-_GAZEBO_NAMESPACE = "http://gazebosim.org/schema"
+_GAZEBO_PREFIXES, _GAZEBO_NAMESPACE = ("gz", "ignition"), "http://gazebosim.org/schema"
 _SEPARATOR = "\1"  # between namespace, name and prefix; no document can contain it
 # A comment, with its text, or a CDATA section, which may contain text like a comment. The end of
 # the document ends either, so that the time stays linear.
@@ -92,8 +92,8 @@ def _choices(folder: Path, name: str) -> str:
 def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
     """Repair what urdfdom accepts but XML forbids; elements stay on their lines.
 
-    Blank lines before an XML declaration are moved behind it, and comments with "--" inside are
-    emptied.
+    Blank lines before an XML declaration are moved behind it, comments with "--" inside are
+    emptied, and prefixes of Gazebo's namespace are declared.
 
     Returns:
         The document, and a warning for each change.
@@ -110,6 +110,14 @@ def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
         text = '"--" inside a comment, which some programs reject: delete it'
         warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
+    for prefix in filter(lambda prefix: b"%s:" % prefix.encode() in data, _GAZEBO_PREFIXES):
+        used = re.search(rb"<([^<>]*\s)?%s:\w" % prefix.encode(), _COMMENT.sub(_emptied, data))
+        if used and f"xmlns:{prefix}".encode() not in data:
+            declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
+            line = data.count(b"\n", 0, used.end()) + 1
+            text = f"the prefix {prefix} is not declared, which some programs reject: write"
+            warnings.append(f"{shown}:{line}: {text} {declared} ...>")
+            data = re.sub(rb"<robot(?=[\s/>])", declared.encode(), data, count=1)
     return data, tuple(warnings)
 
 

@@ -91,6 +91,9 @@ def test_the_covariance_grows_on_the_way():
         localizer.predict(0.1 * step, PlanarPose(0.5 * step, 0.0, 0.2 * step))
         sizes.append(np.linalg.det(localizer.covariance))
     assert sizes[0] < sizes[1] < sizes[2]
+    localizer.rebase()
+    localizer.predict(1.0, PlanarPose(100.0))
+    assert localizer.pose.x < 2.0
 
 
 def test_walls_do_not_drift():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from onebot_control.navigation.grid import GridMap, LevelScan
+from onebot_control.navigation.grid import GridMap, LevelScan, Window
 from onebot_control.navigation.map_files import load_map, save_map
 from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.errors import OneBotError
@@ -102,6 +102,11 @@ def test_a_map_grows_and_keeps_what_it_has():
     assert value(grid, 2.02, 0.5) == before == OCCUPIED and value(grid, -15.0, 20.0) == UNKNOWN
     with pytest.raises(ValueError, match="too large"):
         grid.cover(-1e4 * corner, 1e4 * corner)
+
+
+def test_windows():
+    assert Window(2, 3, 4, 5).grown(10, (8, 9)) == (0, 0, 8, 9)
+    assert Window(1, 2, 3, 4).union(Window(2, 0, 7, 3)) == (1, 0, 7, 4)
 
 
 # Files --------------------------------------------------------------------------------------------

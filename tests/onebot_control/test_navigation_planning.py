@@ -211,6 +211,15 @@ def ahead(distances=None, pose=ORIGIN, speed=(0.0, 0.0, 0.0)) -> Situation:
     return Situation(pose, speed, (5.0, 0.0), distances, field, 10.0, (-2.0, -2.0), 0.05, no_path)
 
 
+def test_it_drives_down_the_field():
+    planner, now = LocalPlanner(vehicle()), ahead(pose=PlanarPose(-1.0))
+    for _ in range(10):
+        (forward, left, turning), free = planner.command(now)
+        assert free and left == 0.0
+        now = now._replace(speed=(forward, 0.0, turning))
+    assert forward > 0.4 and abs(turning) < 0.5
+
+
 def test_it_turns_when_the_way_is_behind_it():
     planner, now = LocalPlanner(vehicle()), ahead(pose=PlanarPose(0.0, 0.0, math.pi))
     turned = 0.0
@@ -266,10 +275,10 @@ class Toy:
         self.navigator, self.half = navigator, half
         self.pose, self.time, self.speed = navigator.pose, 0.0, (0.0, 0.0, 0.0)
 
-    def run(self, seconds: float = 60.0) -> None:
+    def run(self, seconds: float = 60.0, *, blind: bool = False) -> None:
         end = self.time + seconds
         while self.time < end:
-            scan = room_scan(self.pose, self.half)
+            scan = None if blind else room_scan(self.pose, self.half)
             command = self.navigator.update(self.time, self.pose, self.speed, scan=scan)
             limits = (0.05, 0.05, 0.15)
             self.speed = tuple(
@@ -293,6 +302,14 @@ def test_a_motion_ends_where_it_was_to():
     assert toy.navigator.status == "arrived" and toy.pose.yaw == pytest.approx(-7.0, abs=0.03)
 
 
+def test_a_motion_stops_before_a_wall():
+    toy = Toy(Navigator(vehicle(), PlanarPose()))
+    toy.navigator.drive_straight(5.0, 0.5)
+    toy.run()
+    assert toy.navigator.failure is Failure.COLLISION_AHEAD
+    assert 1.0 < toy.pose.x < 1.92
+
+
 def test_a_path_is_followed():
     """It leaves the straight line to the end for the corner of the path."""
     toy = Toy(Navigator(vehicle(), PlanarPose()))
@@ -311,6 +328,29 @@ def test_time_runs_out():
     toy.navigator.go_to(1.5, 0.0)
     toy.run()
     assert toy.navigator.failure is Failure.TIMEOUT and 1.0 <= toy.time < 1.2
+
+
+def test_it_stands_without_scans_and_goes_on():
+    toy = Toy(Navigator(vehicle(), PlanarPose()))
+    toy.navigator.go_to(1.0, 0.5)
+    toy.run(1.0)
+    driven = toy.pose.x
+    toy.run(1.0, blind=True)
+    assert toy.navigator.status == "blocked" and "no scan" in toy.navigator.reason
+    assert toy.speed == (0.0, 0.0, 0.0) and 0.0 < driven < toy.pose.x < driven + 0.4
+    toy.run()
+    assert toy.navigator.status == "arrived"
+    assert toy.pose[:2] == pytest.approx((1.0, 0.5), abs=0.05)
+
+
+def test_odometry_that_jumps_is_corrected():
+    toy = Toy(Navigator(vehicle(), PlanarPose()))
+    toy.navigator.go_to(0.5, 0.0)
+    toy.run()
+    here = toy.pose
+    for time, odometry in ((9.0, here), (9.05, PlanarPose(5.0, 3.0, 1.0))):
+        toy.navigator.update(time, odometry, (0.0, 0.0, 0.0), scan=room_scan(here))
+    assert toy.navigator.pose == pytest.approx(here, abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,8 @@ def test_the_strictest_limits_count() -> None:
     both = vehicle_of(onebot_urdf, [fast, slow])
     assert (both.forward, both.backward, both.acceleration) == (0.4, 0.1, 9.0)
     assert (both.sideways, both.turning, both.minimum_radius) == (0.0, 1.0, 0.5)
+    unknown = vehicle_of(onebot_urdf, [])
+    assert (unknown.forward, unknown.turning) == (0.5, 1.5)
 
 
 def pose(x: float, y: float, yaw: float = 0.0, frame: str = "map") -> PoseStamped:

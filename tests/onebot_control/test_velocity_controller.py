@@ -75,6 +75,7 @@ def test_both_kinds_of_command_are_heard(peer: Peer, model: str) -> None:
         driver.message = late
         wait_for(lambda: limited[-1].twist.linear.x == 0.0, "the brakes")
         wait_for(lambda: "s old, but cmd_vel_timeout is 0.5 s" in node.output, "the warning")
+        assert node.output.count("has stamp 0") == 1
 
 
 def test_a_stopped_process_does_not_drive_on(peer: Peer, model: str) -> None:

@@ -32,6 +32,15 @@ def test_the_field_lies_between_start_and_goal(seed):
     assert 6.95 <= world.length < 12.0 and world.clearance > 0.25
 
 
+def test_dense_worlds_are_harder():
+    worlds = [[clutter(ClutterParameters(n, density)) for n in range(3)] for density in (0.2, 0.3)]
+    means = [
+        np.mean([(len(each.cylinders), each.length, -each.clearance) for each in some], axis=0)
+        for some in worlds
+    ]
+    assert (means[0] < means[1]).all()
+
+
 def test_what_no_robot_can_cross_is_refused():
     with pytest.raises(OneBotError, match="no robot of radius 1 m can cross such worlds; write a"):
         clutter(ClutterParameters(density=0.4, size=1.5, radius=1.0))

@@ -108,21 +108,24 @@ NAMESPACE = ' xmlns:{}="http://gazebosim.org/schema"'
 
 
 @pytest.mark.parametrize("prefix", ["gz:", "ignition:", ""])
-@pytest.mark.parametrize("declared", ["robot", "gazebo"])
+@pytest.mark.parametrize("declared", ["robot", "gazebo", "nowhere"])
 @pytest.mark.parametrize(("frame", "angle"), [("base", QUARTER - 0.3), ("root", -0.3)])
 def test_the_direction_is_in_the_frame_it_names(
     prefix: str, declared: str, frame: str, angle: float, tmp_path: Path
 ) -> None:
-    """The attribute's prefix survives in the text that nodes get."""
+    """The attribute's prefix need not be declared, and survives in the text that nodes get."""
     direction = f"{math.cos(-0.3)} {math.sin(-0.3)} 0"
     block = of(f'{GRIPS}<fdir1 {prefix}expressed_in="{frame}">{direction}</fdir1>')
     text = robot("<!-- <robot a gz:b -->", block, base=f"0 0 {QUARTER}")
-    if prefix:
+    if prefix and declared != "nowhere":
         text = text.replace(f"<{declared} ", f"<{declared}{NAMESPACE.format(prefix[:-1])} ")
     (file := tmp_path / "r.urdf").write_text(text)
     description = load_description(file)
     assert description.rollers == {"w": pytest.approx(angle)}
     assert parse_description(description.urdf).rollers == description.rollers
+    undeclared = [note for note in description.warnings if "is not declared" in note]
+    assert len(undeclared) == (prefix != "" and declared == "nowhere")
+    assert all(f"r.urdf:3: the prefix {prefix[:-1]} is" in note for note in undeclared)
 
 
 @pytest.mark.parametrize(
