@@ -50,6 +50,7 @@ from tests.onebot_control.arm_models import (
     simulate,
     two_fingers,
 )
+from tests.onebot_control.test_scene import part, scene
 
 XARM = "xarm/xarm6_robot.urdf"
 
@@ -426,7 +427,7 @@ def test_what_no_controller_commands_is_held() -> None:
             simulation.robot.move_to({"elbow": 0.0}, seconds=1.0)
 
 
-IN_TABLE = "cannot stand there, .* link table of w.urdf; .* other initial_positions"
+IN_TABLE = "cannot stand there, .* link table of scene.urdf; .* other initial_positions"
 
 
 def on_post(root: str) -> Description:
@@ -439,9 +440,7 @@ def on_post(root: str) -> Description:
 
 def table(x: float) -> Description:
     """A table, 0.7 m high and wide."""
-    top = link("table", shape=box("0.7 0.7 0.7"))
-    place = joint("place", "world", "table", "fixed", xyz=f"{x} 0 0.35")
-    return parse_description(f'<robot name="w"><link name="world"/>{top}{place}</robot>', "w.urdf")
+    return scene(part("table", "0.7 0.7 0.7", f"{x} 0 0.35"))
 
 
 def test_base_stands_on_what_is_below_it() -> None:

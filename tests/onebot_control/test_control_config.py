@@ -35,12 +35,6 @@ def test_rules_of_the_parameters() -> None:
     assert {name for name, rule in rules.items() if rule.read_only} == at_start
     lists = {f"joint_state_broadcaster.{name}" for name in ("joints", "interfaces", "extra_joints")}
     assert {name for name, rule in rules.items() if rule.unique} == {*wheels, *lists, "step_topics"}
-    sizes = {"wheel_radius", "wheel_separation", "left_wheel_noise", "right_wheel_noise"}
-    times = {"cmd_vel_timeout", "real_time_factor"}
-    variances = {"pose_covariance_diagonal", "twist_covariance_diagonal"}
-    from_zero = {name for name, rule in rules.items() if rule.at_least == 0.0 and "." not in name}
-    assert from_zero == sizes | times | variances
-    assert {rule.above for rule in rules.values()} == {None, 0.0}
 
 
 def test_wheels_may_be_named_on_no_side() -> None:
@@ -69,15 +63,6 @@ def test_the_multipliers_scale_the_geometry() -> None:
         ),
         ({"wheel_separation_multiplier": 0.0}, "wheel_separation_multiplier: 0 is not above 0"),
         ({"update_rate": 1001}, "update_rate: 1001 is above 1000; write a number from 0.001"),
-        ({"right_wheel_noise": 2}, "right_wheel_noise: 2 is above 1"),
-        (
-            {"publish_rate": 0.0},
-            "publish_rate: 0 is not above 0; write a number above 0 and",
-        ),
-        (
-            {"pose_covariance_diagonal": [1.0, 2.0]},
-            "2 numbers; write 6: variances of x, y, z",
-        ),
         ({"odom_frame_id": ""}, "odom_frame_id: is empty; write the name of a frame"),
         ({"angular__z__min_jerk": 1.0}, "angular.z.min_jerk: 1 is above 0"),
         ({"joint_state_broadcaster__interfaces": ["torque"]}, 'no "torque"'),

@@ -103,8 +103,6 @@ def test_onebots_own_file_is_right_in_every_namespace() -> None:
         ("{max_velocity: 0.7}", "{max_velocity: 0.7", ":16: invalid YAML"),
         ("[right_wheel_joint, left_wheel_joint]", "[a, a]", ":8: joint_state_broadcaster.joints: "),
         ("update_rate: 200", "enforce_command_limits: 3", ":3: enforce_command_limits: 3 is a n"),
-        ("wheel_radius: 0.1", "use_stamped_vel: 3", ":13: use_stamped_vel: 3 is a number"),
-        ("wheel_radius: 0.1", "update_rate: fast", ':13: update_rate: "fast" is a string'),
     ],
 )
 def test_mistakes_are_named_with_file_and_line(file: Path, old: str, new: str, said: str) -> None:
@@ -164,42 +162,6 @@ def test_all_of_the_broadcasters_parameters_are_read(file: Path) -> None:
     places = ControlFiles([file], "/", "velocity_controller").parameters().places
     assert places["joint_state_broadcaster.frame_id"] == f"{file}:11"
     assert places["update_rate"] == f"{file}:3"
-
-
-USUAL = """\
-controller_manager:
-  ros__parameters:
-    update_rate: 200
-    enforce_command_limits: true
-    arm: {type: joint_trajectory_controller/JointTrajectoryController}
-    head: {type: forward_command_controller/ForwardCommandController}
-    hand: {type: parallel_gripper_action_controller/GripperActionController}
-    joint_state_broadcaster: {type: joint_state_broadcaster/JointStateBroadcaster}
-joint_state_broadcaster:
-  ros__parameters:
-    use_local_topics: false
-    use_urdf_to_filter: true
-    publish_dynamic_joint_states: false
-    map_interface_to_joint_state: {position: position, velocity: velocity, effort: effort}
-    update_rate: 50
-    is_async: false
-arm:
-  ros__parameters: {joints: [elbow], update_rate: 100, is_async: false}
-head:
-  ros__parameters: {joints: [pan], update_rate: 100, is_async: false}
-hand:
-  ros__parameters: {joint: finger, update_rate: 100, is_async: false}
-"""
-
-
-@pytest.mark.parametrize("controller", [MANAGER, "velocity_controller"])
-def test_usual_parameters_of_ros2_control_are_accepted(file: Path, controller: str) -> None:
-    """Those without effect here, too, so that its files work; the rate is the manager's."""
-    drive = "velocity_controller: {ros__parameters: {is_async: false}}\n"
-    file.write_text(USUAL + drive)
-    values = ControlFiles([file], "/", controller).parameters().values
-    assert ControlConfig.from_parameters(values).update_rate == 200
-    assert len(ControlFiles([file], "/").joint_controllers().controllers) == 3
 
 
 def test_the_drive_may_have_another_name(file: Path) -> None:
@@ -347,27 +309,10 @@ def test_without_a_name_trajectories_are_followed(file: Path) -> None:
         assert controller.name == "joint_trajectory_controller"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "text"),
-    [
-        (
-            "stall_timeout: 0.5",
-            "stall_timeout: -0.5",
-            "{file}:17: hand.stall_timeout: -0.5 is below 0; write a number from 0",
-        ),
-        (
-            "constraints.elbow.goal: 0.1",
-            "command_interfaces: [positon]",
-            '{file}:9: arm.command_interfaces: no "positon" (did you mean "position"?',
-        ),
-    ],
-)
-def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text: str) -> None:
-    assert JOINTS.count(old) == 1
-    file.write_text(JOINTS.replace(old, new))
-    with pytest.raises(ConfigError) as caught:
+def test_mistakes_of_controllers_of_joints(file: Path) -> None:
+    file.write_text(JOINTS.replace("stall_timeout: 0.5", "stall_timeout: -0.5"))
+    with pytest.raises(ConfigError, match=f"^{file}:17: hand.stall_timeout: -0.5 is below 0; wri"):
         ControlFiles([file], "/").joint_controllers()
-    assert str(caught.value).startswith(text.format(file=file))
 
 
 @pytest.mark.parametrize(
@@ -378,18 +323,6 @@ def test_mistakes_of_controllers_of_joints(file: Path, old: str, new: str, text:
             "",
             "arm head neck",
             "6: hand: has no parameter joint, so it is skipped",
-        ),
-        (
-            "joints: [yaw]",
-            "joints: []",
-            "arm head hand",
-            "5: neck: has no parameter joints, so it is skipped",
-        ),
-        (
-            "interface_name: position",
-            "interface_name: effort",
-            "arm neck hand",
-            "4: head: commands effort, which is not simulated yet, so it is skipped",
         ),
         (
             "position_controllers/JointGroupPositionController",

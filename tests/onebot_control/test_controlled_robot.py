@@ -1,15 +1,13 @@
 """Simulation and controller together, one cycle at a time."""
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
 import pytest
 
 from onebot_control.controlled_robot import ControlledRobot, Snapshot
 from onebot_control.drive.kinematics import DriveCommand
 from onebot_control.joint_controllers import JointController
-from onebot_control.physics.robot_body import JointStates, RobotBody
 from onebot_control.prepared_robot import Member, PreparedRobot
 from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description
@@ -20,7 +18,6 @@ from tests.onebot_control.control_support import (
     IdealPlant,
     alone,
     config,
-    controlled_robot,
     cycle,
     ideal_drive,
     robot,
@@ -144,6 +141,16 @@ class Jumpy(IdealPlant):
 JERKY = {"linear_x_max_jerk": 10.0, "angular_z_max_jerk": 10.0}
 
 
+def check_it_drives_as(new: ControlledRobot, drive: ControlledRobot) -> None:
+    """It stands until the first command, and has the same commands and twists from then on."""
+    for _ in range(3):
+        assert cycle(drive).drive.command == cycle(new).drive.command == NO_COMMAND
+    for _ in range(60):
+        mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
+        assert mine.drive.command == fresh.drive.command
+        assert mine.drive.twist == pytest.approx(fresh.drive.twist, abs=1e-12)
+
+
 def test_reset_leaves_nothing_but_time_and_parameters() -> None:
     """From then on it drives as a new robot does, which began with the first command."""
     drive, new = ideal_drive(Jumpy(), **JERKY), ideal_drive(**JERKY)
@@ -158,14 +165,8 @@ def test_reset_leaves_nothing_but_time_and_parameters() -> None:
     assert (snapshot.drive.odometry, snapshot.drive.twist) == (PlanarPose(), PlanarVelocity())
     assert not any(snapshot.joints.velocities)
     assert (drive.ticks, drive.config) == (120, chosen)
-    for _ in range(3):
-        mine, fresh = cycle(drive), cycle(new)
-        assert mine.drive.command == fresh.drive.command == NO_COMMAND
-    for _ in range(60):
-        mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
-        assert mine.drive.command == fresh.drive.command
-        assert mine.drive.odometry == pytest.approx(fresh.drive.odometry, abs=1e-12)
-        assert mine.drive.twist == pytest.approx(fresh.drive.twist, abs=1e-12)
+    check_it_drives_as(new, drive)
+    assert drive.snapshot().drive.odometry == pytest.approx(new.snapshot().drive.odometry, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -199,14 +200,8 @@ def test_after_a_teleport_it_starts_from_rest() -> None:
         before.drive.odometry,
         PlanarVelocity(),
     )
-    for _ in range(3):
-        mine, fresh = cycle(drive), cycle(new)
-        assert mine.drive.odometry == before.drive.odometry
-        assert mine.drive.command == fresh.drive.command == NO_COMMAND
-    for _ in range(30):
-        mine, fresh = run(drive, 0.4, -0.2, 1), run(new, 0.4, -0.2, 1)
-        assert mine.drive.command == fresh.drive.command
-        assert mine.drive.twist == pytest.approx(fresh.drive.twist, abs=1e-12)
+    assert drive.begin().drive.odometry == before.drive.odometry
+    check_it_drives_as(new, drive)
 
 
 @pytest.mark.parametrize("pose", [PlanarPose(), PlanarPose(3.0, -1.0, 2.0)])
@@ -288,39 +283,6 @@ def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
     assert run(drive, 0.5, 0.3, 10).drive.covariance.yaw_yaw == kept
     drive.reset()
     assert cycle(drive).drive.covariance == (0.0,) * 6
-
-
-class FourWheels(IdealPlant):
-    """Two wheels a side; the second ones have turned further, and stand first in the list."""
-
-    joints = ("left_2_joint", "right_2_joint", "right_wheel_joint", "left_wheel_joint")
-
-    def step(self, duration: float) -> None:
-        left, left_2, right, right_2 = self.targets
-        assert left == left_2 and right == right_2
-        self.speeds = (left, right)
-        self.left += self.speeds[0] * duration
-        self.right += self.speeds[1] * duration
-
-    def joint_states(self) -> JointStates:
-        (left, right), speeds = (self.left, self.right), self.speeds
-        positions = np.array([1.5 * left, 1.5 * right, 0.5 * right, 0.5 * left])
-        velocities = np.array([1.5 * speeds[0], 1.5 * speeds[1], 0.5 * speeds[1], 0.5 * speeds[0]])
-        return JointStates(positions, velocities, np.zeros(4))
-
-
-@pytest.mark.parametrize("by_position", [True, False])
-def test_several_wheels_a_side_count_by_their_mean(by_position: bool) -> None:
-    sides = {"left_wheel": 0.15, "left_2": 0.15, "right_wheel": -0.15, "right_2": -0.15}
-    wheels = [wheel("X", y).replace("X_wheel", name) for name, y in sides.items()]
-    names = {
-        "left_wheel_names": ["left_wheel_joint", "left_2_joint"],
-        "right_wheel_names": ["right_wheel_joint", "right_2_joint"],
-    }
-    chosen = config(position_feedback=by_position, **names)
-    drive = controlled_robot(robot(*wheels), chosen, cast(RobotBody, FourWheels()))
-    snapshot = run(drive, 0.5, 0.3, 20)
-    assert snapshot.drive.twist == pytest.approx((0.5, 0.0, 0.3))
 
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:

@@ -9,7 +9,6 @@ from onebot_control.conventions import namespace_prefix, prefixed
     ("enabled", "prefix", "namespace", "expected"),
     [
         (False, "", "/", "odom"),
-        (False, "test_prefix", "/", "odom"),
         (False, "test_prefix", "/test_namespace", "odom"),
         (True, "test_prefix", "/", "test_prefix/odom"),
         (True, "test_prefix", "/test_namespace", "test_prefix/odom"),
@@ -17,11 +16,8 @@ from onebot_control.conventions import namespace_prefix, prefixed
         (True, "", "/test_namespace", "test_namespace/odom"),
         (True, "/test_prefix/", "/", "test_prefix/odom"),
         (True, "/", "/test_namespace", "odom"),
-        (True, "", "/a/b", "a/b/odom"),
         (True, "~", "/a/b", "a/b/odom"),
         (True, "~", "/", "odom"),
-        (True, "/", "/", "odom"),
-        (True, "a", "/a", "a/odom"),
         (True, "//a//", "/", "/a//odom"),
     ],
 )

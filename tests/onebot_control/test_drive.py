@@ -75,6 +75,7 @@ class FourWheels:
 
 
 JOINTS = ("rl", "steer", "fr2", "rr", "fr", "fl")
+UNEVEN = dict.fromkeys(JOINTS, 1.0) | {"fr": 1.5, "fr2": 0.5}  # the mean of a wheel's joints counts
 
 
 @pytest.mark.parametrize("by_position", [True, False])
@@ -84,7 +85,7 @@ def test_each_axis_is_driven_and_measured(by_position: bool, wanted: Triple) -> 
     drive = Drive(cast(Wheels, FourWheels()), JOINTS, Parameters(position_feedback=by_position))
     dt, positions, velocities = 0.01, dict.fromkeys(JOINTS, 0.0), dict.fromkeys(JOINTS, 0.0)
     for cycle in range(301):
-        drive.observe([*positions.values()], [*velocities.values()], dt)
+        drive.observe(*([UNEVEN[n] * at[n] for n in JOINTS] for at in (positions, velocities)), dt)
         if not cycle and not by_position:  # the wheels stand in the first cycle
             drive.odometry.forget_wheels()
         linear, lateral, angular = wanted

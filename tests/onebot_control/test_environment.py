@@ -82,9 +82,7 @@ def test_an_episode_repeats_by_its_seed_and_ends_near_a_wall() -> None:
     ("arguments", "words"),
     [
         ({"seconds": -1}, "seconds: -1 is not above 0"),
-        ({"seconds": "1"}, 'seconds: "1" is a string'),
         ({"seconds": 0.001}, "seconds: 0.001 is less than a control cycle of 0.01 s"),
-        ({"max_steps": 0}, "max_steps: 0 is below 1"),
         ({"max_steps": 1.5}, "max_steps: 1.5 is a number; write an integer"),
         ({"render_mode": "human"}, 'render_mode: no "human" (known: rgb_array)'),
         ({"seed": "x"}, 'seed: "x" is a string'),

@@ -11,12 +11,13 @@ from onebot_control.prepared_robot import Member
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_control.trajectories.goal import TrajectoryGoal
 from onebot_control.trajectories.trajectory import Waypoint
-from onebot_description.description import Description, parse_description
+from onebot_description.description import Description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
 from tests.onebot_control.arm_models import arm, rod
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
+from tests.onebot_control.test_scene import part, scene
 
 STARTS = [PlanarPose(), PlanarPose(2.0, 1.0, 1.5)]
 PLACES = {"left_wheel_names": "f.yaml:3"}
@@ -205,13 +206,9 @@ def test_a_replaced_description_has_the_physics_of_a_new_start() -> None:
 @pytest.mark.parametrize("walled", [False, True])
 def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bool) -> None:
     """Where there is none at its start, only reset is refused, and other replacements are not."""
-    text = (
-        '<robot name="w"><link name="world"/><link name="wall"><collision><geometry>'
-        '<box size="0.1 1 0.3"/></geometry></collision></link><joint name="j" type="fixed">'
-        '<parent link="world"/><child link="wall"/><origin xyz="0.6 0 0.15"/></joint></robot>'
-    )
+    wall = scene(part("wall", "0.1 1 0.3", "0.6 0 0.15"))
     starts = [PlanarPose(), PlanarPose(0.6, 0.0, 0.0)][: 1 if walled else 2]
-    with fleet_of(*starts, scene=parse_description(text, "w.urdf") if walled else None) as fleet:
+    with fleet_of(*starts, scene=wall if walled else None) as fleet:
         for row, drive in enumerate(fleet.robots):
             drive.teleport(PlanarPose(-3.0, 4.0 * row, 0.0))
         fleet.replace(0, nosed(0.8))
@@ -221,7 +218,7 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
             pytest.approx((-3.0, 4.0 * row, 0.0), abs=1e-9) for row in range(len(poses))
         ]
         if walled:
-            with pytest.raises(OneBotError, match="cannot stand there, .* link wall of w.urdf"):
+            with pytest.raises(OneBotError, match="cannot stand there, .* link wall of scene.urdf"):
                 fleet.robots[0].reset()
             assert fleet.robots[0].true_pose == poses[0]
         else:
@@ -233,7 +230,9 @@ def test_a_description_needs_room_where_the_robot_is_not_at_its_start(walled: bo
                 fleet.reset()
             assert [repr(drive.body.state()[1]) for drive in fleet.robots] == poses
         stands = [drive.true_pose for drive in fleet.robots]
-        with pytest.raises(OneBotError, match="link wall of w.urdf" if walled else "/r1 and /r2"):
+        with pytest.raises(
+            OneBotError, match="link wall of scene.urdf" if walled else "/r1 and /r2"
+        ):
             fleet.restart()
         fleet.cycle()
         for drive, pose in zip(fleet.robots, stands, strict=True):

@@ -13,7 +13,6 @@ from tests.onebot_control.arm_models import (
     arm,
     box,
     box_world,
-    interfaces,
     joint,
     link,
     quintic,
@@ -66,18 +65,6 @@ def test_gravity_acts_on_the_other_parts_of_a_body(reference: str) -> None:
         simulation.run(0.5)
         load = 0.3 * GRAVITY if reference == "rod" else ROD.load
         assert simulation.robot.joints["elbow"].effort == pytest.approx(-load, rel=1e-6)
-
-
-def test_a_weightless_pendulum_stays_where_it_is() -> None:
-    swing = joint("swing", "world", "rod", "continuous", xyz="0 0 3")
-    parts = (
-        link("rod", ROD.mass, f"{ROD.length} 0 0", ROD.moment),
-        swing,
-        interfaces("swing", start=0.5),
-    )
-    with simulate(gazebo(arm(*parts), rod="<turnGravityOff>1</turnGravityOff>")) as simulation:
-        simulation.run(2.0)
-        assert simulation.robot.joints["swing"].position == pytest.approx(0.5, abs=1e-6)
 
 
 def test_a_weightless_box_floats_until_it_is_pushed() -> None:

@@ -13,7 +13,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from onebot_control import Simulation
 from onebot_control.nodes.lockstep import Lockstep
@@ -22,6 +22,7 @@ from onebot_description.ros.domains import used_domain
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.interfaces import load_interface
 from onebot_description.ros.wire.messages import time_message
+from tests.any_message import messages
 from tests.onebot_control.arm_models import joint, link
 from tests.onebot_control.arm_support import (
     ABORTED,
@@ -35,10 +36,8 @@ from tests.onebot_control.arm_support import (
     UNKNOWN,
     ArmClient,
     Ending,
-    FollowJointTrajectory,
     JointTolerance,
     SteppedArm,
-    duration,
     goal,
     point,
     seconds,
@@ -400,62 +399,27 @@ def test_a_wrong_parameter_is_refused(arm: SteppedArm) -> None:
 # What is random ---------------------------------------------------------------------------------
 
 
-NUMBERS = st.one_of(
-    st.floats(-4.0, 4.0), st.sampled_from([0.0, NAN, math.inf, -math.inf, 1e308, -1e-320])
-)
-TIMES = st.one_of(st.floats(0.0, 3.0), st.sampled_from([-1.0, 0.0, 1e9, 2147483647.0]))
-DAMAGES: dict[str, st.SearchStrategy[Any]] = {
-    "positions": st.lists(NUMBERS, max_size=2),
-    "velocities": st.lists(NUMBERS, max_size=2),
-    "accelerations": st.lists(NUMBERS, max_size=2),
-    "effort": st.lists(NUMBERS, max_size=1),
-    "time_from_start": TIMES.map(duration),
-}
-
-
-@st.composite
-def trajectories(draw: st.DrawFn) -> JointTrajectory:
-    """Trajectories that can be followed, of which up to two fields are something else."""
-    times = sorted(draw(st.sets(st.integers(1, 300), max_size=4)))
-    points = [point(time / 100.0, draw(st.floats(-3.14, 3.14))) for time in times]
-    for _ in range(draw(st.integers(0, 2)) if points else 0):
-        field = draw(st.sampled_from(sorted(DAMAGES)))
-        setattr(draw(st.sampled_from(points)), field, draw(DAMAGES[field]))
-    joints = draw(st.sampled_from([[JOINT]] * 20 + [[], [JOINT, JOINT], ["elbow"], ["\x1b[31m"]]))
-    stamp = draw(st.sampled_from([0] * 8 + [LONG_AGO, 2**31 * 1_000_000_000 - 1]))
-    return trajectory(*points, joints=joints, stamp=stamp)
-
-
-@st.composite
-def tolerances(draw: st.DrawFn) -> Any:
-    """Tolerances of a joint that are anything."""
-    names = st.sampled_from([JOINT, "elbow", ""])
-    return JointTolerance(name=draw(names), position=draw(NUMBERS), velocity=draw(NUMBERS))
-
-
 def test_random_goals_do_no_harm(arm: SteppedArm) -> None:
     """By the topic and by the action; each that is accepted ends, at the latest by the next."""
-    handles, positions = [], []
+    handles: list[Any] = []
 
     @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(trajectories(), st.lists(tolerances(), max_size=2), TIMES)
-    def attempt(message: JointTrajectory, tolerance: list[Any], late: float) -> None:
-        arm.client.topic.publish(message)
-        request = FollowJointTrajectory.Goal(
-            trajectory=message,
-            path_tolerance=tolerance,
-            goal_tolerance=tolerance,
-            goal_time_tolerance=duration(late),
-        )
+    @given(
+        st.lists(st.floats(-3.14, 3.14), min_size=1, max_size=4),
+        st.lists(messages(JointTrajectoryPoint), max_size=1),
+        st.lists(messages(JointTolerance, (JOINT, "elbow")), max_size=2),
+    )
+    def attempt(positions: list[float], anything: list[Any], tolerances: list[Any]) -> None:
+        points = [point(0.5 * row, at) for row, at in enumerate(positions, 1)]
+        request = goal(*points, *anything, path_tolerance=tolerances, goal_tolerance=tolerances)
+        arm.client.topic.publish(request.trajectory)
         handle = arm.awaited(arm.client.ask(request))
         arm.simulation.run(0.05)
-        positions.append(arm.position)
-        if handle.accepted:
-            handles.append(handle)
+        assert abs(arm.position) < 3.1401
+        handles.extend([handle] * handle.accepted)
 
     attempt()
     assert len(handles) > 3
-    assert all(abs(position) < 3.1401 for position in positions)
     last = arm.send(turned())
     assert {arm.ending(each).status for each in handles} <= {SUCCEEDED, ABORTED}
     arm.ending(last)

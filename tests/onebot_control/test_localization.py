@@ -55,7 +55,7 @@ def test_the_truth_gives_way_to_a_localizer(
     text = "another node publishes map -> odom on TF, so world -> odom is no longer published"
     assert capfd.readouterr().err.count(text) == 1
     received.clear()
-    robots.simulation.run(20.0)
+    robots.simulation.run(5.0)
     assert parents(received, "base_link") == {"odom"} and not parents(received)
     for value in (False, True):
         (result,) = robots.set_parameters(NODE, ground_truth_tf=value)

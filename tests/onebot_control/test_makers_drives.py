@@ -15,6 +15,7 @@ from onebot_control.simulated_robot import SimulatedRobot
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import read
+from tests.onebot_control.drive_models import CORNERS, mecanum, omni
 
 BASE, TRACK, RADIUS = 1.7, 1.0, 0.3  # m, of the car
 ROUGH = "-1.57"  # rad, as makers write a quarter turn
@@ -190,28 +191,9 @@ def test_a_car_says_that_it_does_not_turn_on_the_spot() -> None:
     assert SteeredKinematics(driven).fault((0.0, 0.0, 1.0)) == ""
 
 
-def omni(*yaws: float, circle: float = 0.3) -> Description:
-    wheels = [
-        wheel(
-            f"w{number}",
-            "base",
-            f"{circle * math.cos(yaw)} {circle * math.sin(yaw)} {RADIUS}",
-            f"{-math.pi / 2.0} 0 {yaw - math.pi / 2.0}",
-        )
-        for number, yaw in enumerate(yaws)
-    ]
-    body = link("trunk_link", 5.0, 0.1)
-    fixed = joint("trunk", "base", f"0 0 {RADIUS}", "0 0 0", "1 0 0", "fixed")
-    return parse_description(
-        f'<robot name="bot"><link name="base"/>{body}{fixed}{"".join(wheels)}</robot>'
-    )
-
-
-@pytest.mark.parametrize(
-    "yaws", [(-90, 30, 150), (0, 120, 240), (0, 90, 180, 270), (45, 135, 225, 315)]
-)
-def test_an_omni_drive_may_have_lateral_wheels(yaws: tuple[float, ...]) -> None:
-    description = omni(*map(math.radians, yaws))
+@pytest.mark.parametrize(("count", "first"), [(3, -90), (3, 0), (4, 0), (4, 45)])
+def test_an_omni_drive_may_have_lateral_wheels(count: int, first: int) -> None:
+    description = omni(count, math.radians(first))
     assert found_drive(description) is DRIVES[OMNI]
     with Simulation(description) as simulation:
         robot = simulation.robot
@@ -236,12 +218,8 @@ def test_a_ball_that_rolls_sideways_makes_no_omni_drive() -> None:
 
 def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
     """The names of its wheels, and their distances with multipliers."""
-    names = {
-        f"{end}_{side}": f"{end[0]}{side[0]}"
-        for end in ("front", "rear")
-        for side in ("left", "right")
-    }
-    lines = [f"    {corner}_wheel_name: {name}" for corner, name in names.items()]
+    names = {corner: corner[0] + corner.partition("_")[2][0] for corner in CORNERS}
+    lines = [f"    {corner}_wheel_name: {name}_joint" for corner, name in names.items()]
     file = tmp_path / "control.yaml"
     file.write_text(
         "controller_manager:\n  ros__parameters:\n    drive_controller:\n"
@@ -254,16 +232,8 @@ def test_parameters_of_husarions_mecanum_drive(tmp_path: Path) -> None:
     assert not values.warnings
     kind = DRIVES["husarion_mecanum_drive_controller/MecanumDriveController"]
     config = read(kind, values.values)
-    parts = [
-        wheel(
-            name,
-            "base",
-            f"{0.2 if name[0] == 'f' else -0.2} {0.3 if name[1] == 'l' else -0.3} {RADIUS}",
-        )
-        for name in names.values()
-    ]
-    wheels = config.wheels(robot(*parts))
-    assert wheels.names == ("fl", "fr", "rr", "rl")
+    wheels = config.wheels(mecanum(names))
+    assert wheels.names == ("fl_joint", "fr_joint", "rr_joint", "rl_joint")
     (right, *_) = config.geometry(wheels).command((0.0, 0.0, 1.0)).wheels
     assert right == pytest.approx(-(0.4 + 0.6 * 1.5) / 2.0 / 0.2)
 

@@ -310,24 +310,8 @@ def test_a_gripper_closes_on_nothing(robot: Stepped) -> None:
 # Forwarded positions ----------------------------------------------------------------------------
 
 
-def test_commands_that_are_ignored(robot: Stepped, capfd: pytest.CaptureFixture[str]) -> None:
-    """The last one stays commanded, and the log has the reason."""
-    robot.command(0.2, 0.2, seconds=0.5)
-    for positions, reason in (
-        ((0.5,), "data: 1 values for 2 joints"),
-        ((0.0, 2.5), "data: pan: 2.5 is above the joint's limit 2"),
-        ((math.nan, 0.0), "data: tilt: nan is not finite"),
-    ):
-        robot.command(*positions)
-        expected = ("ERROR", f"~/commands is ignored: {reason}")
-        assert logged(capfd, "head_controller") == [expected]
-        assert robot.head == pytest.approx((0.2, 0.2), abs=1e-6)
-    robot.command(0.3, 0.3, seconds=0.3)
-    assert robot.head == pytest.approx((0.3, 0.3), abs=1e-6)
-
-
 def test_a_locked_head_stays_where_it_is(robot: Stepped, capfd: pytest.CaptureFixture[str]) -> None:
-    """It ignores commands, and does not move on when it is unlocked."""
+    """It ignores commands, as test_forwarding.py's wrong ones, and unlocked it does not move on."""
     robot.command(1.0, 1.0, seconds=0.3)
     robot.set_lock(True)
     held = robot.head

@@ -80,7 +80,7 @@ controller_manager:
     arm_velocities: {{type: velocity_controllers/JointGroupVelocityController}}
     arm_positions: {POSITIONS}
 io_controller:
-  ros__parameters: {{rate: 3}}
+  ros__parameters: {{command_interfaces: {{flange: [{{interfaces: [output1, output2]}}]}}}}
 arm:
   ros__parameters:
     joints: &joints [$(var prefix)yaw, "$(var prefix)lift"]
@@ -126,7 +126,7 @@ arm_controller:
     interface_name: position
     allow_nonzero_velocity_at_trajectory_end: true
 hand_controller:
-  ros__parameters: {{joint: finger}}
+  ros__parameters: {{joint: finger, update_rate: 100, is_async: false}}
 second_hand:
   ros__parameters: {{joint: knuckle, allow_stalling: true, default: true}}
 thumb_controller:
@@ -156,7 +156,7 @@ NAMESPACED = Project(
     command_interfaces: [position]
     constraints: {{goal_time: 0.6, yaw: {{trajectory: 0.1, goal: 0.1}}}}
 /**/arm_forward:
-  ros__parameters: {{joints: [yaw, lift], interface_name: position}}
+  ros__parameters: {{joints: [yaw, lift], interface_name: position, is_async: false}}
 /**:
   hand:
     ros__parameters: {{joints: [finger], interface_name: position, command_interfaces: [position]}}
@@ -199,6 +199,8 @@ hand_effort:
   ros__parameters: {{joints: [finger], gains: {{finger: {{p: 75.0}}}}}}
 effort:
   ros__parameters: {{joints: [yaw, lift, finger]}}
+rest_broadcaster:
+  ros__parameters: {{type: joint_state_broadcaster/JointStateBroadcaster, joints: [yaw]}}
 """,
     "arm hand",
     (
@@ -209,33 +211,6 @@ effort:
         "23: gains.finger.p: no such parameter",
         "7: hand_effort: is inactive: hand comes first, and moves finger",
         "14: arm.constraints.other_controller.joint1: not a joint of the controller",
-    ),
-)
-
-OWN_TYPES = Project(
-    """\
-controller_manager:
-  ros__parameters: {update_rate: 1000}
-arm:
-  ros__parameters:
-    type: joint_trajectory_controller/JointTrajectoryController
-    joints: [yaw, lift]
-gpio_controller:
-  ros__parameters:
-    type: gpio_controllers/GpioCommandController
-    gpios: [flange]
-    command_interfaces: {flange: [{interfaces: [output1, output2]}]}
-rest_broadcaster:
-  ros__parameters:
-    type: joint_state_broadcaster/JointStateBroadcaster
-    joints: [yaw]
-imu:
-  ros__parameters: {type: imu_sensor_broadcaster/IMUSensorBroadcaster, sensor_name: imu}
-""",
-    "arm",
-    (
-        "9: gpio_controller: gpio_controllers/GpioCommandController does not run here",
-        "17: imu: imu_sensor_broadcaster/IMUSensorBroadcaster does not run here",
     ),
 )
 
@@ -256,6 +231,16 @@ arm:
     joints: [yaw, lift]
     positions_upsampling: {enable: false}
     gains: {yaw: {p: 100.0, i_clamp: 1.0, angle_wraparound: true}, boom: {p: 1.0}}
+    update_rate: 100
+    is_async: false
+joint_state_broadcaster:
+  ros__parameters:
+    use_local_topics: false
+    use_urdf_to_filter: true
+    publish_dynamic_joint_states: false
+    map_interface_to_joint_state: {position: position, velocity: velocity, effort: effort}
+    update_rate: 50
+    is_async: false
 """,
     "arm",
     ("15: arm.gains.boom: not a joint of the controller (known: lift, yaw); it is ignored",),
@@ -339,6 +324,7 @@ DRIVE = f"""\
     ros__parameters:
       use_stamped_vel: false
       wheels_per_side: 1
+      is_async: false
       preserve_turning_radius: true
       linear.x.has_velocity_limits: true
       linear.x.max_velocity: 0.3
@@ -360,7 +346,7 @@ def test_a_drive_of_any_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -
     name = drive_node([file]).name
     assert name == "base_controller"
     fleet, [unknown] = fleet_of(file, CARRIER, "/", name)
-    assert unknown.startswith(f"{file}:13: preserve_turning_radius: no such parameter")
+    assert unknown.startswith(f"{file}:14: preserve_turning_radius: no such parameter")
     text = "wheels: is inactive: the controller of the wheels comes first, and moves left_wheel"
     assert f"{file}:8: {text}" in caplog.text
     with fleet:

@@ -2,26 +2,36 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from onebot_control.drive.holonomic import HolonomicKinematics
-from onebot_control.drive.odometry import Odometry
 from onebot_control.drive.wheels.rolling_shapes import Tyre
 from onebot_control.physics.robot_body import RobotBody
 from onebot_control.physics.roller_wheels import with_rollers
 from onebot_control.physics.spawning import RobotSpawn
 from onebot_control.physics.world import World
 from onebot_description.description import Description, parse_description
-from onebot_description.geometry.poses import PlanarPose, Triple, yaw_of
+from onebot_description.geometry.poses import PlanarPose, Triple
 from onebot_description.model import RobotModel
 from onebot_description.model.rigid_bodies import Body
+from tests.onebot_control.drive_models import (
+    CIRCLE,
+    CORNERS,
+    LENGTH,
+    RADIUS,
+    WIDTH,
+    mecanum,
+    omni,
+    wheel,
+)
+from tests.onebot_control.drive_models import robot as on_wheels
 from tests.onebot_control.simulation_support import bits, planar, robot
+from tests.onebot_control.test_scene import part, scene
 
-RADIUS, MASS, WHEEL_MASS, GRAVITY = 0.05, 10.0, 0.5, 9.81
-LENGTH, WIDTH, CIRCLE = 0.15, 0.14, 0.18  # m, of wheels from the middle
+MASS, WHEEL_MASS, GRAVITY = 10.0, 0.5, 9.81
 SLANT, TYRE = math.pi / 4.0, Tyre(RADIUS, 0.0)
 PERIOD = 0.01
 FASTEST = np.array([0.5, 0.5, 1.0])  # m/s^2 and rad/s^2
@@ -46,137 +56,50 @@ class Rolling(NamedTuple):
         body.turn(self.kinematics.command((x, y, turn)).wheels)
 
 
-def _wheel(name: str, x: float, y: float, yaw: float) -> str:
-    """A wheel whose axle points to the left of ``yaw``."""
-    moment = WHEEL_MASS * RADIUS**2
-    return (
-        f'<link name="{name}"><inertial><mass value="{WHEEL_MASS}"/><inertia ixx="{0.3 * moment}" '
-        f'iyy="{0.3 * moment}" izz="{0.5 * moment}" ixy="0" ixz="0" iyz="0"/></inertial><collision>'
-        f'<geometry><cylinder radius="{RADIUS}" length="0.04"/></geometry></collision></link>'
-        f'<joint name="{name}_joint" type="continuous"><parent link="base"/><child link="{name}"/>'
-        f'<origin xyz="{x} {y} {RADIUS}" rpy="{-math.pi / 2.0} 0 {yaw}"/><axis xyz="0 0 1"/>'
-        '<limit effort="20" velocity="60"/></joint>'
-    )
+def _rolling(description: Description, rollers: dict[str, float], kinematics: Any) -> Rolling:
+    """The robot with the angles of the rollers of its wheels; its base slides."""
+    slides = '<link name="base"><contact><lateral_friction value="0.01"/></contact>'
+    urdf = description.urdf.replace('<link name="base">', slides)
+    tyres = {name: (TYRE, angle) for name, angle in rollers.items()}
+    return Rolling(with_rollers(parse_description(urdf), tyres), tuple(rollers), kinematics)
 
 
-def _robot(*wheels: str) -> Description:
-    return parse_description(
-        '<robot name="rolling"><link name="base">'
-        '<contact><lateral_friction value="0.01"/></contact>'
-        f'<inertial><origin xyz="0 0 0.08"/><mass value="{MASS}"/><inertia ixx="0.1" iyy="0.15" '
-        'izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.13"/>'
-        f'<geometry><box size="0.48 0.25 0.1"/></geometry></collision></link>'
-        f"{''.join(wheels)}</robot>",
-        "rolling.urdf",
-    )
-
-
-def _mecanum() -> Rolling:
-    places = {"fl": (1, 1), "fr": (1, -1), "rr": (-1, -1), "rl": (-1, 1)}
-    wheels = [_wheel(name, LENGTH * x, WIDTH * y, 0.0) for name, (x, y) in places.items()]
-    rollers = {f"{name}_joint": (TYRE, -x * y * SLANT) for name, (x, y) in places.items()}
-    kinematics = HolonomicKinematics.mecanum(RADIUS, LENGTH + WIDTH)
-    return Rolling(with_rollers(_robot(*wheels), rollers), tuple(rollers), kinematics)
-
-
-def _omni(count: int = 3) -> Rolling:
-    angles = [0.3 + 2.0 * math.pi * row / count for row in range(count)]
-    wheels = [
-        _wheel(f"w{row}", CIRCLE * math.cos(angle), CIRCLE * math.sin(angle), angle - math.pi / 2.0)
-        for row, angle in enumerate(angles)
-    ]
-    rollers = {f"w{row}_joint": (TYRE, 0.0) for row in range(count)}
-    kinematics = HolonomicKinematics.omni(RADIUS, CIRCLE, count, 0.3)
-    return Rolling(with_rollers(_robot(*wheels), rollers), tuple(rollers), kinematics)
-
-
-MECANUM, OMNI = _mecanum(), _omni()
+MECANUM = _rolling(
+    mecanum(),
+    {f"mecanum_{name}_joint": -x * y * SLANT for name, (x, y) in CORNERS.items()},
+    HolonomicKinematics.mecanum(RADIUS, LENGTH + WIDTH),
+)
+OMNI = _rolling(
+    omni(),
+    {f"w{row}_joint": 0.0 for row in range(3)},
+    HolonomicKinematics.omni(RADIUS, CIRCLE, 3, 0.3),
+)
 both = pytest.mark.parametrize("model", [MECANUM, OMNI], ids=["mecanum", "omni"])
 
 
-class Driver:
-    """Drives a robot within limits of acceleration, with odometry by its wheels."""
-
-    def __init__(self, model: Rolling, world: World) -> None:
-        self.model, self.world, (self.body,) = model, world, world.robots
-        self._odometry = Odometry(model.kinematics)
-        self._odometry.set_pose(*planar(self.body))
-        self.driven = self.turned = 0.0
-        self._twist = np.zeros(3)
-
-    def drive(self, twist: Sequence[float], seconds: float) -> None:
+def _drive(model: Rolling, world: World, *legs: tuple[Triple, float]) -> None:
+    """Drive by these twists for so many seconds each, within limits of acceleration."""
+    now, most = np.zeros(3), FASTEST * PERIOD
+    for twist, seconds in legs:
         for _ in range(round(seconds / PERIOD)):
-            most = FASTEST * PERIOD
-            self._twist += np.clip(np.array(twist) - self._twist, -most, most)
-            self.model.turn(self.body, self._twist)
-            before = self._wheels()
-            self.world.step(PERIOD)
-            angles = [now - then for now, then in zip(self._wheels(), before, strict=True)]
-            motion = self.model.kinematics.body_motion(angles)
-            self._odometry.update_from_positions(self._wheels(), PERIOD)
-            self.driven += math.hypot(*motion[:2])
-            self.turned += abs(motion[2])
-
-    def _wheels(self) -> list[float]:
-        rows = [self.body.joints.index(name) for name in self.model.joints]
-        return [self.body.positions[row] for row in rows]
-
-    def errors(self) -> tuple[float, float]:
-        """How far odometry is from the true pose, as shares of what was driven and turned."""
-        (x, y, _), rotation = self.body.pose
-        yaw = yaw_of(*rotation)
-        off = (
-            math.dist((x, y), self._odometry.pose[:2]),
-            math.remainder(yaw - self._odometry.heading, math.tau),
-        )
-        return off[0] / max(self.driven, 0.1), abs(off[1]) / max(self.turned, 0.1)
-
-
-_ROUND = math.pi / 0.4  # s, of half a circle of 0.5 m radius at 0.2 m/s
-PATHS: dict[str, list[tuple[Triple, float]]] = {
-    "straight": [((0.5, 0.0, 0.0), 4.0)],
-    "strafe": [((0.0, 0.5, 0.0), 4.0)],
-    "diagonal": [((0.4, -0.3, 0.0), 4.0)],
-    "turn": [((0.0, 0.0, 1.0), 2.0 * math.pi)],
-    "half an eight": [((0.2, 0.0, 0.4), _ROUND), ((0.2, 0.0, -0.4), _ROUND)],
-    "half an eight sideways": [((0.0, 0.2, 0.4), _ROUND), ((0.0, 0.2, -0.4), _ROUND)],
-}
-
-
-@both
-@pytest.mark.parametrize("path", PATHS)
-def test_odometry_is_within_a_two_thousandth_of_the_truth(model: Rolling, path: str) -> None:
-    with World([model.spawn(yaw=0.2)]) as world:
-        driver = Driver(model, world)
-        for twist, seconds in PATHS[path]:
-            driver.drive(twist, seconds)
-        driver.drive((0.0, 0.0, 0.0), 1.5)
-    assert max(driver.driven, driver.turned) > 1.9
-    assert max(driver.errors()) <= 0.0005
+            now += np.clip(np.array(twist) - now, -most, most)
+            model.turn(world.robots[0], now)
+            world.step(PERIOD)
 
 
 @both
 def test_it_drives_as_commanded(model: Rolling) -> None:
     """In the directions of the command, not only as its wheels say."""
     with World([model.spawn()]) as world:
-        driver = Driver(model, world)
-        driver.drive((0.3, 0.2, 0.0), 3.0)
-        driver.drive((0.0, 0.0, 0.0), 1.0)
-        x, y, yaw = planar(driver.body)
+        _drive(model, world, ((0.3, 0.2, 0.0), 3.0), ((0.0, 0.0, 0.0), 1.0))
+        x, y, yaw = planar(world.robots[0])
     assert (x, y, yaw) == pytest.approx((0.9, 0.6, 0.0), abs=1e-3)
-
-
-STAND = parse_description(
-    '<robot name="stand"><link name="world"/><link name="box"><collision><geometry>'
-    '<box size="0.2 0.1 0.2"/></geometry></collision></link><joint name="fixed" type="fixed">'
-    '<parent link="world"/><child link="box"/><origin xyz="0 0 0.1"/></joint></robot>',
-    "stand.urdf",
-)
 
 
 @both
 def test_lifted_off_the_ground_it_does_not_move(model: Rolling) -> None:
-    with World([model.spawn()], scene=STAND, at_start=False) as world:
+    stand = scene(part("stand", "0.2 0.1 0.2", "0 0 0.1"))
+    with World([model.spawn()], scene=stand, at_start=False) as world:
         (body,) = world.robots
         body.put(((0.0, 0.0, 0.1205), (0.0, 0.0, 0.0, 1.0)))
         world.step(0.5)
@@ -188,17 +111,10 @@ def test_lifted_off_the_ground_it_does_not_move(model: Rolling) -> None:
         assert planar(body) == pytest.approx(before, abs=1e-5)
 
 
-WALL = parse_description(
-    '<robot name="wall"><link name="world"/><link name="box"><collision><geometry>'
-    '<box size="0.1 4 1"/></geometry></collision></link><joint name="fixed" type="fixed">'
-    '<parent link="world"/><child link="box"/><origin xyz="0.5 0 0.5"/></joint></robot>',
-    "wall.urdf",
-)
-
-
 @pytest.mark.parametrize("speed", [0.2, 2.0])
 def test_mecanum_wheels_push_a_wall_with_their_friction(speed: float) -> None:
-    with World([MECANUM.spawn()], scene=WALL) as world:
+    wall = scene(part("wall", "0.1 4 1", "0.5 0 0.5"))
+    with World([MECANUM.spawn()], scene=wall) as world:
         (body,) = world.robots
         MECANUM.turn(body, (speed, 0.0, 0.0))
         world.step(2.0)
@@ -241,21 +157,12 @@ def test_wheels_slip_at_the_same_force_at_all_headings(model: Rolling, direction
         assert limits[0] == pytest.approx(math.cos(SLANT), rel=1e-3)
 
 
-def _ramp(slope: float) -> Description:
-    return parse_description(
-        '<robot name="ramp"><link name="world"/><link name="box"><collision><geometry>'
-        '<box size="6 6 0.2"/></geometry></collision></link><joint name="fixed" type="fixed">'
-        '<parent link="world"/><child link="box"/>'
-        f'<origin xyz="0 0 1" rpy="0 {-slope} 0"/></joint></robot>',
-        "ramp.urdf",
-    )
-
-
 @both
 @pytest.mark.parametrize("yaw", [0.0, 0.9, math.pi / 2.0])
 def test_it_drives_and_holds_on_a_ramp(model: Rolling, yaw: float) -> None:
     """Up, across and down a slope of 10 degrees, it follows its wheels, and stays when it rests."""
-    with World([model.spawn(yaw=yaw)], scene=_ramp(math.radians(10.0))) as world:
+    ramp = scene(part("ramp", "6 6 0.2", "0 0 1", f"0 {-math.radians(10.0)} 0"))
+    with World([model.spawn(yaw=yaw)], scene=ramp) as world:
         (body,) = world.robots
         body.turn([0.0] * len(model.joints))
         world.step(0.5)
@@ -263,9 +170,7 @@ def test_it_drives_and_holds_on_a_ramp(model: Rolling, yaw: float) -> None:
         world.step(1.0)
         assert np.array(body.state()[1].translation) == pytest.approx(start, abs=1e-4)
         before = body.positions
-        driver = Driver(model, world)
-        driver.drive((0.3, 0.2, 0.0), 2.0)
-        driver.drive((0.0, 0.0, 0.0), 1.0)
+        _drive(model, world, ((0.3, 0.2, 0.0), 2.0), ((0.0, 0.0, 0.0), 1.0))
         _, pose, _ = body.state()
         rows = [body.joints.index(name) for name in model.joints]
         way = model.kinematics.body_motion([body.positions[row] - before[row] for row in rows])
@@ -320,7 +225,7 @@ def test_the_mass_of_a_wheel_stays_where_it_is() -> None:
             body.add(link, places[link.name])
         return body
 
-    written = _robot(_wheel("fl", LENGTH, WIDTH, 0.0))
+    written = on_wheels(wheel("fl", (LENGTH, WIDTH, RADIUS)), name="one")
     simulated = with_rollers(written, {"fl_joint": (TYRE, -SLANT)})
     before, now = whole(written), whole(simulated)
     assert now.mass == pytest.approx(before.mass)

@@ -209,25 +209,3 @@ def test_a_joint_without_a_command_interface_is_free(kind: str) -> None:
         assert least == pytest.approx(-4.0, abs=0.05)
     else:
         assert (least, greatest) == (pytest.approx(-1.0, abs=0.02), pytest.approx(1.0, abs=0.02))
-
-
-def test_a_robot_that_a_plugin_moves_sideways_is_driven_so() -> None:
-    """Its wheels look like those of a skid steer; they count as mecanum wheels."""
-    names = [("fl", 0.2, 0.15), ("fr", 0.2, -0.15), ("rl", -0.2, 0.15), ("rr", -0.2, -0.15)]
-    wheels = [
-        wheel(name, y).replace(f'<origin xyz="0 {y} 0"', f'<origin xyz="{x} {y} 0"')
-        for name, x, y in names
-    ]
-    plugin = '<gazebo><plugin name="drive" filename="libgazebo_ros_planar_move.so"/></gazebo>'
-    skid = parse_description(urdf(*wheels))
-    sideways = parse_description(urdf(*wheels, plugin))
-    with Simulation(skid) as simulation, pytest.raises(OneBotError, match="not move sideways"):
-        simulation.robot.drive(0.0, lateral=0.2)
-    with Simulation(sideways) as simulation:
-        simulation.robot.drive(0.0, lateral=0.2)
-        simulation.run(3.0)
-        assert (simulation.robot.pose.x, simulation.robot.pose.yaw) == pytest.approx(
-            (0, 0), abs=1e-3
-        )
-        assert simulation.robot.pose.y == pytest.approx(simulation.robot.odometry.y, abs=1e-3)
-        assert simulation.robot.pose.y > 0.3

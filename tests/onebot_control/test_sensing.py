@@ -220,6 +220,13 @@ def test_pybullet_casts_the_rays_where_there_is_no_embree(monkeypatch: pytest.Mo
     assert (np.abs(distances() - exact) < 0.02).mean() > 0.98
 
 
+def seen(scene, sensor, at, boxes=()):
+    """What the rays of a camera there meet, and its picture."""
+    pixels, targets = camera.camera_rays(sensor), Placed(scene, boxes, []).targets
+    hits = cast(pixels, np.eye(3), at, scene.still, targets, camera.reach(sensor))
+    return hits, painter.Painter(scene.still).picture(sensor, pixels, at, hits, targets)
+
+
 def test_a_picture_shows_a_box_where_it_is_with_its_color_and_depth():
     """Its corners are within a pixel, its depth within 2 mm, and the cloud is the depth."""
     scene = VisibleSurfaces(
@@ -229,9 +236,7 @@ def test_a_picture_shows_a_box_where_it_is_with_its_color_and_depth():
     pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.2, 1.3])
     focal = camera.focal_length(sensor)
     assert focal == pytest.approx(320 / (2 * math.tan(1.0472 / 2)))
-    placed = Placed(scene, [], [])
-    hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, camera.reach(sensor))
-    picture = painter.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+    hits, picture = seen(scene, sensor, at)
     found = camera.depths(sensor, hits)
     blue = (picture[..., 2] > 60) & (picture[..., :2] < 5).all(axis=-1)
     rows, columns = np.nonzero(blue)
@@ -271,10 +276,7 @@ def test_a_texture_of_a_mesh_is_seen(tmp_path: Path):
     for kind, boxes in (("fixed", ()), ("floating", STILL)):
         scene = VisibleSurfaces(world(link("flag", shape(flag, "2 0 0"), kind=kind)), [])
         sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
-        pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 0.5])
-        placed = Placed(scene, boxes, [])
-        hits = cast(pixels, np.eye(3), at, scene.still, placed.targets, 9.0)
-        picture = painter.Painter(scene.still).picture(sensor, pixels, at, hits, placed.targets)
+        _, picture = seen(scene, sensor, np.array([0.0, 0.0, 0.5]), boxes)
         above, below = picture[10, 20].astype(int), picture[30, 20].astype(int)
         assert above[0] > 60 and above[1] == 0 and below[1] > 60 and below[0] == 0, kind
 
@@ -286,15 +288,12 @@ def test_a_mirrored_mesh_is_lit_from_outside(tmp_path: Path, scale: tuple[float,
     scales = " ".join(map(str, scale))
     mirrored = f'<mesh filename="file://{tmp_path}/box.stl" scale="{scales}"/>'
     sensor = Camera(0.6, 40, 40, 0.1, 9.0, 0.1, 9.0)
-    pixels, at = camera.camera_rays(sensor), np.array([0.0, 0.0, 1.2])
     pictures = []
     for text in (mirrored, '<box size="1 1 1"/>'):
         scene = VisibleSurfaces(world(link("box", shape(text, "2 0 0.5"))), [])
         outwards = scene.still.normals * scene.still.solid.corners[scene.still.solid.faces[:, 0]]
         assert ((outwards - scene.still.normals * (2, 0, 0.5)).sum(axis=1) > 0.4).all()
-        targets = Placed(scene, (), []).targets
-        hits = cast(pixels, np.eye(3), at, scene.still, targets, 9.0)
-        pictures.append(painter.Painter(scene.still).picture(sensor, pixels, at, hits, targets))
+        pictures.append(seen(scene, sensor, np.array([0.0, 0.0, 1.2]))[1])
     np.testing.assert_array_equal(*pictures)
 
 
@@ -456,9 +455,6 @@ def test_an_imu_on_a_link_that_moves_measures_that_motion_too():
         np.testing.assert_allclose(linear, (-0.4, 0.0, 9.81), atol=1e-3)
 
 
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
 @pytest.mark.parametrize(
     ("reference", "forward"),
     [
@@ -475,8 +471,8 @@ def test_an_orientation_is_in_the_axes_that_the_imu_names(reference, forward):
     start = quaternions.from_rpy((0.0, 0.0, 0.2)).tolist()
     turn = imu.orientation(Imu(reference=reference), rotation, start)
     assert turn is not None
-    assert quaternions.rotate(turn, np.array(AXES["x"])) == pytest.approx(forward, abs=1e-9)
-    up = quaternions.rotate(turn, np.array(AXES["z"]))
+    assert quaternions.rotate(turn, np.array([1.0, 0.0, 0.0])) == pytest.approx(forward, abs=1e-9)
+    up = quaternions.rotate(turn, np.array([0.0, 0.0, 1.0]))
     assert up[2] == pytest.approx(-1.0 if reference.rpy[0] else 1.0)
     assert imu.orientation(Imu(reference=None), rotation, start) is None
 

@@ -80,10 +80,8 @@ def test_joint_names(joints: tuple[str, ...], partial: bool, expected: list[str]
     ("point", "expected"),
     [
         (Waypoint(2.0, ()), "positions: 0 values for 2 joints"),
-        (Waypoint(2.0, (0.5,) * 3), "positions: 3 values for 2 joints"),
         (Waypoint(2.0, (0.5,) * 2, (0.0,)), "velocities: 1 values for 2 joints"),
         (Waypoint(2.0, (0.5, math.nan)), "positions: elbow: nan is not finite"),
-        (Waypoint(2.0, (math.inf, 0.5)), "positions: shoulder: inf is not finite"),
         (Waypoint(2.0, (1e61, 0.5)), "positions: shoulder: 1e+61 is beyond 1e+60"),
         (Waypoint(2.0, (9.0, 2.51)), "positions: elbow: 2.51 is above the joint's limit 2.5"),
         (Waypoint(2.0, (9.0, -1.51)), "positions: elbow: -1.51 is below the joint's limit -1.5"),
@@ -93,7 +91,6 @@ def test_joint_names(joints: tuple[str, ...], partial: bool, expected: list[str]
             "and allow_nonzero_velocity_at_trajectory_end is false",
         ),
         (Waypoint(1.0, (0.5,) * 2), "time_from_start: 1 s is not after the 1 s of points[0]"),
-        (Waypoint(0.5, (0.5,) * 2), "time_from_start: 0.5 s is not after the 1 s of points[0]"),
         (Waypoint(math.nan, (0.5,) * 2), "time_from_start: nan s is not finite"),
     ],
 )
@@ -217,11 +214,6 @@ def test_goal_time_of_a_goal(given: float, expected: float) -> None:
             'path_tolerance: "wrist" is not a joint of the controller (known: elbow, shoulder)',
         ),
         (
-            {"path": {"elbow": (-0.5,)}},
-            "path_tolerance: elbow: position -0.5 is neither 0 (the default), nor above 0, "
-            "nor -1 (none)",
-        ),
-        (
             {"goal": {"elbow": (0.5, -2.0, 0.0)}},
             "goal_tolerance: elbow: velocity -2 is neither 0 (the default), nor above 0, "
             "nor -1 (none)",
@@ -267,19 +259,10 @@ def problem(values: dict[str, Any]) -> str:
             "known: acceleration, effort, position, velocity)",
         ),
         (
-            {"gains.elbow.p": "big"},
-            'gains.elbow.p: "big" is a string; write a number',
-        ),
-        (
             {"gains.elbow.kp": 1.0},
             'gains.elbow.kp: no such parameter (did you mean "p"? known: angle_wraparound, '
             "antiwindup_strategy, d, error_deadband, ff_velocity_scale, i, i_clamp, i_clamp_max, "
             "i_clamp_min, normalize_error, p, tracking_time_constant, and 2 more)",
-        ),
-        (
-            {"constraints.elbow.goals": 0.1},
-            'constraints.elbow.goals: no such parameter (did you mean "goal"? '
-            "known: goal, max_deceleration_on_cancel, trajectory)",
         ),
         (
             {"constraints.goal_tim": 0.1},

@@ -103,7 +103,6 @@ def found(description: Description) -> tuple[tuple[str, ...], tuple[str, ...]]:
     [
         (TWO, ["l"], ["r"]),
         ((*TWO, *BALLS), ["l"], ["r"]),
-        ((*TWO, SWIVEL), ["l"], ["r"]),
         ((*TWO, *ROLLERS), ["l"], ["r"]),
         ((*TWO, ARM), ["l"], ["r"]),
         ((*TWO, *TURNTABLES), ["l"], ["r"]),

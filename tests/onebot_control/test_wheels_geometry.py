@@ -102,11 +102,9 @@ def shapes(*collisions: str, visuals: tuple[str, ...] = ()) -> str:
     ("collisions", "visuals", "radius"),
     [
         ((SPHERE,), (CYLINDER,), 0.1),
-        ((CYLINDER,), (SPHERE,), 0.2),
         ((), (SPHERE,), 0.1),
         ((BOX,), (CYLINDER,), 0.2),
         ((BOX, SPHERE), (), 0.1),
-        ((SPHERE, SPHERE), (CYLINDER,), 0.1),
         ((SPHERE, CYLINDER), (), 0.2),
         ((HUB, SPHERE), (), 0.1),
         ((SPHERE, BESIDE), (), 0.1),
@@ -166,8 +164,6 @@ def test_joints_of_each_side_are_checked() -> None:
     ("values", "expected"),
     [
         ({}, (0.3, 0.06)),
-        ({"wheel_separation": 0.5}, (0.5, 0.06)),
-        ({"wheel_radius": 0.2}, (0.3, 0.2)),
         ({"wheel_separation": 0.5, "wheel_radius": 0.2}, (0.5, 0.2)),
         ({"wheel_separation_multiplier": 2.0}, (0.3, 0.06)),
     ],

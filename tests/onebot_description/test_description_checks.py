@@ -84,7 +84,6 @@ def _limit(lower="-1", upper="1", effort="1", velocity="1"):
     [
         (_limit("1", "1"), (1.0, 1.0, 1.0, 1.0)),
         (_limit(None, "0.5"), (0.0, 0.5, 1.0, 1.0)),
-        (_limit("-0.5", None), (-0.5, 0.0, 1.0, 1.0)),
         (_limit(effort="0"), (-1.0, 1.0, 0.0, 1.0)),
         (_limit(velocity="1e-300"), (-1.0, 1.0, 1.0, 1e-300)),
     ],
@@ -106,11 +105,9 @@ def test_limits_that_are_fine(kind, limit, found):
             "revolute",
             ["velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"],
         ),
-        (_limit("-1", None), "continuous", [ENDLESS]),
         (_limit(None, "1"), "continuous", [ENDLESS]),
         (_limit("0", "0"), "continuous", []),
         ("<limit/>", "fixed", []),
-        ("<limit/>", "planar", []),
         ("", "continuous", []),
     ],
 )
@@ -125,14 +122,6 @@ def test_kinds_without_limits_have_none(kind):
     assert (read.lower, read.upper, read.velocity, read.effort) == (None, None, 1.0, 1.0)
 
 
-@pytest.mark.parametrize("length", [0.9991, 1.0, 1.0009])
-def test_axes_of_almost_unit_length_are_taken_without_a_word(length):
-    assert warnings(joint(f'<axis xyz="0 {0.6 * length!r} {0.8 * length!r}"/>{LIMIT}')) == []
-    description = parse_description(joint(f'<axis xyz="0 {length!r} 0"/>{LIMIT}'), "r")
-    assert description.warnings == ()
-    assert description.joints[0].axis == (0.0, 1.0, 0.0)
-
-
 @pytest.mark.parametrize("length", [0.9989, 1.0011, 2.0, 1e-200])
 def test_axes_of_another_length_are_a_warning(length):
     (warning,) = warnings(joint(f'<axis xyz="0 0 {-length!r}"/>{LIMIT}'))
@@ -141,13 +130,13 @@ def test_axes_of_another_length_are_a_warning(length):
 
 
 @pytest.mark.parametrize(
-    ("xyz", "kept"), [("0 0 1.0000005", True), ("0 0 1.000002", False), ("0 0 0.999998", False)]
+    ("xyz", "kept"), [("0 0 1.0000005", True), ("0 0 0.999998", False), ("0 0 1.0009", False)]
 )
 def test_the_text_keeps_an_axis_that_is_exact_enough(xyz, kept):
     description = parse_description(joint(f'<axis xyz="{xyz}"/>{LIMIT}'))
     assert (xyz in description.urdf) is kept
     assert ("0.0 0.0 1.0" in description.urdf) is not kept
-    assert description.joints[0].axis == (0.0, 0.0, 1.0)
+    assert (description.joints[0].axis, description.warnings) == ((0.0, 0.0, 1.0), ())
 
 
 @given(st.tuples(*[st.floats(-1e3, 1e3)] * 3).filter(lambda axis: max(map(abs, axis)) > 1e-3))
@@ -194,12 +183,10 @@ def _origin(xyz):
     ("inside", "problem"),
     [
         (_limit("1", "0.5"), "<limit>: lower 1 is above upper 0.5; swap them"),
-        (_limit(None, "-1"), "<limit>: lower 0 is above upper -1; swap them"),
         (_limit("1", None), "<limit>: lower 1 is above upper 0; swap them"),
         (_limit(effort="-1"), '<limit>: effort="-1" is negative; it must not be'),
         (_limit(velocity="-1e-300"), '<limit>: velocity="-1e-300" is negative; it must not be'),
         (_limit(effort=None), '<limit>: has no effort; write effort="..."'),
-        (_limit(velocity=None), '<limit>: has no velocity; write velocity="..."'),
         (_limit(lower="x"), '<limit>: lower="x": "x" is not a finite number'),
         (_limit(lower="0 1"), '<limit>: lower="0 1": holds 2; it takes 1 number'),
         (f"{LIMIT}<mimic/>", '<mimic>: there is no joint "" to mimic (joints: none)'),
@@ -238,7 +225,6 @@ def _followers(*leaders, kinds=()):
     ("leaders", "found"),
     [
         (("b", "a"), ['3: joint "a" <mimic>: the joints a -> b -> a mimic each other in a circle']),
-        (("b", "c", "a"), ['3: joint "a" <mimic>: the joints a -> b -> c -> a mimic each other']),
         (("b", "c", "b"), ['5: joint "b" <mimic>: the joints b -> c -> b mimic each other in a']),
         (
             ("b", "a", "d", "c"),
@@ -250,7 +236,6 @@ def _followers(*leaders, kinds=()):
         (("a",), ['3: joint "a" <mimic>: the joints a -> a mimic each other in a circle']),
         (("x",), ['3: joint "a" <mimic>: there is no joint "x" to mimic']),
         (("",), []),
-        (("b", "c", ""), []),
         (("c", "c", "", "c"), []),
     ],
 )
@@ -278,7 +263,6 @@ def test_a_misspelt_leader_is_not_answered_with_the_follower_itself():
     ("attributes", "multiplier", "offset"),
     [
         ("", 1.0, 0.0),
-        ('multiplier="0"', 0.0, 0.0),
         ('multiplier="-2" offset="-0.5"', -2.0, -0.5),
         ('offset="0.25"', 1.0, 0.25),
     ],
@@ -297,8 +281,6 @@ def test_numbers_of_a_mimic(attributes, multiplier, offset):
         *((inertial(**moments), f"<inertial> <inertia>: {name} is negative; it must not be")
           for moments, name in [
             ({"ixx": -1}, 'ixx="-1"'),
-            ({"iyy": -1}, 'iyy="-1"'),
-            ({"izz": -1}, 'izz="-1"'),
             ({"izz": -2e-15}, 'izz="-2e-15"'),
         ]),
         (inertial('<mass value="-1"/>'),
@@ -309,11 +291,9 @@ def test_numbers_of_a_mimic(attributes, multiplier, offset):
         *((visual(f"<{shape}/>"), f"<visual> <geometry> <{shape.split()[0]}>: {text}")
           for shape, text in [
             ('box size="0 -1 -2"', 'size="0 -1 -2" is negative; it must not be'),
-            ('box size="1 1"', 'size="1 1": holds 2; it takes 3 numbers'),
             ('sphere radius="-1e-9"', 'radius="-1e-9" is negative; it must not be'),
             ("sphere", 'has no radius; write radius="..."'),
             ('cylinder radius="1"', 'has no length; write length="..."'),
-            ('cylinder length="1"', 'has no radius; write radius="..."'),
             ('mesh filename=""', 'names no file; write filename="package://<package>/<path>"'),
             (f'mesh filename="{CUBE}" scale="1"', 'scale="1": holds 1; it takes 3 numbers'),
         ]),
@@ -346,12 +326,9 @@ def test_geometry_of_one_shape(tag):
 def test_every_origin_is_checked():
     wrong = '<origin xyz="0 0" rpy="0"/>'
     box = '<geometry><box size="1 1 1"/></geometry>'
-    moments = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'
-    inside = (
-        f'<inertial>{wrong}<mass value="1"/><inertia {moments}/></inertial>'
-        f"<visual>{wrong}{box}</visual><collision>{wrong}{box}</collision>"
-    )
-    found = problems(link(inside))
+    shapes = f"<visual>{wrong}{box}</visual><collision>{wrong}{box}</collision></link>"
+    weighed = inertial(f'{wrong}<mass value="1"/>')
+    found = problems(weighed.replace("</link>", shapes))
     assert sorted(text.split(": ")[1] for text in found) == [
         f'link "a" <{tag}> <origin>' for tag in ("collision", "inertial", "visual") for _ in "12"
     ]
@@ -382,7 +359,6 @@ RED = _color("1 0 0 1")
         ("0 0 0 0", True),
         ("1 1 1 1", True),
         ("1.0001 0 0 1", False),
-        ("0 0 0 -0.0001", False),
         ("0 0 255 1", False),
     ],
 )
@@ -407,8 +383,6 @@ CLASH = [f"4: {USED} a material of that name looks different elsewhere"]
     [
         (_material(RED), "", "", []),
         ("", RED, "", []),
-        ("", "", RED, []),
-        ("", RED, RED, []),
         ("", RED, _color("1.0 0 0 1"), []),
         ("", "", "", [f"{line}: {USED} no material of that name is defined" for line in (3, 4)]),
         ("", RED, GREEN, CLASH),
@@ -455,7 +429,6 @@ def test_materials_without_a_name_are_each_their_own():
         ('<visul><geometri a="1"><x/></geometri></visul>', ["<visul>: unknown inside <link>"]),
         ('<gazebo><link x="1"><limit a="1"/></link></gazebo>', []),
         ("<sensor/><contact/><self_collision_checking/>", []),
-        ("<joint/>", ["<joint>: unknown inside <link>"]),
         ('<wheel name="w"/>', ['wheel "w": unknown inside <link>']),
         ('<x:y xmlns:x="http://a.org" a="1"><visul/></x:y>', []),
     ],
@@ -559,7 +532,6 @@ def _links(names):
     ("joints", "found"),
     [
         (["ab", "bc"], []),
-        (["bc", "ab"], []),
         (["ab", "ac"], []),
         (["ab", "bc", "ac"], ['5: joint "j2": link "c" has two parents: joint "j1" moves it']),
         (
@@ -567,18 +539,12 @@ def _links(names):
             ['4: joint "j1": link "b" has two', '5: joint "j2": link "b" has two', "2: link"],
         ),
         (["aa", "bc"], ['3: joint "j0": the links a -> a form a loop; remove one of its joints']),
-        (["bc", "cb"], ['4: joint "j1": the links b -> c -> b form a loop; remove one of its']),
         (["ab", "bc", "ca"], ['4: joint "j1": the links c -> a -> b -> c form a loop; remove']),
-        (
-            ["ab"],
-            ['2: link "c": the robot is in 2 separate parts, with the roots a, c; connect each'],
-        ),
         (
             [],
             ['2: link "b": the robot is in 3 separate parts, with the roots a, b, c; connect each'],
         ),
         (["ab", "bx"], ['4: joint "j1" <child>: there is no link "x" (links: a, b, c)']),
-        (["ab", "xc"], ['4: joint "j1" <parent>: there is no link "x"']),
     ],
 )
 def test_links_make_one_tree(joints, found):
@@ -611,12 +577,9 @@ def test_ends_that_are_missing_are_one_problem_each():
     ("text", "value"),
     [
         ("1", 1.0),
-        ("+1.", 1.0),
         ("-.5", -0.5),
         ("1e3", 1000.0),
-        ("1.5E-2", 0.015),
         (" 2\t", 2.0),
-        ("007", 7.0),
         ("1.7976931348623157e308", 1.7976931348623157e308),
         ("1e-999", 0.0),
     ],

@@ -29,6 +29,8 @@ SECRET = '<!DOCTYPE robot [<!ENTITY secret SYSTEM "file:///etc/passwd">]>'
             ":2:1: the prefix of a name is not declared; for xacro: write <robot xmlns:xacro=",
         ),
         ("<robot/>", ':1: <robot>: has no links; write at least <link name="base_link"/>'),
+        ('<COLLADA xmlns="http://www.collada.org/2008/03/COLLADASchema"/>', "<COLLADA>: the outer"),
+        ('<sdf version="1.6"/>', "<sdf>: the outermost element must be <ro"),
     ],
 )
 def test_a_document_that_is_no_robot(tmp_path: Path, document: str | bytes, words: str) -> None:

@@ -143,7 +143,6 @@ def test_check_lists_the_sensors():
         (block(low=3, high=-3), "<min_angle> 3 is not below <max_angle> -3"),
         (block(high=4.2), "more than a turn"),
         (block(far="nan"), '<max>: "nan" is not a finite number'),
-        (block(far=""), "<max>: is empty; write a number"),
         (block(inside=RAY.replace("max>", "most>").format(**VALUES)), "has no <range/max>"),
         (block(rate="1e6"), "<update_rate>: 1e+06 is above 1000; write a number from 0 to 1000"),
         (block(link="b"), 'there is no link "b" (links: a)'),

@@ -46,12 +46,9 @@ _SLIDE = '<limit lower="-0.25" upper="0.5" effort="2" velocity="3"/>'
         ("continuous", '<limit effort="0" velocity="0"/>', "j continuous x endless 0 rad/s, 0 Nm"),
         ("continuous", '<axis xyz="0 3 -4"/>', "j continuous 0 0.6 -0.8 endless"),
         ("fixed", '<axis xyz="0 1 0"/>', "j fixed"),
-        ("floating", "", "j floating"),
         ("planar", '<axis xyz="0 0 1"/>', "j planar z"),
-        ("continuous", '<mimic joint="k"/>', "j continuous x endless = k"),
         ("continuous", '<mimic joint="k" multiplier="-1"/>', "j continuous x endless = -1 × k"),
         ("continuous", '<mimic joint="k" offset="-0.5"/>', "j continuous x endless = k - 28.65°"),
-        ("continuous", '<mimic joint="k" offset="0.5"/>', "j continuous x endless = k + 28.65°"),
         (
             "prismatic",
             f'{_SLIDE}<mimic joint="k" multiplier="0" offset="0.5"/>',

@@ -75,7 +75,6 @@ def test_the_environment_overrides_the_default(
         ({RANGE: "SUBNET"}, "network.xml"),
         ({}, "network.xml"),
         ({RANGE: "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
-        ({RANGE: "LOCALHOST", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, ""),
         ({RANGE: "SUBNET", PROFILE: "/mine.xml"}, "mine.xml"),
     ],
 )

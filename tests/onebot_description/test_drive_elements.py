@@ -39,10 +39,8 @@ def read(*inside: str, **pose: str) -> Description:
     [
         ("1 -1 0", -QUARTER),
         ("1 1 0", QUARTER),
-        ("-1 1 0", -QUARTER),
         ("-2 -2 0", QUARTER),
         ("1 0 0", 0.0),
-        ("-1 0 0", 0.0),
         ("1 0.5 7", math.atan(0.5)),
     ],
 )
@@ -70,13 +68,10 @@ def test_friction_in_one_direction_is_rollers(block: str, direction: str, angle:
         ("<fdir1>1 0 0</fdir1>", False),  # of many robots with plain wheels
         ("<fdir1>0 1 0</fdir1>", False),
         (f"{GRIPS}<fdir1>0 1 0</fdir1>", False),  # the wheel's own axle
-        (f"{GRIPS}<fdir1>0 0 1</fdir1>", False),
         (f"{GRIPS}<fdir1>0 0 0</fdir1>", False),
         (GRIPS, False),
         (f"{GRIPS}<fdir1/>", False),
-        ("<mu1>0</mu1><mu2>0</mu2><fdir1>1 1 0</fdir1>", False),
         ("<mu1>1</mu1><mu2>1</mu2><fdir1>1 1 0</fdir1>", False),
-        ("<mu1>1</mu1><fdir1>1 1 0</fdir1>", False),
         ("<mu1>0.5</mu1><mu2>0.11</mu2><fdir1>1 0 0</fdir1>", False),
         ("<mu>1.5</mu><mu2>0.7</mu2><fdir1>1 1 0</fdir1>", True),  # of linorobot2
     ],
@@ -210,7 +205,6 @@ def test_plugins_are_read(block: str, kind: str, joints: object, steering_limit:
         ("gz-sim-velocity-control-system", "gz::sim::systems::VelocityControl", "planar"),
         ("libMecanumDrive.so", "x", "mecanum"),
         ("gz-sim-joint-controller-system", "gz::sim::systems::JointController", ""),
-        ("libjoint_velocity_control.so", "x", ""),
         ("gz-sim-diff-drive-system", "gz::sim::systems::DiffDrive", ""),
         ("libgazebo_ros2_control.so", "mecanum_drive_controller", ""),
         ("gz_ros2_control-system", "gz_ros2_control::GazeboSimROS2ControlPlugin", ""),
@@ -226,7 +220,6 @@ def test_kinds_of_plugins(filename: str, name: str, kind: str) -> None:
     [
         ("x", 'plugin "p" <steering_limit>: "x" is not a finite number'),
         ("0", '"0" is not positive; it must be'),
-        ("-1e0", '"-1e0" is not positive'),
         ("inf", '"inf" is not a finite number'),
     ],
 )

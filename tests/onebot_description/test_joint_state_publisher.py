@@ -170,11 +170,6 @@ def test_parameters_can_be_set_while_it_runs(start: Start, listener: Listener, m
     assert listener.set("pose", "up") == ""
     listener.hears(lambda s: s.position[0] == 0.2, "the pose")
     assert listener.set("pose", "") == ""
-    assert listener.set(f"motions.{JOINT}.type", "sine") == ""
-    assert listener.set(f"motions.{JOINT}.frequency", 0.3) == ""
-    assert listener.set(f"motions.{JOINT}.amplitude", 0.2) == ""
-    listener.hears(lambda s: s.position[0] < -0.1, "the sine below")
-    listener.hears(lambda s: s.position[0] > 0.1, "the sine above")
     assert listener.set(f"motions.{JOINT}.type", "constant") == ""
     listener.hears(lambda s: s.position[0] == 0.0, "the constant")
     assert listener.set("robot_description", MRM.replace(JOINT, "other")) != ""

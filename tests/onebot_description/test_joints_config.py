@@ -41,9 +41,7 @@ ONCE = {"blend": "minimum_jerk", "loop": False}
     ("written", "expected"),
     [
         ({"type": "constant", "position": 1}, Keyframes.hold(1.0)),
-        ({"type": "constant", "position": 0}, Keyframes.hold(0.0)),
         ({"type": "sine", "amplitude": 0, "frequency": 0, "phase": 0, "offset": 0}, Sine(0.0, 0.0)),
-        ({"type": "sine", "amplitude": 1.0, "frequency": 0.1}, Sine(1.0, 0.1)),
         (
             {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},
             Sine(1, 2, 4, 3),
@@ -74,11 +72,7 @@ HOME = {"poses": {"home": {"a": 0}}}
     [
         (motion(type="sinus"), 'motions.a.type: no "sinus" (did you mean "sine"?'),
         (motion(type="keyframes", times=[0, 1], positions=[0]), "2 times but 1 positions"),
-        (motion(type="keyframes", positions=[0]), "0 times but 1 positions"),
-        (motion(type="pose") | HOME, 'motions.a.pose: no pose ""'),
         (motion(type="keyframes", times=[0, 1, 1], positions=[0, 1, 2]), "must increase, from 0"),
-        (motion(type="keyframes", times=[-1e-9, 1], positions=[0, 1]), "must increase, from 0 on"),
-        (motion(type="keyframes", times=[0, 1]), "either positions or poses"),
         (motion(type="pose", pose="hme") | HOME, 'did you mean "home"?'),
         (motion(type="pose", pose="home") | {"poses": {"home": {"b": 0}}}, "add poses.home.a"),
         ({"pose": "up"} | HOME, 'pose: no pose "up" (poses: home)'),
@@ -96,7 +90,6 @@ HOME = {"poses": {"home": {"a": 0}}}
             motion(type="keyframes", times=[0], positions=[1], poses=["home"]) | HOME,
             "either positions or poses",
         ),
-        ({"rate": 0}, "rate: 0 is below 0.001"),
     ],
 )
 def test_mistakes_are_refused_with_the_remedy(parameters: dict[str, Any], words: str) -> None:
@@ -121,7 +114,6 @@ def test_the_edges_of_what_is_possible() -> None:
         ({"motions": {"a": {"type": "constant", "position": 0.0}}}, True),
         ({"poses": {"p": {"a": 1.0}}}, False),
         ({"poses": {"p": {"a": 1.0}}, "pose": "p"}, True),
-        ({"zeros": {"a": 1.0}}, False),
         ({"dependent_joints": {"a": {"parent": "b"}}}, False),
     ],
 )

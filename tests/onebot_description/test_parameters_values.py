@@ -30,7 +30,6 @@ LIMIT = Rule("m/s", at_least=0.0, nan="no limit")
         (Rule(at_least=1.0), "from 1", [1.0, LARGEST], [BELOW_ONE, -1.0]),
         (Rule(at_least=0.0, at_most=1.0), "from 0 to 1", [0.0, 1.0], [-SMALL, ABOVE_ONE]),
         (Rule(at_most=1.0), "up to 1", [-LARGEST, 1.0], [ABOVE_ONE]),
-        (Rule(at_most=0.0), "up to 0", [-1.0, 0.0], [SMALL]),
     ],
 )
 def test_ranges_at_their_edges(
@@ -57,19 +56,14 @@ def test_the_side_on_which_a_value_is_out_of_range() -> None:
         (ValueType(float), 3, 3.0),
         (ValueType(float), -LARGEST, -LARGEST),
         (ValueType(int, Rule(at_least=1, at_most=9)), 1, 1),
-        (ValueType(int, Rule(at_least=1, at_most=9)), 9, 9),
-        (ValueType(int), -(2**63), -(2**63)),
         (ValueType(int), 2**63 - 1, 2**63 - 1),
         (ValueType(bool), False, False),
         (ValueType(str), "", ""),
-        (ValueType(str, Rule(choices=("a", "b"))), "b", "b"),
         (ValueType(str, Rule(pattern=re.compile("a+"))), "aa", "aa"),
         (ValueType(float, Rule(), many=True), [], ()),
         (ValueType(float, Rule(), many=True), array("d", [1.0, 1.0]), (1.0, 1.0)),
         (ValueType(int, Rule(unique=True), many=True), (2, 1), (2, 1)),
-        (ValueType(float, Rule(), many=True, length=2), [1, 2], (1.0, 2.0)),
         (ValueType(float, Rule(), many=True, length=2, optional=True), [], None),
-        (ValueType(float, Rule(), many=True, length=2, optional=True), [0, 0], (0.0, 0.0)),
         (ValueType(float, optional=True), None, None),
         (ValueType(float, optional=True), 0.0, 0.0),
     ],
@@ -92,7 +86,7 @@ _NEAR_OR_FAR = ValueType(str, Rule(choices=("near", "far")))
 _ONLY_A = ValueType(str, Rule(pattern=re.compile("a")))
 _UNIQUE = ValueType(str, Rule(unique=True), many=True)
 _SIZE = ValueType(float, Rule("size", write="[width, height]"), many=True, length=2)
-_BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
+_INTEGERS = ValueType(int, many=True)
 
 
 @pytest.mark.parametrize(
@@ -105,22 +99,16 @@ _BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
         (ValueType(float), 1.001e60, "1.001e+60 is beyond 1e+60; write a number"),
         (ValueType(int), 1.0, "1.0 is a number; write an integer"),
         (ValueType(int), True, "true is a bool; write an integer"),
-        (ValueType(int), -(2**63) - 1, "needs more than 64 bits; write an integer"),
         (ValueType(int), 2**63, "needs more than 64 bits; write an integer"),
-        (ValueType(float), 10**400, "needs more than 64 bits; write a number"),
         (ValueType(bool), 0, "0 is a number; write true or false"),
         (ValueType(str), {}, "is a map; write a string"),
         (ValueType(str), 1.5, '1.5 is a number; write a string, such as "1.5"'),
-        (ValueType(str), True, "true is a bool; write a string"),
         (ValueType(str, Rule(not_empty=True)), "", "is empty; write a string"),
-        (ValueType(str, Rule(choices=("a", "b"))), 1, "1 is a number; write one of a, b"),
         (_NEAR_OR_FAR, "farr", 'no "farr" (did you mean "far"? known: far, near)'),
         (_ONLY_A, "ab", '"ab" is not valid; write a string'),
         (_STRINGS, [], "is empty; write a list of strings, such as [first, second]"),
-        ((_STRINGS, [""], "is empty; write a list of strings, such as [first, second]")),
         (_STRINGS, [None], "has no value; write a list of strings, such as [first, second]"),
         (_UNIQUE, ["a", "b", "c", "c", "b"], '"b" occurs twice'),
-        (_BOOLEANS, [1], "1 is a number; write a list of booleans, such as [true, false]"),
         (_INTEGERS, [1.5], "1.5 is a number; write a list of integers, such as [0, 1]"),
         (
             ValueType(float, many=True, length=4),
@@ -128,7 +116,6 @@ _BOOLEANS, _INTEGERS = ValueType(bool, many=True), ValueType(int, many=True)
             "1.0 is a number; write a list of 4 numbers, such as [0.0, 1.0, 2.0, 0.0]",
         ),
         (ValueType(int, Rule("x and y"), many=True, length=2), [1], "1 integers; write 2: x and y"),
-        (ValueType(int, many=True, length=2), [1, 2, 3], "3 integers; write 2"),
         (_SIZE, [1.0], "1 numbers; write [width, height]"),
     ],
 )

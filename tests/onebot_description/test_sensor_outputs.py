@@ -50,13 +50,11 @@ def test_the_placeholder_of_sdformat_names_no_topic(inside, expected):
 @pytest.mark.parametrize(
     ("inside", "expected"),
     [
-        (ros("p/out:=scan"), "scan"),
         (ros("/p/out:=scan"), "scan"),
         (ros("~/out:=~/scan"), "p/scan"),
         (ros("~/out:=scan", namespace="front/left/"), "front/left/scan"),
         (ros("~/out:=/scan", namespace="/front"), "/scan"),
         (ros("/front/p/out:=scan", namespace="/front"), "front/scan"),
-        (ros("~/out:=scan", namespace="/"), "scan"),
         ("<ros><argument>~/out:=scan</argument></ros>", "scan"),
         (ros(namespace="front"), "front/p/out"),
         ("", "p/out"),
@@ -354,7 +352,6 @@ def test_limits_that_cannot_be_are_a_fault(inside, fault):
     [
         ("", "libgazebo_ros_ray_sensor.so", "infrared", 6.0),
         (child(radiation_type="ultrasound"), "libgazebo_ros_ray_sensor.so", "ultrasound", 6.0),
-        (child(radiation_type="ultrasonic"), "libgazebo_ros_ray_sensor.so", "ultrasound", 6.0),
         (child(radiationType="infrared"), "libgazebo_ros_ray_sensor.so", "infrared", 6.0),
         ("", "libgazebo_ros_range.so", "ultrasound", 6.0),
         (child(radiation="infrared", fov=0.05), "libgazebo_ros_range.so", "infrared", 0.05),

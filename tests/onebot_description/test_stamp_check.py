@@ -54,7 +54,6 @@ def test_a_clock_that_is_off_is_named_once(offset: float, text: str) -> None:
     "offset",
     [
         lambda _: 0.4,
-        lambda _: -0.4,
         lambda t: -3.0 if int(t) % 4 else 0.0,  # late now and then
         lambda t: -2.0 - t,  # an old message again and again
         lambda t: -3.0 if t < 3.0 else 0.0,  # what waited while a link was cut

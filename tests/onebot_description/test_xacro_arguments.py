@@ -60,9 +60,7 @@ def robot(inside: str) -> str:
         ("$(find onebot_description)/urdf/onebot.urdf.xacro", True),
         ("$(find no_such_package)/urdf/part.xacro", False),
         ("$(arg part).xacro", False),
-        ("${part}.xacro", False),
         ("$(find onebot_description", False),
-        ("", False),
     ],
 )
 def test_includes_that_can_be_followed(tmp_path: Path, included: str, complete: bool) -> None:
