@@ -50,13 +50,14 @@ def joint(
     xyz: str = "0 0 0",
     *,
     limits: str = 'lower="-2" upper="2" effort="100" velocity="2"',
+    rpy: str = "0 0 0",
     more: str = "",
 ) -> str:
     """A joint; ``more`` are further elements, such as <mimic>."""
     limit = "" if kind in ("fixed", "continuous") else f"<limit {limits}/>"
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}{more}</joint>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{limit}{more}</joint>'
     )
 
 

@@ -13,6 +13,7 @@ from onebot_control.trajectories.following import TrajectoryFollower
 from onebot_description.description import parse_description
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
+from tests.onebot_control.arm_models import interfaces, joint, link, mimic
 from tests.onebot_control.control_support import (
     CASTER,
     IdealPlant,
@@ -287,23 +288,13 @@ def test_covariance_is_of_the_way_since_the_odometry_was_set() -> None:
 
 def moving(name: str, kind: str, limit: str, leader: str, factor: float, offset: float) -> str:
     """A link that mimics a joint."""
-    return (
-        f'<link name="{name}"/><joint name="{name}_joint" type="{kind}">'
-        f'<parent link="base_link"/><child link="{name}"/><axis xyz="0 0 1"/>{limit}'
-        f'<mimic joint="{leader}" multiplier="{factor}" offset="{offset}"/></joint>'
-    )
+    follows = mimic(leader, factor, offset)
+    moved = joint(f"{name}_joint", "base_link", name, kind, UP, limits=limit, more=follows)
+    return link(name) + moved
 
 
-LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="9"/>'
-ARM = (
-    '<link name="arm"/><joint name="arm_joint" type="revolute"><parent link="base_link"/>'
-    f'<child link="arm"/><axis xyz="0 0 1"/>{LIMIT.format(0.25, 1)}</joint>'
-)
-# Without a position command interface no controller commands it.
-HELD = (
-    '<ros2_control name="arm" type="system"><joint name="arm_joint">'
-    '<command_interface name="velocity"/></joint></ros2_control>'
-)
+UP, LIMIT = "0 0 1", 'lower="{}" upper="{}" effort="1" velocity="9"'
+ARM = link("arm") + joint("arm_joint", "base_link", "arm", axis=UP, limits=LIMIT.format(0.25, 1))
 
 
 def test_mimic_joints_stand_where_their_masters_have_them() -> None:
@@ -322,7 +313,7 @@ def test_mimic_joints_stand_where_their_masters_have_them() -> None:
             moving("gauge", "continuous", "", "gear_joint", -1.0, 0.25),
             moving("gear", "revolute", wide, leader, 3.0, 0.5),
             ARM,
-            HELD,
+            interfaces("arm_joint", "velocity"),  # which no controller commands
         )
     )
     with alone(description, config()) as fleet:

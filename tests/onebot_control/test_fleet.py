@@ -15,7 +15,7 @@ from onebot_description.description import Description
 from onebot_description.description.loading import load_world
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose
-from tests.onebot_control.arm_models import arm, rod
+from tests.onebot_control.arm_models import arm, box, joint, link, rod
 from tests.onebot_control.control_support import CASTER, config, robot, wheel
 from tests.onebot_control.test_scene import part, scene
 
@@ -125,11 +125,8 @@ def test_a_description_without_room_changes_nothing() -> None:
 
 def nosed(length: float) -> Description:
     """The small robot with a box that reaches so far before it, m."""
-    nose = (
-        f'<link name="nose"><collision><geometry><box size="{length} 0.1 0.02"/></geometry>'
-        '</collision></link><joint name="nose_joint" type="fixed"><parent link="base_link"/>'
-        f'<child link="nose"/><origin xyz="{length / 2} 0 0.05"/></joint>'
-    )
+    nose = link("nose", shape=box(f"{length} 0.1 0.02"))
+    nose += joint("nose_joint", "base_link", "nose", "fixed", xyz=f"{length / 2} 0 0.05")
     return robot(wheel("left", 0.15), wheel("right", -0.15), CASTER, nose)
 
 

@@ -52,14 +52,11 @@ def test_a_rod_without_gravity_needs_the_effort_of_its_inertia() -> None:
 @pytest.mark.parametrize("reference", ["rod", "tip"])
 def test_gravity_acts_on_the_other_parts_of_a_body(reference: str) -> None:
     """Of a rod and a tip that is fixed to it, turned, each with a mass of its own."""
-    fixed = joint("glue", "rod", "tip", "fixed", xyz="1 0 0").replace(
-        "<origin", '<origin rpy="1 2 3"'
-    )
     body = arm(
         link("rod", ROD.mass, f"{ROD.length} 0 0", ROD.moment),
         joint("elbow", "world", "rod", xyz="0 0 3"),
         link("tip", 0.3),
-        fixed,
+        joint("glue", "rod", "tip", "fixed", xyz="1 0 0", rpy="1 2 3"),
     )
     with simulate(gazebo(body, **{reference: NONE})) as simulation:
         simulation.run(0.5)
@@ -86,16 +83,12 @@ def test_a_weightless_box_floats_until_it_is_pushed() -> None:
 def test_a_box_slides_down_a_slope_by_its_mu1(friction: float | None) -> None:
     """By g (sin - mu cos) from rest; without one, friction of 1 holds it."""
     slope = math.radians(25.0)
-    tilted = f'rpy="0 {slope} 0"'
+    tilted = f"0 {slope} 0"
     ramp = link("ramp", shape=box("4 1 0.1"))
-    glue = joint("glue", "world", "ramp", "fixed", xyz="0 0 3").replace(
-        "<origin", f"<origin {tilted}"
-    )
+    glue = joint("glue", "world", "ramp", "fixed", xyz="0 0 3", rpy=tilted)
     start = f"{0.075 * math.sin(slope)} 0 {3.0 + 0.075 * math.cos(slope)}"
     cube = link("box", 0.05, moment=0.05 * 0.05**2 / 6, shape=box("0.05 0.05 0.05"))
-    free = joint("free", "world", "box", "floating", xyz=start).replace(
-        "<origin", f"<origin {tilted}"
-    )
+    free = joint("free", "world", "box", "floating", xyz=start, rpy=tilted)
     world = arm(ramp, glue, cube, free)
     if friction is not None:
         world = gazebo(world, box=f"<mu1>{friction}</mu1><mu2>{friction}</mu2>")

@@ -122,16 +122,13 @@ def test_it_stalls(allowed: bool) -> None:
     assert finger.position == pytest.approx(0.019)
 
 
-def test_one_that_moves_slowly_does_not_stall() -> None:
+@pytest.mark.parametrize(("speed", "text"), [(0.0011, REACHED), (0.0009, STALLED)])
+def test_one_that_moves_slowly_does_not_stall(speed: float, text: str) -> None:
     """Faster than the threshold it takes its time, slower it stalls."""
     finger = Finger(stall_velocity_threshold=0.001)
-    finger.speed = 0.0011
+    finger.speed = speed
     finger.gripper.start(GripperGoal((OPEN - 0.012,)), "mine")
-    assert finger.outcome().text == REACHED
-    finger = Finger(stall_velocity_threshold=0.001)
-    finger.speed = 0.0009
-    finger.gripper.start(GripperGoal((OPEN - 0.012,)), "mine")
-    assert finger.outcome().text == STALLED
+    assert finger.outcome().text == text
 
 
 def test_a_rest_on_the_way_counts_anew() -> None:

@@ -182,15 +182,6 @@ def test_a_tricycle_whose_steered_wheel_is_driven() -> None:
         assert robot.twist.angular == pytest.approx(0.5, abs=5e-3)
 
 
-def test_a_car_says_that_it_does_not_turn_on_the_spot() -> None:
-    for limit in (0.5, math.pi / 2.0):
-        kinematics = SteeredKinematics(SteeredGeometry(BASE, RADIUS, TRACK, 0.0, limit))
-        assert "no turn on the spot" in kinematics.fault((0.0, 0.0, 1.0))
-        assert kinematics.fault((1.0, 0.0, 0.1)) == ""
-    driven = SteeredGeometry(BASE, RADIUS, front_driven=True)
-    assert SteeredKinematics(driven).fault((0.0, 0.0, 1.0)) == ""
-
-
 @pytest.mark.parametrize(("count", "first"), [(3, -90), (3, 0), (4, 0), (4, 45)])
 def test_an_omni_drive_may_have_lateral_wheels(count: int, first: int) -> None:
     description = omni(count, math.radians(first))
