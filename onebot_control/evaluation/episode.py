@@ -103,7 +103,10 @@ def run(work: Work, case: Case) -> EpisodeOutcome:
             error = sentence(raised)
         is_wanted = work.keep == "all" or not succeeded(row, error, work.success)
         if work.recorder and simulations and is_wanted:
-            recording = _recording(work.recorder, simulations[0])
+            try:
+                recording = _recording(work.recorder, simulations[0])
+            except (OSError, OneBotError) as raised:  # such as a full disk; the row stays
+                error = error or f"its recording failed: {sentence(raised)}"
     return EpisodeOutcome(row, error, recording)
 
 

@@ -286,6 +286,19 @@ def test_a_study_goes_on_from_its_journal(tmp_path: Path) -> None:
         evaluate(simple, [{"seed": 1}], journal=tmp_path)
 
 
+def test_a_recording_that_fails_leaves_the_row() -> None:
+    def fail(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    def episode(case: Case) -> dict[str, bool]:
+        with Simulation() as simulation:
+            return {"reached": simulation.time > 1.0}
+
+    [row] = evaluate(episode, grid(seed=[3]), workers=0, recorder=fail).to_pylist()
+    error = "its recording failed: OSError: No space left on device"
+    assert row == {"seed": 3, "reached": False, "error": error}
+
+
 def test_intervals_and_shares() -> None:
     """Wilson's, as published for 8 of 10; an episode without a value is not left out."""
     eight = evaluate(lambda case: {"reached": case["seed"] < 8}, grid(seed=range(10)), workers=0)
