@@ -6,14 +6,12 @@ import pytest
 from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from onebot_description.description import parse_description
 from onebot_description.ros.wire.interfaces import TFMessage
 from tests.onebot_control.control_support import robot
 from tests.onebot_control.node_support import NODE, RosSimulation, Stepped
-from tests.onebot_control.test_scene import WALL
+from tests.onebot_control.test_scene import WALL, scene
 
 EVERY = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-WORLD = f'<robot name="w"><link name="world"/>{WALL}</robot>'
 
 
 def tf(*frames: tuple[str, str], x: float = 0.0) -> TFMessage:
@@ -36,7 +34,7 @@ def parents(messages: list[Any], child: str = "odom") -> set[str]:
 
 
 def simulated(make: RosSimulation, **values: Any) -> Stepped:
-    return Stepped(make(robot(), world=parse_description(WORLD), x=-0.5, parameters=values))
+    return Stepped(make(robot(), world=scene(WALL), x=-0.5, parameters=values))
 
 
 def test_the_truth_gives_way_to_a_localizer(

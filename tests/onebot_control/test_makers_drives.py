@@ -15,6 +15,7 @@ from onebot_control.simulated_robot import SimulatedRobot
 from onebot_description.description import Description, parse_description
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import read
+from tests.onebot_control.arm_models import box, joint, link
 from tests.onebot_control.drive_models import CORNERS, mecanum, omni
 
 BASE, TRACK, RADIUS = 1.7, 1.0, 0.3  # m, of the car
@@ -25,41 +26,34 @@ OMNI = "omni_wheel_drive_controller/OmniWheelDriveController"
 REAR, FRONT = ("rear_right", "rear_left"), ("front_right", "front_left")
 
 
-def link(name: str, mass: float, moment: float, shape: str = "") -> str:
-    collision = f"<collision><geometry>{shape}</geometry></collision>" if shape else ""
-    return (
-        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{moment}" '
-        f'iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/></inertial>{collision}</link>'
-    )
+def mounted(name: str, parent: str, xyz: str, rpy: str, axis: str, kind: str = "continuous") -> str:
+    """The joint of a link."""
+    limits = 'lower="-0.5" upper="0.5" effort="9" velocity="100"'
+    return joint(name, parent, f"{name}_link", kind, axis, xyz, rpy=rpy, limits=limits)
 
 
-def joint(name: str, parent: str, xyz: str, rpy: str, axis: str, kind: str = "continuous") -> str:
-    limit = '<limit lower="-0.5" upper="0.5" effort="9" velocity="100"/>'
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{name}_link"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        f"{limit if kind == 'revolute' else ''}</joint>"
-    )
+def solid(geometry: str) -> str:
+    return f"<collision><geometry>{geometry}</geometry></collision>"
 
 
 def wheel(name: str, parent: str, xyz: str, rpy: str = f"{ROUGH} 0 0", mass: float = 2.0) -> str:
-    shape = f'<cylinder radius="{RADIUS}" length="0.08"/>'
-    return link(f"{name}_link", mass, 0.14, shape) + joint(name, parent, xyz, rpy, "0 0 1")
+    shape = solid(f'<cylinder radius="{RADIUS}" length="0.08"/>')
+    body = link(f"{name}_link", mass, moment=0.14, shape=shape)
+    return body + mounted(name, parent, xyz, rpy, "0 0 1")
 
 
 def robot(*parts: str) -> Description:
     """A robot whose body is lighter than its wheels."""
-    body = link("body", 1.0, 0.4, '<box size="1.8 0.8 0.3"/>')
-    fixed = joint("body", "base", f"{BASE / 2} 0 {RADIUS + 0.2}", "0 0 0", "1 0 0", "fixed")
-    body = body.replace('"body"', '"body_link"')
+    body = link("body_link", 1.0, moment=0.4, shape=box("1.8 0.8 0.3"))
+    fixed = mounted("body", "base", f"{BASE / 2} 0 {RADIUS + 0.2}", "0 0 0", "1 0 0", "fixed")
     return parse_description(
         f'<robot name="bot"><link name="base"/>{body}{fixed}{"".join(parts)}</robot>'
     )
 
 
 def steered(name: str, x: float, y: float, kind: str) -> str:
-    hinge = link(f"{name}_hinge_link", 0.1, 1e-4)
-    hinge += joint(f"{name}_hinge", "base", f"{x} {y} {RADIUS}", "0 0 0", "0 0 1", kind)
+    hinge = link(f"{name}_hinge_link", 0.1, moment=1e-4)
+    hinge += mounted(f"{name}_hinge", "base", f"{x} {y} {RADIUS}", "0 0 0", "0 0 1", kind)
     return hinge + wheel(name, f"{name}_hinge_link", "0 0 0")
 
 
@@ -81,8 +75,8 @@ def control(**commands: str) -> str:
 def tricycle() -> Description:
     """Its front wheel is steered and driven."""
     rear = [wheel(f"rear_{y}", "base", f"0 {y} {RADIUS}") for y in (-0.5, 0.5)]
-    hinge = link("hinge_link", 0.005, 0.1)
-    hinge += joint("hinge", "base", f"{BASE} 0 {RADIUS}", "0 0 0", "0 0 1")
+    hinge = link("hinge_link", 0.005, moment=0.1)
+    hinge += mounted("hinge", "base", f"{BASE} 0 {RADIUS}", "0 0 0", "0 0 1")
     driven = wheel("driven", "hinge_link", "0 0 0", f"{-math.pi / 2.0} 0 0", 15.0)
     return robot(*rear, hinge, driven, control(hinge="position", driven="velocity"))
 
@@ -200,8 +194,8 @@ def test_an_omni_drive_may_have_lateral_wheels(count: int, first: int) -> None:
 
 def test_a_ball_that_rolls_sideways_makes_no_omni_drive() -> None:
     """Nor do wheels of another radius."""
-    ball = link("ball_link", 0.1, 1e-4, '<sphere radius="0.05"/>')
-    ball += joint("ball", "base", "0.5 0 0.05", "0 0 0", "1 0 0")
+    ball = link("ball_link", 0.1, moment=1e-4, shape=solid('<sphere radius="0.05"/>'))
+    ball += mounted("ball", "base", "0.5 0 0.05", "0 0 0", "1 0 0")
     sides = [wheel(f"side_{y}", "base", f"0 {y} {RADIUS}") for y in (-0.5, 0.5)]
     description = robot(*sides, ball, ball.replace("ball", "bowl").replace('"0.5 0', '"0.6 0'))
     assert found_drive(description) is ControlConfig

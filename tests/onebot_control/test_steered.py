@@ -143,7 +143,6 @@ def test_wheels_wait_for_the_steering() -> None:
     ("arguments", "fault"),
     [
         ((0.0, 0.1), "wheelbase must be at least 1e-06 m, not 0 m"),
-        ((-0.5, 0.1), "wheelbase must be"),
         ((0.5, math.inf), "radius must be"),
         ((0.5, 0.1, 0.3, 0.0, 0.5, True), "only a single wheel can be both steered and driven"),
     ],
