@@ -240,6 +240,6 @@ def test_bag_recorder(start_node: Callable[..., Node], tmp_path: Path) -> None:
     """They are recorded as they come, without being looked at."""
     node = start_node(BagRecorder, folder=tmp_path / "run")
     node.create_publisher(JointState, "joint_states", 10)
-    wait_for(lambda: node._topics.poll() or any(node.subscriptions), "a subscription")
+    wait_for(lambda: node._poll() or any(node.subscriptions), "a subscription")
     feed(node, node._write)
     assert node._bag.open
