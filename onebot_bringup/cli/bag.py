@@ -33,7 +33,10 @@ _CLOCK_RATE = 40.0  # Hz, as in ros2 bag play
 _MIN_ROUND = 0.1  # minimum duration of a round with --loop, s
 
 
-_SOURCE = positional("BAG", "a folder of rosbag2, or its .mcap or .db3 file")
+_SOURCE = (
+    positional("BAG", "a folder of rosbag2, or its .mcap or .db3 file"),
+    option("--max-size", "MB", "largest message or chunk that is read (256)", positive, 256.0),
+)
 
 
 def info(args: Namespace) -> None:
@@ -46,7 +49,7 @@ def info(args: Namespace) -> None:
 def _open(args: Namespace) -> "Bag":
     from onebot_bringup.bags.bag_reader import Bag
 
-    bag = Bag(Path(args.bag).expanduser())
+    bag = Bag(Path(args.bag).expanduser(), int(args.max_size * 1e6))
     _warn_of(bag)
     return bag
 
@@ -152,7 +155,7 @@ def play(args: Namespace) -> None:
 
 
 _PLAY = (
-    _SOURCE,
+    *_SOURCE,
     option("-r --rate", "RATE", "2 plays twice as fast (1)", positive, 1.0),
     option("--topics", "TOPIC", "play only these", default=[], nargs="+"),
     option("--exclude-topics", "TOPIC", "play all but these", default=[], nargs="+"),
@@ -286,7 +289,7 @@ def played_qos(offered: Sequence["Qos"]) -> Any:
 
 
 COMMANDS = {
-    "info": Subcommand("show what a recording holds", info, _SOURCE),
+    "info": Subcommand("show what a recording holds", info, *_SOURCE),
     "record": Subcommand("record topics into a new folder", record, *_RECORD),
     "play": Subcommand(
         "publish the messages of a recording", play, *_PLAY, endless=lambda args: args.loop

@@ -110,7 +110,7 @@ class RobotView:
         for display in self._displays:
             display.apply(self._view.settings_of(display))
         for message_display in self.message_displays:
-            message_display.limited = live and message_display.draws.replaces_previous
+            message_display.limited = live
         problems = self.inbox.subscribe(self._subscriptions())
         if problems:
             raise OneBotError("; ".join(problems))

@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, TimeoutError, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 from pebble import ProcessExpired, ProcessPool
 
-from onebot_control.evaluation.episode import run_packed
+from onebot_control.evaluation.episode import run_packed, unpacked
 from onebot_control.evaluation.rows import EpisodeOutcome, Outcomes
 from onebot_description.errors import OneBotError
 
@@ -53,7 +53,7 @@ class _Context(SpawnContext):
     Process = _Process
 
 
-def _start() -> None:
+def _start(packed: bytes) -> None:
     from onebot_description.ros.domains import used_domain
 
     parent = multiprocessing.parent_process()
@@ -69,6 +69,8 @@ def _start() -> None:
             _stack.enter_context(used_domain())
         except OneBotError as error:  # episodes without ROS need no domain
             os.environ["ROS_DOMAIN_ID"] = str(error)
+    with suppress(Exception):  # the first episode reports it
+        unpacked(packed)  # now, so that imports do not count as an episode's time
 
 
 class Worker:
@@ -90,7 +92,7 @@ class Worker:
 
     def _open(self) -> None:
         context: Any = _Context()  # pebble's types only accept the contexts of multiprocessing
-        self._pool = ProcessPool(1, initializer=_start, context=context)
+        self._pool = ProcessPool(1, initializer=_start, initargs=(self._packed,), context=context)
 
     def close(self) -> None:
         """End the process."""

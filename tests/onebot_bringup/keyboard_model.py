@@ -1,4 +1,4 @@
-"""A model of keyboards, and of what a browser reports of them: which commands a hand allows.
+"""A model of keyboards, and of what a browser reports of them: which commands a hand justifies.
 
 A hand presses and releases keys. Menus, other programs, fields and other windows take some of the
 events, and any other event may be swallowed. The model knows where the hand really is, so that it
@@ -8,6 +8,7 @@ can judge the commands that the steering page sends.
 import math
 import random
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 DRIVE = ("KeyW", "KeyA", "KeyS", "ArrowRight")
@@ -16,8 +17,9 @@ STRAFE = "KeyE"  # drives robots that go sideways
 OTHER = ("KeyK", "Escape", *MODIFIERS)
 REPEAT = 1  # flag of an event
 AWAY = ("menu", "grab", "window")  # they take all keys
-PRESSED, OTHERS = 2000, 5000  # ms that the page's signs of a hand are good for
+PRESSED, REPEATED, OTHERS = 2000, 600, 5000  # ms that the page's signs of a hand are good for
 UP = 700  # ms that a key may drive after it was released
+SLACK = 150  # ms: the page counts commands, one each 50 ms
 DELAYS = (0, 0, 20, 60, 150, 300, 600, 1200, 2500)  # ms between two actions
 
 
@@ -50,10 +52,11 @@ class Action(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """The commands that are allowed from an event to the next, until a time (ms)."""
+    """The commands that are right from an event to the next, until these times (ms)."""
 
     start: float
     allowed: float
+    required: float
 
 
 @dataclass
@@ -71,7 +74,9 @@ class Desk:
     known: set[str] = field(default_factory=set)  # keys that are down by the events
     held: set[str] = field(default_factory=set)  # keys that drive by the events, and may be up
     deadline: float = 0.0  # until when a hand that has left is allowed to drive
+    clean: bool = True  # nothing was swallowed so far
     sign: float = 0.0  # when a key that drives gave the last sign
+    alive: float = 0.0  # until when that is good
     events: list[tuple[float, str, str, int]] = field(default_factory=list)  # of the browser
     segments: list[Segment] = field(default_factory=list)
 
@@ -94,7 +99,8 @@ class Desk:
         """Note what is right from now on."""
         hand_is_there = bool(self.held & self.down)
         allowed = math.inf if hand_is_there else self.deadline if self.held else self.time
-        self.segments.append(Segment(self.time, allowed))
+        live = self.clean and self.held
+        self.segments.append(Segment(self.time, allowed, self.alive - SLACK if live else 0.0))
 
     # The hand ------------------------------------------------------------------------------------
 
@@ -128,6 +134,7 @@ class Desk:
         before, self.place = self.place, place
         if place == before:
             return
+        self.clean = False
         moves = {"field": ("focusin", "focusout"), "window": ("blur", "focus")}
         for taken, events in moves.items():
             for event, there in zip(events, (place, before), strict=True):
@@ -141,9 +148,14 @@ class Desk:
 
     def emit(self, kind: str, key: str, flags: int, seen: bool = True) -> None:
         if self.place in AWAY or not seen:
+            self.clean = False
             return
         flags |= sum(flag for modifier, flag in MODIFIERS.items() if modifier in self.down)
         self.events.append((self.time, kind, key, flags))
+        if self.held and abs(self.time - self.alive) < SLACK:
+            self.clean = False  # the page may have let go, or not yet
+        elif self.clean and self.time > self.alive:
+            self.held.clear()
         (self.see_press if kind == "keydown" else self.see_release)(key, flags)
 
     def see_press(self, key: str, flags: int) -> None:
@@ -156,11 +168,13 @@ class Desk:
             self.known.clear()
         self.repeats |= repeat
         if repeat and key in self.held:
-            self.sign = self.time
+            self.sign, self.alive = self.time, self.time + REPEATED
+        elif repeat and key == "ShiftLeft":
+            self.alive = max(self.alive, self.sign + PRESSED)
         ignored = flags & (menu | MODIFIERS["ControlLeft"]) or self.place == "field"
         if key in self.drive and not repeat and not ignored:
             self.held.add(key)
-            self.sign = self.time
+            self.sign, self.alive = self.time, self.time + PRESSED
 
     def see_release(self, key: str, flags: int) -> None:
         if key not in self.known:
@@ -169,7 +183,7 @@ class Desk:
         if key in self.held:
             self.held.remove(key)
             if self.held:
-                self.sign = self.time
+                self.sign, self.alive = self.time, self.time + OTHERS
                 self.deadline = max(self.deadline, self.time + OTHERS)
 
     def lose(self) -> None:
@@ -205,4 +219,10 @@ def fault(desk: Desk, commands: list[float]) -> str:
         late = [time for time in commands if max(segment.start, segment.allowed) < time < end]
         if late:
             return f"a command at {late[0]:.0f} ms, allowed until {segment.allowed:.0f} ms"
+        until = min(segment.required, end)
+        if until > segment.start:
+            sent = [time for time in commands if segment.start - 60 <= time <= until]
+            gap = any(b - a > 60 for a, b in pairwise([*sent, until]))
+            if not sent or gap:
+                return f"no commands from {segment.start:.0f} to {until:.0f} ms"
     return ""

@@ -73,7 +73,7 @@ def faults(page: Page, desks: Sequence[Desk]) -> list[str]:
 def test_only_a_hand_on_the_keys_drives(
     faked: Page, state: dict[str, Any], keyboard: str, lateral: float
 ) -> None:
-    """Commands end soon after the last key that drives is up.
+    """Commands end soon after the last key that drives is up, and go on while one is held.
 
     Any event may be swallowed, also in menus, by other programs, by fields and by other windows.
     Only where the drive goes sideways, E drives like the others.
@@ -91,14 +91,6 @@ def test_only_a_hand_on_the_keys_drives(
 def ran(page: Page, script: str) -> list[int]:
     """What a script returns: how many commands the page sends in each ``pass``."""
     return list(page.driver.execute_script(f"replay([], 1000); {script}"))
-
-
-def test_a_key_that_repeats_drives_on(faked: Page) -> None:
-    """For as long as it repeats, and soon no more."""
-    desk = played("X11", DRIVE, [Action(0, "down", "KeyW"), Action(9000, "up", "KeyW")])
-    script = [[desk.events, desk.time]]
-    [commands] = faked.driver.execute_script(REPLAY, script)
-    assert len(commands) == pytest.approx(9000 / 50, abs=3)
 
 
 def test_a_gamepad_that_freezes_is_let_go(faked: Page) -> None:

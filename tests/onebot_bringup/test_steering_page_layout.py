@@ -109,6 +109,22 @@ def test_the_view_is_the_largest_part(page: Page, screen: tuple[int, int]) -> No
     page.find("[name=parameters]").click()
 
 
+@pytest.mark.parametrize("page", ["seeing"], indirect=True)
+def test_goal_poses_keep_their_fields_beside_a_panel(page: Page) -> None:
+    """On a laptop both are seen; on a phone the panel makes room."""
+    for width, height in ((1280, 657), (390, 844)):
+        page.emulate(width, height, mobile=width < 900)
+        page.find("[name=displays]").click()
+        assert page.in_sight("#displays")
+        page.find("[data-tool=goal]").click()
+        for field in ("x", "y", "yaw", "publish"):
+            assert page.in_sight(f"#ground [name={field}]"), (width, field)
+        assert page.in_sight("#displays") == (width > 900)
+        page.find("[name=map]").click()
+        if width > 900:
+            page.find("[name=displays]").click()
+
+
 @pytest.mark.parametrize("page", ["bare"], indirect=True)
 def test_a_legend_names_the_lines_in_the_view(page: Page) -> None:
     """Below it, each with its color."""

@@ -76,7 +76,7 @@ def opened(node: Steering, profile: Path) -> Iterator[Window]:
 
 
 def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) -> None:
-    """In a menu, on the title bar, while another program has the keys.
+    """In a menu, on the title bar, while another program has the keys; so does a still hand.
 
     Which other keys are no sign of a hand, test_steering_hands tests.
     """
@@ -118,6 +118,17 @@ def test_a_release_that_the_page_never_sees_stops(peer: Peer, tmp_path: Path) ->
                 release()
                 _stops(page, heard, f"{hold} let go after {elsewhere}")
                 do(*elsewhere[1])
+        press, release = (functools.partial(do, *words) for words in mouse("#linear [name=plus]"))
+
+        def is_still() -> bool:
+            """Hold the button; whether that ends by the page, not where a busy one is late."""
+            page.drive_until(press, release, lambda: heard[-1] != Twist(), "the button to drive")
+            _stops(page, heard, "a hand that is still")
+            reason = page.text("#message")
+            release()
+            return "no sign that the control is still held" in reason
+
+        wait_for(is_still, "the reason")
 
 
 def _stops(page: Page, heard: list[Twist], what: str) -> None:

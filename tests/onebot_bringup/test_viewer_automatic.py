@@ -131,11 +131,20 @@ def test_a_flood_is_dropped_but_for_the_newest(tmp_path, monkeypatch):
 
 
 def test_of_a_flood_of_single_markers_none_is_dropped(tmp_path, monkeypatch):
-    """Each is one of many, or deletes another."""
+    """Each is one of many, or deletes another; they are drawn later, together."""
     markers = [Marker(id=number, type=Marker.SPHERE) for number in range(400)]
     for marker in markers:
         marker.header.frame_id = "base"
         marker.scale.x = marker.scale.y = marker.scale.z = marker.color.a = 1.0
     file, said = flood(tmp_path, monkeypatch, "/marks", markers)
     centers = column(file, "/marker/marks/spheres", "InstancePoses3D:translations")
-    assert len(centers[-1]) == 400 and said == []
+    assert [len(row) for row in centers] == [100, 400] and said == []
+
+
+def test_what_may_not_be_dropped_is_bounded_by_its_size(tmp_path, monkeypatch):
+    """The oldest are dropped, and a warning says so; a single large message is kept."""
+    monkeypatch.setattr("onebot_bringup.viewer.core.inbox._MAX_BYTES", 1000)
+    shown = Shown(tmp_path, live=True, clock=lambda: 0.0)
+    for number in range(10):
+        shown.send("/marks", Marker(text="x" * 2000, id=number))
+    assert any("marker: more messages arrive" in sentence for sentence in shown.tick())

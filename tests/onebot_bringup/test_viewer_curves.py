@@ -204,3 +204,10 @@ def test_joint_sets_of_several_publishers_do_not_mix(tmp_path):
         for entity in ("/joints/position/0", "/joints/position/1", "/joints/velocity/0")
     ]
     assert rows == [1, 1, 0]
+
+
+def test_lists_of_joint_names_are_few(tmp_path):
+    """Of a publisher whose lists never repeat, the first are shown: memory is bounded."""
+    file, _ = _plotted(tmp_path, *(((f"joint{number}",), (1,)) for number in range(40)))
+    for number, rows in ((31, [[1.0]]), (32, [])):
+        assert column(file, f"/joints/position/{number}", "Scalars:scalars") == rows

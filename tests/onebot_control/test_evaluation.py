@@ -94,6 +94,26 @@ def test_nothing_that_goes_wrong_ends_a_study(tmp_path: Path) -> None:
     assert "case 1: KeyError: 'it went" in text
 
 
+class Late:
+    """An episode that takes longer to import than it may run."""
+
+    def __call__(self, case: Case) -> None: ...
+
+    def __reduce__(self) -> tuple[Callable[[], "Late"], tuple[()]]:
+        return _late, ()
+
+
+def _late() -> Late:
+    time.sleep(2.5)
+    return Late()
+
+
+@pytest.mark.slow
+def test_imports_do_not_count_as_an_episodes_time() -> None:
+    table = evaluate(Late(), [{"seed": 1}], workers=1, timeout=2.0)
+    assert table["error"].to_pylist() == [None]
+
+
 @pytest.mark.slow
 def test_killed_workers_lose_no_run(tmp_path: Path) -> None:
     """Whatever they are doing: starting, waiting, running an episode, or sending its row."""

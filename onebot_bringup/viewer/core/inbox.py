@@ -1,9 +1,10 @@
 """The inbox: queues messages until they are decoded in batches and passed to the displays.
 
 A message is shown at the time of its stamp (``Stamps``). If more messages arrive than can be drawn,
-old ones are dropped, unless they build on each other.
+old ones are dropped; if they build on each other, only when their queue is very large.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,6 +17,7 @@ from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
 
+_MAX_BYTES = 64_000_000  # of a limited queue
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"
@@ -175,10 +177,12 @@ class Inbox:
                     queue.receivers.append((receiver, topic.name, kind))
         for key, queue in queues.items():
             waiting = self._queues[key].waiting if key in self._queues else ()
-            limited = all(receiver.limited for receiver, *_ in queue.receivers)
             topic = topics[key[0]]
-            depth = topic.depth if limited and topic.replaces_previous else None
-            queue.waiting = deque(waiting, depth)
+            if all(receiver.limited for receiver, *_ in queue.receivers):
+                queue.max_size = _MAX_BYTES
+                queue.max_count = topic.depth if topic.replaces_previous else math.inf
+            for data, time_ns in waiting:
+                queue.append(data, time_ns)
         self._queues, self.topics = queues, topics
         return problems
 
@@ -197,10 +201,7 @@ class Inbox:
         """
         queue = self._queues.get((topic, type_name))
         if queue is not None:
-            if len(queue.waiting) == queue.waiting.maxlen:
-                for receiver, *_ in queue.receivers:
-                    receiver.dropped = True
-            queue.waiting.append((data, time_ns))
+            queue.append(data, time_ns)
 
     def deliver(self, receivers: Collection[Receiver]) -> None:
         """Decode the messages queued for these receivers, and pass them on."""
@@ -243,13 +244,29 @@ class _Queue:
 
     # A receiver, its name for the topic, and the type that decodes its messages.
     receivers: list[tuple[Receiver, str, MessageType[Any]]] = field(default_factory=list)
-    # Messages with their receive times. If their number is limited, the oldest are dropped.
-    waiting: deque[tuple[bytes, int]] = field(default_factory=deque)
+    waiting: deque[tuple[bytes, int]] = field(default_factory=deque)  # with their receive times
+    size: int = 0  # bytes of the waiting messages
+    max_count: float = math.inf  # the oldest are dropped if more wait
+    max_size: float = math.inf
+
+    def append(self, data: bytes, time_ns: int) -> None:
+        """Add a message; it is kept, however large it is."""
+        self.waiting.append((data, time_ns))
+        self.size += len(data)
+        while len(self.waiting) > 1 and self._is_full:
+            self.size -= len(self.waiting.popleft()[0])
+            for receiver, *_ in self.receivers:
+                receiver.dropped = True
+
+    @property
+    def _is_full(self) -> bool:
+        return len(self.waiting) > self.max_count or self.size > self.max_size
 
     def empty(self) -> list[tuple[bytes, int]]:
         """Remove and return the messages."""
         messages = [*self.waiting]
         self.waiting.clear()
+        self.size = 0
         return messages
 
 

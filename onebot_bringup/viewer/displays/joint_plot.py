@@ -18,6 +18,8 @@ from onebot_description.ros.wire.message_arrays import JointStateArrays, one_joi
 
 POSITION_ENTITY = "joints/position"
 VELOCITY_ENTITY = "joints/velocity"
+# Each list of joint names has its own curves; more lists than this are a publisher's mistake.
+_MAX_SETS = 32
 _CURVE_WIDTH, _LIMIT_WIDTH = 2.0, 1.0  # points on the screen
 
 Limits = Mapping[str, tuple[float, float]]
@@ -78,6 +80,8 @@ class JointPlotDisplay(Display[JointPlotSettings]):
             if not state.names:
                 continue
             if state.names not in self._sets:
+                if len(self._sets) >= _MAX_SETS:
+                    continue
                 colors = joint_colors(state.names, len(self._sets))
                 self._sets[state.names] = _JointSet(self, self._count, colors, self._limits)
                 self._count += 1
