@@ -179,7 +179,7 @@ def test_refused_soon_in_little_memory(tmp_path):
         assert int(memory) < MOST, f"up to {name}"
 
 
-def test_max_size(tmp_path, capsys):
+def test_max_size(tmp_path, capsys, ros_domain):
     """What is read at once may be as large as the user says: a chunk, and chunks that overlap."""
     content = message(cdr("x" * 5000))
     mcap(lambda: chunk("", len(content), content))(tmp_path / "a.mcap")
@@ -188,6 +188,8 @@ def test_max_size(tmp_path, capsys):
     assert "a.mcap (0.0 MB): a record of 0.0 MB is above 0.0 MB" in capsys.readouterr().err
     main(["replay", *words, "max_size:=0.01"])
     assert "above" not in capsys.readouterr().err
+    main(["bag", "play", words[0], "--max-size", "0.004"])
+    assert "above" in capsys.readouterr().err
     writer = BagWriter(tmp_path / "bag", chunk_size=1000)
     number = writer.add_topic(topic())
     for step in range(100):
