@@ -90,6 +90,7 @@ from onebot_description.timing.wake_detector import WAKE
 _TIMEOUT_PERIOD = 0.05  # s between checks of the driver's timeout
 _GRAPH_PERIOD = 0.25  # s between polls of the ROS graph
 _LONGEST = 300  # characters of the navigator's state
+_LONGEST_TOPIC = 200  # characters; DDS has a limit of 255, and the lock's name is longer
 _TEXT = "std_msgs/msg/String"
 
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
@@ -112,10 +113,13 @@ class SteeringParameters(PageParameters):
 
 def _topic(node: Node, name: str, text: str) -> str:
     try:
-        return str(node.resolve_topic_name(text)) if text else ""
+        topic = str(node.resolve_topic_name(text)) if text else ""
     except Exception as error:  # rclpy raises several types, none of them public
         reason = first_line(error)
         raise OneBotError(f"{name}: {text} is not a valid topic name: {reason}") from None
+    if len(topic) > _LONGEST_TOPIC:
+        raise OneBotError(f"{name}: {text} has more than {_LONGEST_TOPIC} characters")
+    return topic
 
 
 class SteeringPage(Node):
