@@ -269,7 +269,7 @@ class JointStatePublisher(Node):
             OneBotError: the description or a parameter cannot be used.
         """
         super().__init__("joint_state_publisher", allow_undeclared_parameters=True)
-        self._places: Mapping[str, str] = {}  # of parameters in the files that are being applied
+        self._places: Mapping[str, str] = {}  # places of the parameters being applied
         self._reported: set[Problem] = set()
         self._warn = Throttled(self.get_logger().warning)
         self._settings = JointStateParameters(self, arguments)

@@ -60,10 +60,10 @@ def starved(process: int) -> Iterator[None]:
     ptrace = ctypes.CDLL(None).ptrace
     ptrace.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p]
     threads = [int(name) for name in os.listdir(f"/proc/{process}/task")]
-    began = time.monotonic()
     for thread in threads:
         assert ptrace(seize, thread, None, None) == ptrace(interrupt, thread, None, None) == 0
         os.waitpid(thread, every_thread)
+    began = time.monotonic()  # only now does none of them run
     yield
     wait_for(lambda: time.monotonic() > began + 0.8, "the end of the stop")
     for thread in threads:

@@ -133,7 +133,7 @@ class SteeringPage(Node):
         self._topics = topics = FollowedTopics(self)
         self._odometry = odometry = OdometryTopic(topics, settings.odom_topic)
         self._controllers = Controllers(self, self._on_controllers)
-        self._braking: Mapping[str, Any] = {}  # by axis
+        self._braking: Mapping[str, Any] = {}  # braking limits by axis
         self._command_topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._joints = JointCommands(topics, self._on_lock)

@@ -117,7 +117,7 @@ class BlueprintSender:
 
 
 def _box(shown: ShownRobot, fixed_frame: str) -> Floats | None:
-    """Return the (2, 3) box around a robot as it stands in a frame, meters."""
+    """Return the (2, 3) box around a robot, in meters, in a frame."""
     robot = shown.description
     if robot is None:
         return None

@@ -46,7 +46,7 @@ _APART = 0.08  # m, maximum distance between two poses whose clearance is looked
 class Situation(NamedTuple):
     """The robot's state and its surroundings: distances to obstacles and costs to go in the map."""
 
-    pose: PlanarPose  # in the map
+    pose: PlanarPose  # the robot's pose in the map
     speed: Triple  # forward, to the left, m/s, and turning to the left, rad/s
     goal: tuple[float, float]  # goal of the field, m
     distances: Singles  # (2 rows, 2 columns), from the centers of quarter cells, m

@@ -17,7 +17,7 @@ from onebot_description.ros.wire.schema import Schema
 
 T = TypeVar("T")
 
-_MAX_BYTES = 64_000_000  # of a limited queue
+_MAX_BYTES = 64_000_000  # bound of a limited queue
 OTHER_CLOCK_NS = 10_000_000_000  # times further apart than this come from different clocks
 WARN_AFTER = 3.0  # seconds before a missing link, frame or transform is reported
 _TF = "tf2_msgs/msg/TFMessage"
@@ -244,7 +244,7 @@ class _Queue:
 
     # A receiver, its name for the topic, and the type that decodes its messages.
     receivers: list[tuple[Receiver, str, MessageType[Any]]] = field(default_factory=list)
-    waiting: deque[tuple[bytes, int]] = field(default_factory=deque)  # with their receive times
+    waiting: deque[tuple[bytes, int]] = field(default_factory=deque)  # messages and receive times
     size: int = 0  # bytes of the waiting messages
     max_count: float = math.inf  # the oldest are dropped if more wait
     max_size: float = math.inf

@@ -80,7 +80,7 @@ class Incoming(NamedTuple):
     actions: Integers
     locked: Integers
     lifetimes: Integers  # nanoseconds
-    seconds: Integers  # of the headers' stamps
+    seconds: Integers  # whole seconds of the headers' stamps
     nanoseconds: Integers
     points: Integers  # number of points
     poses: Floats  # (N, 7) meters and x y z w; may be written to

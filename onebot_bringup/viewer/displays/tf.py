@@ -41,7 +41,7 @@ class TfDisplay(Display[AxesSettings]):
         self._only: set[str] = set()  # frames that have axes; empty for all
         # The frames that have axes: their length, and whether they have names.
         self._drawn: dict[str, tuple[float, bool] | None] = {}
-        self._lengths: dict[str, float] = {}  # of axes in the frames of the robots' links, meters
+        self._lengths: dict[str, float] = {}  # lengths of axes in the links' frames, m
         self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links that a robot no longer has
 
@@ -60,13 +60,13 @@ class TfDisplay(Display[AxesSettings]):
         """Draw the axes of new links, and hide those of removed links, at the next flush."""
         self._retired.update(self._lengths)
         self._lengths = {}
-        known, lengths = None, dict[str, float]()
+        last_robot, lengths = None, dict[str, float]()
         for robot in self.stage.robots:
             if robot.description is None:
                 continue
-            if robot.description is not known:  # many robots may be alike
-                known = robot.description
-                lengths = axes_lengths(known, self.stage.robot_size)
+            if robot.description is not last_robot:  # many robots may be alike
+                last_robot = robot.description
+                lengths = axes_lengths(last_robot, self.stage.robot_size)
             self._lengths |= {robot.frame_of(link): size for link, size in lengths.items()}
         self._retired -= self._lengths.keys()
         self._shown_of = None

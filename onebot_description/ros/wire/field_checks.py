@@ -26,7 +26,7 @@ NUMBERS = {
     **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
     **{"int64": "q", "uint64": "Q", "float": "f", "double": "d"},
 }
-_LARGEST_FLOAT = 3.402823466e38  # as in rosidl
+_LARGEST_FLOAT = 3.402823466e38  # rosidl's bound
 
 # Raises an AssertionError for a value that a field cannot have.
 Check = Callable[[Any], None]

@@ -15,16 +15,18 @@ def get_interfaces(
     Raises:
         LookupError: there is no such package.
     """
-    wanted = {*package_names}
-    known = {name.partition("/")[0] for kind in KINDS for name in installed_interfaces(kind)}
-    if unknown := sorted(wanted - known):
+    chosen_packages = {*package_names}
+    known_packages = {
+        name.partition("/")[0] for kind in KINDS for name in installed_interfaces(kind)
+    }
+    if unknown := sorted(chosen_packages - known_packages):
         raise LookupError(f"Unknown package '{unknown[0]}'")
-    found: dict[str, list[str]] = {}
+    interfaces: dict[str, list[str]] = {}
     for name in (name for kind in kinds for name in installed_interfaces(kind)):
         package, _, inner = name.partition("/")
-        if package in (wanted or known):
-            found.setdefault(package, []).append(inner)
-    return found
+        if package in (chosen_packages or known_packages):
+            interfaces.setdefault(package, []).append(inner)
+    return interfaces
 
 
 get_message_interfaces = partial(get_interfaces, kinds=["msg"])

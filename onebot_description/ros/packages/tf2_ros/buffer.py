@@ -32,7 +32,7 @@ class Buffer(BufferCore, BufferInterface):
         BufferCore.__init__(self, cache_time)
         BufferInterface.__init__(self)
         self._waiting_lock = threading.RLock()
-        self._waiting: list[Callable[[], bool]] = []  # for transforms; return whether they are done
+        self._waiting: list[Callable[[], bool]] = []  # checks of awaited transforms; true: done
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             from tf2_msgs.srv import FrameGraph  # slow to import

@@ -60,8 +60,8 @@ class BufferInterface:
             TransformException: there is no such transform.
         """
         header, do_transform = object_stamped.header, self.registration.get(type(object_stamped))
-        found = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
-        result = do_transform(object_stamped, found)
+        transform = self.lookup_transform(target_frame, header.frame_id, header.stamp, timeout)
+        result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def transform_full(
@@ -78,10 +78,10 @@ class BufferInterface:
         ``fixed_frame`` does not move between the two times; see ``transform``.
         """
         header, do_transform = object_stamped.header, self.registration.get(type(object_stamped))
-        found = self.lookup_transform_full(
+        transform = self.lookup_transform_full(
             target_frame, target_time, header.frame_id, header.stamp, fixed_frame, timeout
         )
-        result = do_transform(object_stamped, found)
+        result = do_transform(object_stamped, transform)
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(self, *args: Any, **kwargs: Any) -> TransformStamped:
