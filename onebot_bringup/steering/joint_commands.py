@@ -114,11 +114,14 @@ class JointCommands:
             controller.close()
 
     def _update_lock(self, topic: str) -> None:
-        if self._robot_lock is None or self._robot_lock.topic != topic:
+        has_lock = self._node.count_publishers(f"{topic}_locked") > 0
+        lock = self._robot_lock
+        if lock is not None and not (has_lock and lock.topic == topic):
             with self._lock:
-                if self._robot_lock is not None:
-                    self._robot_lock.close()
-                self._robot_lock = RobotLock(self._node, topic, self._locked)
+                self._robot_lock = None
+            lock.close()
+        elif lock is None and has_lock:
+            self._robot_lock = RobotLock(self._node, topic, self._locked)
 
 
 class _JointController:

@@ -9,8 +9,8 @@ this order:
 
 The ROS wheels install themselves into the environment's prefix as an ament prefix, but leave
 ``AMENT_PREFIX_PATH`` unset, so ``$(find pkg)``, ``package://`` and ament_index would find nothing.
-Moreover, an editable install puts *copies* of urdf/, config/ and the like into the prefix; here the
-checkout replaces them, so edits take effect immediately.
+Moreover, an editable install puts *copies* of urdf/, config/ and the like into the prefix. Here the
+checkout itself comes first, through a prefix of symbolic links, so edits take effect immediately.
 """
 
 import contextlib
@@ -18,6 +18,8 @@ import functools
 import os
 import re
 import sys
+import threading
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -26,7 +28,6 @@ from onebot_description.errors import OneBotError, shortened
 
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 PACKAGE_PATH = "package_path"  # the argument of commands
-_CHECKOUT = Path(__file__).resolve().parents[2]  # another folder when installed
 _VALID = re.compile(r"\w[\w.-]{0,199}", re.ASCII)
 _NAME = re.compile(r"<name\s*>\s*([^<\s]+)\s*</name\s*>")  # the name in a package.xml
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
@@ -194,12 +195,14 @@ def use_package_path(folders: str) -> None:
 
 
 def use_environment_prefix() -> None:
-    """Put this environment's prefix on ``AMENT_PREFIX_PATH``.
+    """Put this environment's prefix (and a checkout's) on ``AMENT_PREFIX_PATH``.
 
     A prefix that the user has sourced, such as a colcon workspace's install folder, stays ahead of
     the environment's own, as an overlay should. Calling it again changes nothing.
     """
-    os.environ[_AMENT_PATH] = os.pathsep.join([*_sourced_prefixes(), sys.prefix])
+    ours = _own_prefixes()
+    other_entries = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
+    os.environ[_AMENT_PATH] = os.pathsep.join(other_entries + ours)
 
 
 def packages_on_ros_path() -> dict[str, Path]:
@@ -232,24 +235,19 @@ def _entries(variable: str) -> list[str]:
     return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
+def _own_prefixes() -> list[str]:
+    prefixes = (_checkout_prefix(), Path(sys.prefix))
+    return [str(prefix) for prefix in prefixes if prefix is not None]
+
+
 def _in_index(name: str) -> Path | None:
     """Return the share folder of a package in an ament index; None if there is none."""
     use_environment_prefix()
     for prefix in _entries(_AMENT_PATH):
-        if (
-            prefix == sys.prefix
-            and name in PACKAGES
-            and (_CHECKOUT / name / "package.xml").is_file()
-        ):
-            return _CHECKOUT / name
         if os.path.isfile(f"{prefix}/{_INDEX}/{name}"):
-            # Resolved, so that messages name a workspace's file and not a link to it.
+            # Resolved, so that messages name the checkout's file and not a link to it.
             return (Path(prefix) / "share" / name).resolve()
     return None
-
-
-def _sourced_prefixes() -> list[str]:
-    return [entry for entry in _entries(_AMENT_PATH) if entry != sys.prefix]
 
 
 def _source_tree(folder: Path) -> list[Path]:
@@ -297,13 +295,33 @@ def package_name(folder: Path) -> str:
 
 def _missing(name: str, folder: Path | None) -> OneBotError:
     """Return the error about a missing package: the searched places, and what to set."""
+    ours = _own_prefixes()
+    installed = [entry for entry in _entries(_AMENT_PATH) if entry not in ours]
     path = os.environ.get(_ROS_PATH) or "not set"
     around = "" if folder is None else f" and around {folder}"
     return OneBotError(
         f'no ROS package "{shortened(name)}": looked in {_ROS_PATH} ({path}), '
-        f"{_AMENT_PATH} ({os.pathsep.join([*_sourced_prefixes(), sys.prefix])}){around}; "
+        f"{_AMENT_PATH} ({os.pathsep.join([*installed, sys.prefix])}){around}; "
         f"name a folder that contains it: {PACKAGE_PATH}:=FOLDER, or export {_ROS_PATH}=FOLDER"
     )
+
+
+# --- the checkout -------------------------------------------------------------------------------
+
+
+def _checkout_prefix() -> Path | None:
+    """Return a prefix of links to the checkout that this module is in; None when installed."""
+    checkout = Path(__file__).resolve().parents[2]
+    if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
+        return None
+    digest = f"{zlib.crc32(os.fsencode(checkout)):08x}"
+    prefix = cache_folder() / f"ament-{digest}"
+    index = prefix / _INDEX
+    index.mkdir(parents=True, exist_ok=True)
+    for name in PACKAGES:
+        (index / name).touch()
+        _link(prefix / "share" / name, checkout / name)
+    return prefix
 
 
 def cache_folder() -> Path:
@@ -323,3 +341,13 @@ def cache_folder() -> Path:
         if folder.stat().st_uid == user:  # not a folder prepared by another user
             return folder
     raise OneBotError(f"neither ~/.cache nor {folder} can be written; set XDG_CACHE_HOME")
+
+
+def _link(link: Path, target: Path) -> None:
+    """Point ``link`` at ``target``; safe if several processes and threads do so concurrently."""
+    if link.is_symlink() and Path(os.readlink(link)) == target:
+        return
+    fresh = link.with_name(f".{link.name}-{os.getpid()}-{threading.get_ident()}")
+    fresh.unlink(missing_ok=True)
+    fresh.symlink_to(target)
+    fresh.replace(link)

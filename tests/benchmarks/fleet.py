@@ -76,22 +76,27 @@ def _measure(robots: int, words: list[str], quick: bool) -> Window:
         for name in names if lidars else ():
             peer.node.create_subscription(LaserScan, f"{name}/scan", scans.append, 10, raw=True)
         drive(1.0 if quick else 2.0)
-        deadline = time.monotonic() + PATIENCE
-        # They start to drive: if there are many, slower than in real time.
-        while not all(map(_drives, _truths(domain, names, drive).values())):
-            if time.monotonic() > deadline:
-                break
+        _driving(domain, names, drive)
         states.clear()
         scans.clear()
         drive(1.0 if quick else 8.0)
         stamps, heard = [nanoseconds(state.header.stamp) for state in list(states)], len(scans)
-        _check(_truths(domain, names, drive))
+        _check(_driving(domain, names, drive))
         simulated = (stamps[-1] - stamps[0]) / NS_PER_S
         return Window(
             (len(stamps) - 1) / simulated / _RATE,
             heard / (robots * _SCANS * simulated),
             rss_mb(process.process.pid),
         )
+
+
+def _driving(domain: int, names: list[str], drive: Callable[[float], None]) -> dict[str, Odometry]:
+    """Return the truth of all once they drive, slower than in real time if there are many."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        truths = _truths(domain, names, drive)
+        if all(map(_drives, truths.values())) or time.monotonic() > deadline:
+            return truths
 
 
 def _truths(domain: int, names: list[str], drive: Callable[[float], None]) -> dict[str, Odometry]:

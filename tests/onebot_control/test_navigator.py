@@ -280,7 +280,8 @@ def test_it_drives_to_a_pose(client: Client) -> None:
     )
     assert (status, result.error_code) == (SUCCEEDED, 0)
     assert math.dist(client.place, (1.2, 0.8)) < 0.07
-    assert feedback[0].distance_remaining > feedback[-1].distance_remaining
+    # The first may come before the first plan.
+    assert max(each.distance_remaining for each in feedback) > feedback[-1].distance_remaining
     assert client.status[-1].data == "arrived"
 
 

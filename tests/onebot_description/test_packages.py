@@ -2,6 +2,7 @@
 
 import os
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import quote, unquote, urlsplit
 
@@ -9,6 +10,7 @@ import pytest
 
 from onebot_description.elements.packages import (
     Resources,
+    _link,
     cache_folder,
     package_share,
     resolve,
@@ -105,14 +107,18 @@ def test_a_relative_path_needs_a_folder() -> None:
         resolve("a.stl", None)
 
 
+@pytest.mark.checkout
 @pytest.mark.parametrize("home", ["/dev/null", "/proc", "~no_such_user"])
 def test_without_a_home_that_can_be_written(monkeypatch, tmp_path, home):
     """The folder for temporary files takes its place, unless somebody else has made it."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     monkeypatch.setattr(Path, "home", lambda: Path(home).expanduser())
     own = tmp_path / f"onebot-{os.getuid()}"
     assert cache_folder() == own and own.stat().st_mode & 0o777 == 0o700
+    assert package_share("mrm_description") == Path(__file__).parents[2] / "mrm_description"
+    assert _prefixes()[0].startswith(str(own))
     monkeypatch.setattr(os, "getuid", lambda: 4242)
     (tmp_path / "onebot-4242").mkdir()
     with pytest.raises(OneBotError, match="set XDG_CACHE_HOME"):
@@ -141,12 +147,14 @@ def _package(folder: Path, name: str) -> Path:
     ("urdf", "place"),
     [
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm"),  # the file's own package
+        ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/sub/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo1/arm/nested/b"),
         ("ws/src/repo1/arm/urdf/v2", "ws/src/repo2/sub/b"),
         # A file in no package.
         ("ws/src/robots", "ws/src/sub/b"),
         ("repo/robots", "repo/sub/b"),
+        ("repo/robots", "wanted"),
     ],
 )
 def test_a_package_is_found_in_the_source_tree_of_the_file(tmp_path, urdf, place):
@@ -230,3 +238,11 @@ def test_a_missing_package_is_explained(tmp_path, monkeypatch):
 def test_what_can_be_no_package_is_not_looked_for(name, tmp_path):
     with pytest.raises(OneBotError, match="no ROS package"):
         Resources(tmp_path).package(name)
+
+
+def test_threads_link_a_checkout_at_once(tmp_path):
+    """A robot and its world are read by two threads; none is left over."""
+    targets = [tmp_path / "one", tmp_path / "other"] * 200
+    with ThreadPoolExecutor(8) as executor:
+        list(executor.map(_link, [tmp_path / "link"] * 400, targets))
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
