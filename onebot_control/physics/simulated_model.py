@@ -322,7 +322,10 @@ def _report_hulls(rigid: Description, fingers: Collection[str]) -> None:
 def _is_hollow(mesh: Mesh) -> bool:
     from trimesh import Trimesh  # slow to import, and few grippers have meshes
 
-    solid = Trimesh(*read_mesh(mesh))
+    try:
+        solid = Trimesh(*read_mesh(mesh))
+    except OneBotError:  # raised again, with the links, when the robot is loaded
+        return False
     return bool(solid.is_volume and solid.volume < _FILLED * solid.convex_hull.volume)
 
 

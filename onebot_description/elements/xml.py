@@ -111,13 +111,15 @@ def mended(data: bytes, shown: str) -> tuple[bytes, tuple[str, ...]]:
         warnings.append(f"{shown}:{line}: {text}")
         data = _COMMENT.sub(_emptied, data)
     for prefix in filter(lambda prefix: b"%s:" % prefix.encode() in data, _GAZEBO_PREFIXES):
-        used = re.search(rb"<([^<>]*\s)?%s:\w" % prefix.encode(), _COMMENT.sub(_emptied, data))
-        if used and f"xmlns:{prefix}".encode() not in data:
+        bare = _COMMENT.sub(_emptied, data)  # as long as the document
+        used = re.search(rb"<([^<>]*\s)?%s:\w" % prefix.encode(), bare)
+        root = re.search(rb"<robot(?=[\s/>])", bare)
+        if used and root and f"xmlns:{prefix}".encode() not in bare:
             declared = f'<robot xmlns:{prefix}="{_GAZEBO_NAMESPACE}"'
             line = data.count(b"\n", 0, used.end()) + 1
             text = f"the prefix {prefix} is not declared, which some programs reject: write"
             warnings.append(f"{shown}:{line}: {text} {declared} ...>")
-            data = re.sub(rb"<robot(?=[\s/>])", declared.encode(), data, count=1)
+            data = data[: root.start()] + declared.encode() + data[root.end() :]
     return data, tuple(warnings)
 
 

@@ -15,6 +15,8 @@ from onebot_description.description import (
     parse_description,
 )
 from onebot_description.errors import OneBotError
+from tests.onebot_control import arm_models
+from tests.onebot_control.arm_models import arm, joint, link, mimic
 from tests.onebot_control.simulation_support import ROBOTS, robot, simulate
 
 _SHELL = r"<collision>\s*<origin xyz=.-0.1 0 0.03.*?</collision>"
@@ -62,6 +64,19 @@ def test_a_missing_collision_mesh_is_named_and_a_visual_one_is_not_needed():
     shown = robot().urdf.replace("<collision>", f"{visual}<collision>", 1)
     with simulate(parse_description(shown)) as simulation:
         assert simulation.base_pose().translation[2] > 0
+
+
+def test_a_missing_mesh_of_a_finger_is_named_with_its_link():
+    """Fingers are searched for hollow meshes before the robot is loaded."""
+    lost = '<collision><geometry><mesh filename="package://no_such_package/a.stl"/></geometry>'
+    fingers = (
+        link("left", 0.1),
+        joint("left_joint", "world", "left"),
+        link("right", 0.1, shape=f"{lost}</collision>"),
+        joint("right_joint", "world", "right", more=mimic("left_joint")),
+    )
+    with pytest.raises(OneBotError, match='link "right": collision mesh no ROS package "no_such_'):
+        arm_models.simulate(arm(*fingers))
 
 
 @pytest.mark.parametrize("mesh", ["cube.dae", "cube.glb", "cube.obj", "cube.stl", "ascii.stl"])

@@ -123,6 +123,16 @@ def test_the_direction_is_in_the_frame_it_names(
     assert all(f"r.urdf:3: the prefix {prefix[:-1]} is" in note for note in undeclared)
 
 
+def test_no_comment_is_taken_for_the_root_or_its_declarations(tmp_path: Path) -> None:
+    comment = '<!-- once <robot name="old" xmlns:gz="somewhere"> -->\n'
+    text = robot(of(f'{GRIPS}<fdir1 gz:expressed_in="base">1 1 0</fdir1>'))
+    (file := tmp_path / "r.urdf").write_text(comment + text)
+    description = load_description(file)
+    assert description.rollers == {"w": pytest.approx(QUARTER)}
+    [note] = [note for note in description.warnings if "is not declared" in note]
+    assert "r.urdf:3: the prefix gz is" in note
+
+
 @pytest.mark.parametrize(
     ("fdir1", "text"),
     [
