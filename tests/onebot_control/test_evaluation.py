@@ -133,12 +133,17 @@ def test_killed_workers_lose_no_run(tmp_path: Path) -> None:
     def done() -> int:
         return len([*tmp_path.glob("ran-*")])
 
+    def is_worker(process: psutil.Process) -> bool:
+        try:
+            return "spawn_main" in str(process.cmdline())
+        except psutil.NoSuchProcess:  # also of the killed, until its parent has noticed
+            return False
+
     killed = 0
     with RunningProcess([sys.executable, str(script)], tmp_path) as study:
         parent = psutil.Process(study.process.pid)
         while study.process.poll() is None and killed < 12:
-            children = parent.children()
-            workers = [each for each in children if "spawn_main" in str(each.cmdline())]
+            workers = [child for child in parent.children() if is_worker(child)]
             if workers:
                 workers[killed % len(workers)].kill()
                 killed += 1
