@@ -19,6 +19,7 @@ from onebot_description.description import Description, parse_description
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 from onebot_description.ros.names import absolute
 from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
+from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -28,9 +29,8 @@ _TF_NAMES = ("/tf", "/tf_static")
 _FIRST = 1000  # messages of /tf within which every robot is expected to appear
 _TICK = 500_000_000  # ns of the recording between two calls into Rerun
 _MAX_QUEUED = 64_000_000  # bytes queued in Rerun, which itself has no limit
-_SETTLE = (
-    10_000_000_000  # ns after the end, for data that is shown only if nothing better has arrived
-)
+# ns after the end, for data that is shown only if nothing better has arrived.
+_SETTLE = 10 * NS_PER_S
 _REPORT_EVERY = 2.0  # s
 
 Log = Callable[[str], None]

@@ -5,7 +5,7 @@ import time
 from argparse import Namespace
 from collections import Counter
 from collections.abc import Iterable
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive, warn
@@ -18,10 +18,8 @@ from onebot_description.timing import NS_PER_S
 
 if TYPE_CHECKING:
     from onebot_description.arrays import Floats
+    from onebot_description.ros.wire.message_arrays import TfArrays
 
-_STATIC = "/tf_static"
-_TOPICS = ("/tf", _STATIC)
-_DEPTH = 100  # queue depth, as in tf2's subscriptions
 _WINDOW = 1000  # maximum number of samples of a rate
 _PARTICIPANT = 12  # bytes of a GID that identify the participant
 
@@ -168,28 +166,17 @@ class _Transforms:
 
     def __init__(self, session: Session) -> None:
         from onebot_description.ros.frame_tree import FrameTree
-        from onebot_description.ros.topic_qos import make_qos
-        from onebot_description.ros.wire.interfaces import TFMessage
+        from onebot_description.ros.tf_subscription import subscribe_to_tf
 
         self.frames = FrameTree()
         self.arrivals: dict[str, Intervals] = {}  # intervals of arrival, by child frame
         self.parents: dict[str, set[str]] = {}  # parent frames, by child frame
         self.session = session
         self.warn = cache(warn)  # each text once
-        for topic in _TOPICS:
-            qos = make_qos(_DEPTH, reliable=True, latched=topic == _STATIC)
-            received = partial(self._receive, topic)
-            session.node.create_subscription(TFMessage, topic, received, qos, raw=True)
+        subscribe_to_tf(session.node, self._receive, self.warn)
 
-    def _receive(self, topic: str, data: bytes) -> None:
-        from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
-
-        try:
-            message = tf_arrays(data)
-        except BAD_MESSAGE as error:
-            self.warn(f"a message of {topic} is ignored: {error}")
-            return
-        for warning in self.frames.add(message, static=topic == _STATIC):
+    def _receive(self, message: "TfArrays", static: bool) -> None:
+        for warning in self.frames.add(message, static=static):
             self.warn(warning)
         now = time.monotonic()
         for parent, child in zip(message.parents, message.children, strict=True):

@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 from rclpy.node import Node
 
 from onebot_description.ros.frame_tree import FrameTree
+from onebot_description.ros.tf_subscription import subscribe_to_tf
 from onebot_description.ros.topic_qos import compatible_qos, is_transient_local, make_qos
 from onebot_description.ros.topic_subscription import TopicSubscription, TypeConflictError, offers
-from onebot_description.ros.wire.interfaces import TFMessage, load_interface
-from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, odometry_sample, tf_arrays
+from onebot_description.ros.wire.interfaces import load_interface
+from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, TfArrays, odometry_sample
 from onebot_description.ros.wire.messages import deserialize_message
 from onebot_description.timing.wake_detector import boot_time
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-_STATIC = "/tf_static"
-_TF_DEPTH = 100  # queue depth; /tf has several publishers
 _READERS: Mapping[str, Callable[[bytes], Any]] = {ODOMETRY: odometry_sample}
 
 
@@ -151,12 +150,8 @@ class FollowedTransforms:
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
         self.tree = FrameTree()
-        for topic in ("/tf", _STATIC) if needed else ():
-            qos = make_qos(_TF_DEPTH, reliable=True, latched=topic == _STATIC)
-            receive = partial(self._receive, topic)
-            subscription = self._node.create_subscription(TFMessage, topic, receive, qos, raw=True)
-            self._subscriptions.append(subscription)
+        if needed:
+            self._subscriptions = subscribe_to_tf(self._node, self._receive)
 
-    def _receive(self, topic: str, data: bytes) -> None:
-        with contextlib.suppress(*BAD_MESSAGE):
-            self.tree.add(tf_arrays(data), static=topic == _STATIC)
+    def _receive(self, message: TfArrays, static: bool) -> None:
+        self.tree.add(message, static=static)

@@ -51,7 +51,7 @@ _RESET = 0.01  # m from the origin within which odometry after a jump counts as 
 _EXACT = 0.01  # m or rad, tolerance of a motion
 _MARGIN = 0.01  # m of margin on either side of the robot in a gap
 _SOON = 30  # cells of the path for the local planner
-_BEHIND = 2.5  # m of the map around start and goal
+_AROUND = 2.5  # m of the map around start and goal
 _OWN = 0.02  # m around the footprint in which a scan measures the robot itself
 _PATIENCE = 2.0  # s to wait while something blocks the path
 _HOPELESS = 6.0  # s without a path until the goal fails
@@ -447,7 +447,7 @@ class Navigator:
             raise NavigationError(Failure.GOAL_OUTSIDE_MAP)
         corners = np.array([start[:2], goal[:2]])
         try:
-            self.map.cover(corners.min(axis=0) - _BEHIND, corners.max(axis=0) + _BEHIND)
+            self.map.cover(corners.min(axis=0) - _AROUND, corners.max(axis=0) + _AROUND)
         except ValueError:
             raise NavigationError(Failure.GOAL_OUTSIDE_MAP) from None
         if self._costmap.version != self.map.version:

@@ -180,7 +180,7 @@ class RobotInterface:
 
     def measured(self, topics: Set[str], stamp: int) -> None:
         """Record that messages with ``stamp``, ns, are published on ``topics``."""
-        if not topics.isdisjoint(self._step_topics):
+        if topics and not topics.isdisjoint(self._step_topics):
             self._asked = stamp
 
     def missing(self) -> str:

@@ -4,15 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from onebot_description.elements.meshes import look_warnings, mesh_scene
-from onebot_description.elements.urdf import (
-    Box,
-    Capsule,
-    Cylinder,
-    Description,
-    Mesh,
-    Shape,
-    Sphere,
-)
+from onebot_description.elements.urdf import Description, Mesh, Shape
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import ZERO, Triple
 
@@ -46,20 +38,11 @@ def shape_sizes(description: Description) -> tuple[dict[Shape, Triple], list[str
                         x, y, z = abs(scene.extents * shape.scale).tolist()
                         sizes[shape] = x, y, z
                     else:
-                        sizes[shape] = _size(shape)
+                        sizes[shape] = shape.size
                 except OneBotError as error:
                     text = f'{part.where}: link "{link.name}": mesh {error}'
                     faults.setdefault(str(error), text)
     return sizes, list(faults.values()), list(warnings)
-
-
-def _size(shape: Box | Capsule | Cylinder | Sphere) -> Triple:
-    if isinstance(shape, Box):
-        return shape.size
-    width = 2.0 * shape.radius
-    if isinstance(shape, Sphere):
-        return width, width, width
-    return width, width, shape.length + (0.0 if isinstance(shape, Cylinder) else width)
 
 
 def size_warnings(description: Description, sizes: Mapping[Shape, Triple]) -> list[str]:

@@ -42,12 +42,22 @@ class Cylinder:
     radius: float
     length: float
 
+    @property
+    def size(self) -> Triple:
+        """Its size along x, y, z, m."""
+        return 2.0 * self.radius, 2.0 * self.radius, self.length
+
 
 @dataclass(frozen=True)
 class Sphere:
     """A sphere centered on its origin; meters."""
 
     radius: float
+
+    @property
+    def size(self) -> Triple:
+        """Its size along x, y, z, m."""
+        return 2.0 * self.radius, 2.0 * self.radius, 2.0 * self.radius
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,11 @@ class Capsule:
 
     radius: float
     length: float
+
+    @property
+    def size(self) -> Triple:
+        """Its size along x, y, z, m."""
+        return 2.0 * self.radius, 2.0 * self.radius, self.length + 2.0 * self.radius
 
 
 @dataclass(frozen=True)
@@ -293,9 +308,12 @@ class Description:
             commanded: the joints of controllers; each needs a position command interface.
             stands: whether the base is fixed; then at least one of the driven joints needs one.
         """
-        positioned, interfaces = self.positioned, self.interfaces.items()
-        listed = {name: listed.commands for name, listed in interfaces if listed.commands}
-        others = {name: kinds for name, kinds in listed.items() if name not in positioned}
+        positioned = self.positioned
+        others = {
+            name: joint.commands
+            for name, joint in self.interfaces.items()
+            if joint.commands and name not in positioned
+        }
         none = stands and not positioned
         joints = [name for name in others if name in commanded or none]
         if not joints:

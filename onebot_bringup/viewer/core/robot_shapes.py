@@ -24,6 +24,7 @@ from onebot_description.elements.urdf import (
     Cylinder,
     Description,
     Geometry,
+    Link,
     Mesh,
     Rgba,
     Shape,
@@ -174,23 +175,13 @@ def _solid(shape: Shape, color: Rgba32) -> Any:
     style: Any = {"colors": [color], "fill_mode": rr.components.FillMode.Solid}
     if isinstance(shape, Box | Sphere):
         kind = rr.Boxes3D if isinstance(shape, Box) else rr.Ellipsoids3D
-        return kind.from_fields(half_sizes=[half_size(shape)], **style)
+        return kind.from_fields(half_sizes=[np.array(shape.size) / 2], **style)
     assert isinstance(shape, Cylinder | Capsule)
     style |= {"lengths": [shape.length], "radii": [shape.radius]}
     if isinstance(shape, Cylinder):
         return rr.Cylinders3D.from_fields(**style)
     # Rerun's capsules begin at their origin.
     return rr.Capsules3D.from_fields(translations=[[0.0, 0.0, -shape.length / 2]], **style)
-
-
-def half_size(shape: Shape) -> Floats:
-    """Return half of the size (3,) of a shape that is not a mesh, meters."""
-    if isinstance(shape, Box):
-        return np.array(shape.size) / 2
-    assert not isinstance(shape, Mesh)
-    height = 0.0 if isinstance(shape, Sphere) else shape.length / 2
-    ends = 0.0 if isinstance(shape, Cylinder) else shape.radius
-    return np.array([shape.radius, shape.radius, height + ends])
 
 
 def marker_size(robot: Description) -> float:
@@ -230,16 +221,31 @@ def robot_bounds(description: Description, poses: Mapping[str, Floats]) -> Float
         description: the robot.
         poses: (4, 4) matrices of the links in the fixed frame; links not in it are left out.
     """
-    clouds = []
-    missing = marker_size(description) * np.array([[-0.5] * 3, [0.5] * 3])
-    for link in description.links:
-        for geometry in link.visuals if link.name in poses else ():
-            try:
-                cloud = corners(geometry)
-            except OneBotError:  # was reported when the visual was drawn
-                cloud = geometry.origin.xyz + missing
-            clouds.append(matrices.transformed(cloud, poses[link.name]))
+    size = marker_size(description)
+    clouds = [
+        matrices.transformed(cloud, poses[link.name])
+        for link in description.links
+        if link.name in poses
+        for cloud in _clouds(link, size)
+    ]
     return box_around(np.concatenate(clouds)) if clouds else None
+
+
+def _clouds(link: Link, marker: float) -> list[Floats]:
+    """Return corners (N, 3) of the boxes around each visual, meters, in the link's frame.
+
+    Args:
+        link: the link.
+        marker: the edge of the box that replaces a missing mesh, meters.
+    """
+    clouds = []
+    for geometry in link.visuals:
+        try:
+            clouds.append(corners(geometry))
+        except OneBotError:  # was reported when the visual was drawn
+            half = np.full(3, marker / 2)
+            clouds.append(geometry.origin.xyz + np.array([-half, half]))
+    return clouds
 
 
 def corners(geometry: Geometry) -> Floats:
@@ -250,7 +256,7 @@ def corners(geometry: Geometry) -> Floats:
 
         low, high = load_mesh(shape, file_state(shape)).bounds
     else:
-        high = half_size(shape)
+        high = np.array(shape.size) / 2
         low = -high
     local = np.array([*product(*zip(low, high, strict=True))])
     return matrices.transformed(local, matrices.of_origin(geometry.origin))
@@ -295,13 +301,15 @@ def axes_lengths(robot: Description, size: float) -> dict[str, float]:
     """
     longest = size * max(0.55 / len(robot.links) ** 0.7, _SHORTEST)
     parents = {joint.child: joint.parent for joint in robot.joints}
-    boxes = {name: robot_bounds(robot, {name: np.eye(4)}) for name in robot.link_names}
+    marker = marker_size(robot)
+    clouds = {link.name: _clouds(link, marker) for link in robot.links}
     lengths = {}
     for name in robot.link_names:
         link = name
-        while boxes[link] is None and link in parents:
+        while not clouds[link] and link in parents:
             link = parents[link]
-        box = boxes[link]
-        length = longest if box is None else min(longest, _OF_LINK * diagonal(box))
+        length = longest
+        if clouds[link]:
+            length = min(longest, _OF_LINK * diagonal(box_around(np.concatenate(clouds[link]))))
         lengths[name] = round(length, 3)
     return lengths

@@ -91,10 +91,7 @@ class MapTopics:
         if self._cycles % self._slow == 0:
             if navigator.map.log_odds.size:
                 self._map.publish(grid_message(navigator.map.occupancy(), self._header()))
-                for publisher in self._costs:
-                    if publisher.get_subscription_count():
-                        costs = costs_as_occupancy(navigator.costs())
-                        publisher.publish(grid_message(costs, self._header()))
+                self._publish_costs(navigator)
             self.publish_pose(navigator)
         self._cycles += 1
 
@@ -106,6 +103,13 @@ class MapTopics:
         covariance[PLANAR] = navigator.localizer.covariance
         message.pose.covariance = covariance.ravel()
         self._pose.publish(message)
+
+    def _publish_costs(self, navigator: Navigator) -> None:
+        publishers = [costs for costs in self._costs if costs.get_subscription_count()]
+        if publishers:
+            message = grid_message(costs_as_occupancy(navigator.costs()), self._header())
+            for publisher in publishers:
+                publisher.publish(message)
 
     def _publish_often(self, navigator: Navigator) -> None:
         if navigator.navigating or self._was_planned:

@@ -4,7 +4,6 @@ import math
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,17 +20,16 @@ from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
 from onebot_description.geometry.poses import PlanarPose, Triple
 from onebot_description.ros.frame_tree import FrameTree
+from onebot_description.ros.tf_subscription import subscribe_to_tf
 from onebot_description.ros.topic_qos import ANY_PUBLISHER, DEPTH, LATCHED, make_qos
 from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
-from onebot_description.ros.wire.interfaces import TFMessage
-from onebot_description.ros.wire.message_arrays import BAD_MESSAGE, tf_arrays
+from onebot_description.ros.wire.message_arrays import TfArrays
 from onebot_description.timing import NS_PER_S
 from onebot_description.timing.throttled import Throttled
 
 COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
-_TF_DEPTH = 100
 _SCANS = 10  # maximum number of scans that wait for the odometry
 _KEPT = 50  # number of remembered own commands
 
@@ -75,15 +73,10 @@ class Measurements:
         node.create_subscription(Imu, "imu", self._on_imu, ANY_PUBLISHER)
         command = node.resolve_topic_name(COMMAND_TOPIC)
         node.create_subscription(Bool, f"{command}_locked", self._on_lock, LATCHED)
-        for topic, static in (("/tf", False), ("/tf_static", True)):
-            qos = make_qos(_TF_DEPTH, reliable=True, latched=static)
-            receive = partial(self._on_tf, static)
-            node.create_subscription(TFMessage, topic, receive, qos, raw=True)
+        subscribe_to_tf(node, self._on_tf)
 
-    def _on_tf(self, static: bool, data: bytes) -> None:
-        with suppress(*BAD_MESSAGE):
-            if (message := tf_arrays(data)).children:
-                self._tree.add(message, static=static)
+    def _on_tf(self, message: TfArrays, static: bool) -> None:
+        self._tree.add(message, static=static)
 
     def pose(self, target: str, source: str) -> Floats:
         """Return the latest pose (4, 4) of frame ``source`` in frame ``target``.
