@@ -1,5 +1,6 @@
 """Whatever a xacro file asks for, expanding it ends, in one line that names the place."""
 
+import json
 import os
 import subprocess
 import sys
@@ -119,6 +120,17 @@ print("done")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
     assert done.stdout == "done\n", done.stderr
     assert done.stderr.count("ValueError: fail") == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe that is closed is another error")
+def test_an_interpreter_ends_quietly_when_what_waits_for_it_was_killed() -> None:
+    command = [sys.executable, "-ISc", bounded_process._START, "\n".join(sys.path), sys.prefix]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+        process.stdout.close()
+        request = json.dumps([f"{__name__}:work", "answer", Bounds()])
+        assert process.communicate(request)[1] == ""
+    assert process.returncode == 0
 
 
 def check_processes(*, forked: bool) -> None:
