@@ -3,7 +3,8 @@
 import argparse
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from traceback import extract_tb
@@ -55,8 +56,8 @@ def run(argv: Sequence[str]) -> int:
     with KeyboardInterrupts():
         _check_outs(args.out)
         study = _imported(Path(file))
-        episode, cases = _member(study, name or "episode"), _member(study, "cases")
-        cases = cases() if callable(cases) else cases
+        episode = _member(study, name or "episode")
+        cases = _listed(_member(study, "cases"), Path(file))
         if args.case is not None:
             return _run_case(episode, cases, args)
         try:
@@ -86,19 +87,35 @@ def _imported(file: Path) -> ModuleType:
     Raises:
         OneBotError: there is none, or it cannot be imported.
     """
-    from onebot_control.evaluation.episode import sentence
-
     name = f"onebot_study_{file.stem}"
     sys.path.append(str(file.resolve().parent))  # last: its modules hide no others
     sys.modules[name] = module = ModuleType(name)
     module.__file__ = str(file.resolve())
-    try:
+    with _located(file, "cannot be imported"):
         exec(compile(file.read_bytes(), module.__file__, "exec"), vars(module))
-    except Exception as error:
-        lines = [f.lineno for f in extract_tb(error.__traceback__) if f.filename == module.__file__]
-        place = f"{file}:{lines[-1]}" if lines else file
-        raise OneBotError(f"{place} cannot be imported: {sentence(error)}") from None
     return module
+
+
+@contextmanager
+def _located(file: Path, problem: str) -> Iterator[None]:
+    """Turn an exception of a study's code into an OneBotError that names its line."""
+    from onebot_control.evaluation.episode import sentence
+
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        frames = extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if frame.filename == str(file.resolve())]
+        place = f"{file}:{lines[-1]}" if lines else file
+        raise OneBotError(f"{place} {problem}: {sentence(error)}") from None
+
+
+def _listed(cases: Any, file: Path) -> list[Any]:
+    """Return the cases of a study, which may be a function or a generator."""
+    from onebot_control.evaluation.cases import checked_cases
+
+    with _located(file, "has no usable cases"):
+        return checked_cases(cases() if callable(cases) else cases)
 
 
 def _member(study: ModuleType, name: str) -> Any:
@@ -109,7 +126,7 @@ def _member(study: ModuleType, name: str) -> Any:
     return getattr(study, name)
 
 
-def _run_all(episode: Any, cases: Any, args: Namespace, base: Path) -> int:
+def _run_all(episode: Any, cases: list[Any], args: Namespace, base: Path) -> int:
     """Run all cases; write and print the results beside ``base``; return the exit code."""
     from onebot_bringup.testing.failed_run import record_run  # slower to import
     from onebot_control.evaluation.report import share, summary, write_table
@@ -141,17 +158,15 @@ def _run_all(episode: Any, cases: Any, args: Namespace, base: Path) -> int:
     return 1 if missed else 0
 
 
-def _run_case(episode: Any, cases: Any, args: Namespace) -> int:
+def _run_case(episode: Any, cases: list[Any], args: Namespace) -> int:
     """Run one case in this process and print its row; show it if requested."""
     from onebot_bringup.cli import replay
     from onebot_bringup.testing.failed_run import record_run
-    from onebot_control.evaluation.cases import checked_cases
     from onebot_control.evaluation.study import evaluate
 
-    listed = checked_cases(cases)
-    if args.case >= len(listed):
-        raise OneBotError(f"there is no case {args.case}; the last one is {len(listed) - 1}")
-    recorder, chosen = record_run if args.show else None, [listed[args.case]]
+    if args.case >= len(cases):
+        raise OneBotError(f"there is no case {args.case}; the last one is {len(cases) - 1}")
+    recorder, chosen = record_run if args.show else None, [cases[args.case]]
     with TemporaryDirectory(prefix="onebot-") as folder:
         table = evaluate(episode, chosen, 0, recorder=recorder, recordings=folder, keep="all")
         for name, value in table.to_pylist()[0].items():

@@ -6,6 +6,7 @@ from math import prod
 from typing import Any
 
 from onebot_description.errors import OneBotError, shortened
+from onebot_description.parameters.arguments import checked
 from onebot_description.parameters.values import plain
 
 MAX_CASES = 1_000_000
@@ -44,6 +45,7 @@ def _check_count(count: int) -> None:
         raise OneBotError(f"{text}; these are {'more' if count else 'none'}")
 
 
+@checked
 def checked_cases(cases: Iterable[Mapping[str, Any]]) -> list[Case]:
     """Return the cases of a study.
 

@@ -112,7 +112,10 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
         (["study.py:episod"], 1, 'study.py has no "episod" (did you mean "episode"?'),
         (["syntax.py"], 1, "(syntax.py, line 2)"),
         (["raises.py"], 1, "error: raises.py:2 cannot be imported: ModuleNotFoundError: No module"),
-        (["numbers.py"], 1, "error: case 0: 1 is not a mapping"),
+        (["exits.py"], 1, "error: exits.py:2 cannot be imported: SystemExit: 3"),
+        (["numbers.py"], 1, "error: numbers.py has no usable cases: case 0: 1 is not a mapping"),
+        (["numbers.py:one", "--case", "0"], 1, "numbers.py has no usable cases: case 0: 1 is"),
+        (["reads.py"], 1, "reads.py:2 has no usable cases: FileNotFoundError: "),
         (["study.py", "--out", "none/r.csv"], 1, "error: none/r.csv cannot be written: No such"),
         (["study.py", "--out", "r.xlsx"], 2, "the name must end in .parquet, .csv, .xml"),
         (["study.py", "--resume"], 1, "error: study.journal is not the journal of a study: "),
@@ -126,7 +129,11 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
 def test_bad_input_is_one_error(folder: Path, words: list[str], code: int, text: str) -> None:
     (folder / "syntax.py").write_text("a = 1\nb = = 2\n")
     (folder / "raises.py").write_text("a = 1\nimport no_such_module\n")
-    (folder / "numbers.py").write_text("def episode(case): ...\n\n\ncases = [1]\n")
+    (folder / "exits.py").write_text("import sys\nsys.exit(3)\n")
+    (folder / "numbers.py").write_text("def episode(case): ...\n\n\none, cases = episode, [1]\n")
+    (folder / "reads.py").write_text(
+        "def episode(case): ...\ncases = ({'n': open(name)} for name in 'ab')\n"
+    )
     if "spped" in str(words):
         (folder / "study.py").write_text("def episode(case): return {'speed': 1}\ncases = [{}]\n")
     done = onebot("evaluate", *words)
