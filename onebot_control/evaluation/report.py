@@ -133,9 +133,11 @@ def write_table(table: pa.Table, path: Path) -> None:
 
 
 def _write_csv(table: pa.Table, file: BytesIO) -> None:
-    """Write lists and mappings as text, since CSV has none."""
+    """Write what CSV has not as text: lists, mappings, bytes and UUIDs."""
     for index, column in enumerate(table.columns):
-        if pa.types.is_nested(column.type):
+        kind = column.type
+        is_other = pa.types.is_binary(kind) or isinstance(kind, pa.BaseExtensionType)
+        if is_other or pa.types.is_nested(kind):
             cells = [None if value is None else str(value) for value in column.to_pylist()]
             table = table.set_column(index, table.column_names[index], pa.array(cells))
     csv.write_csv(table, file)

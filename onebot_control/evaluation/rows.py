@@ -21,6 +21,7 @@ PROCESSOR = "processor"
 """The name of the processor among the ``machine_facts``."""
 
 _UNFIT = (pa.ArrowException, OverflowError, UnicodeError)
+_EMPTY = str(pa.struct([]))  # the type of an empty mapping, which Parquet does not have
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")  # differs from process to process
 _PACKAGES = ("onebot-robots", "numpy", "pybullet", "pybullet-arm64", "embreex", "pyarrow")
 _JOURNAL = pa.schema([("case", pa.int64()), ("row", pa.binary()), (ERROR, pa.string())])
@@ -88,15 +89,18 @@ def table_of(
 
 
 def _column(values: Sequence[Any]) -> pa.Array:
-    """Return values as an array; as text if they have no common type."""
+    """Return values as an array; as text if they have no common type, or none for a file."""
     with suppress(*_UNFIT):
-        return pa.array([*map(plain, values)])
+        array = pa.array([*map(plain, values)])
+        if _EMPTY not in str(array.type):
+            return array
     return pa.array([None if value is None else text_of(value) for value in values])
 
 
 def text_of(value: object) -> str:
     """Return a value as text that is the same in every process."""
-    return getattr(value, "__qualname__", None) or _ADDRESS.sub("", str(value))
+    text = getattr(value, "__qualname__", None) or _ADDRESS.sub("", str(value))
+    return text.encode(errors="backslashreplace").decode()  # no table has surrogates
 
 
 def fact_of(table: pa.Table, name: str) -> Any:

@@ -11,11 +11,13 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import numpy as np
 import psutil
 import pyarrow as pa
 import pytest
+from pyarrow import csv
 
 from onebot_control import Simulation
 from onebot_control.evaluation import Case, evaluate, grid, summary
@@ -207,6 +209,24 @@ def test_values_of_a_case_may_be_anything(tmp_path: Path) -> None:
         evaluate(simple, [{"seed": 1}, {"seed": threading.Lock()}], workers=1)
     partly = functools.partial(lambda case, kind: {"kind": kind}, kind="made")
     assert evaluate(partly, [{"seed": 1}], workers=1)["kind"].to_pylist() == ["made"]
+
+
+def test_every_value_is_written_to_every_file(tmp_path: Path) -> None:
+    """Those that Parquet, CSV or UTF-8 do not have are text."""
+    values = {
+        "empty": {},
+        "in a list": [{}],
+        "bytes": b"\xff",
+        "uuid": UUID(int=7),
+        "name": "\ud800",
+    }
+    table = evaluate(lambda case: values, [{"file": "\udcff"}], workers=0)
+    assert table.to_pylist()[0]["error"] is None and table["file"][0].as_py() == r"\udcff"
+    for suffix in (".parquet", ".csv", ".xml"):
+        write_table(table, tmp_path / f"table{suffix}")
+    [row] = csv.read_csv(tmp_path / "table.csv").to_pylist()
+    assert row["empty"] == "{}" and row["bytes"] == r"b'\xff'" and row["uuid"].endswith("0007")
+    assert row["name"] == r"\ud800" and row["in a list"] == "[{}]"
 
 
 def test_grids() -> None:
