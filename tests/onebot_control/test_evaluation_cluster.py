@@ -1,16 +1,21 @@
 """A study on a cluster of Ray: two hosts of this computer, the second with an installed wheel."""
 
 import os
+import platform
 import signal
 import sys
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from onebot_control.evaluation import evaluate
+from onebot_description.errors import OneBotError
 from tests.environments import build, copy_of_checkout, fresh_environment, install
 from tests.hosts import Host, connected_hosts, missing
 from tests.support import PATIENCE, RunningProcess, run_to_end, skip_for, wait_for
@@ -20,6 +25,8 @@ pytestmark = pytest.mark.slow
 ONEBOT = [sys.executable, "-m", "onebot_bringup.cli.main"]
 RAY = "ray.scripts.scripts"
 PORT = 6379
+# Nodes and drivers know each other by a token; without one, Ray saves one in the home folder.
+TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": "5" * 64}
 # A node gives its agents 15 s to start; on a busy computer they take longer.
 _STARTED, _ATTEMPTS = "Ray runtime started", 6
 # The helper is beside the study; both come to the nodes by value.
@@ -63,13 +70,9 @@ class Cluster(ExitStack):
     def __init__(self, folder: Path, second: Path) -> None:
         super().__init__()
         self.folder = folder
-        # Paths of sockets have to be short; nodes and drivers know each other by a token.
+        # Paths of sockets have to be short.
         short = self.enter_context(TemporaryDirectory(prefix="ray-"))
-        self._variables = {
-            "RAY_TMPDIR": short,
-            "RAY_AUTH_MODE": "token",
-            "RAY_AUTH_TOKEN": "5" * 64,
-        }
+        self._variables = {"RAY_TMPDIR": short, **TOKEN}
         self.head, self.other = self.enter_context(connected_hosts("head", "other"))
         self._address = f"{self.head.address}:{PORT}"
         self._start(self.head, sys.executable, "--head", f"--port={PORT}")
@@ -142,6 +145,54 @@ def test_a_cluster_makes_the_same_table(folder: Path, second: Path) -> None:
             os.killpg(cluster.node.process.pid, signal.SIGKILL)
             assert study.wait(5 * PATIENCE) == 0, study.output
         _assert_equal(one, folder / "killed.parquet")
+
+
+@pytest.fixture(scope="module")
+def on_ray() -> Iterator[ModuleType]:
+    """The module, in a process that is connected to a cluster of one node."""
+    ray = pytest.importorskip("ray")
+    from onebot_control.evaluation import on_ray
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in TOKEN.items():
+            patch.setenv(name, value)
+        for attempt in range(_ATTEMPTS):
+            try:
+                ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False)
+                break
+            except Exception:  # Ray's own, of a busy computer
+                ray.shutdown()
+                if attempt == _ATTEMPTS - 1:
+                    raise
+        yield on_ray
+        ray.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        ({"python": "2.7"}, f"has python {platform.python_version()}, but this computer 2.7"),
+        ({"embreex": "0.1"}, r"has embreex \S+, but this computer 0.1; install the same version"),
+        ({"abacus": "1.0"}, "has no abacus, but this computer 1.0; install the same version"),
+    ],
+)
+def test_a_node_with_other_packages_is_named(
+    on_ray: ModuleType, monkeypatch: pytest.MonkeyPatch, facts: dict[str, str], words: str
+) -> None:
+    """The node is what it is; this computer has other facts."""
+    present = on_ray.machine_facts()
+    monkeypatch.setattr(on_ray, "machine_facts", lambda: {**present, **facts})
+    with pytest.raises(OneBotError, match=rf"^Ray's node \S+ {words}.*$"):
+        evaluate(lambda case: None, [{"seed": 1}], on="ray")
+
+
+def test_a_node_without_a_module_of_the_study_is_named(
+    on_ray: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "only_here", module := ModuleType("only_here"))
+    exec("def returned(case): return {}", vars(module))
+    with pytest.raises(OneBotError, match="cannot run the study: .*No module named 'only_here'"):
+        evaluate(vars(module)["returned"], [{"seed": 1}], on="ray")
 
 
 def _assert_equal(one: pa.Table, file: Path) -> None:
