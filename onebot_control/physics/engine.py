@@ -13,7 +13,9 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import IO, Any
+from typing import IO, Any, NoReturn
+
+from onebot_description.errors import OneBotError
 
 __all__ = ["Bullet", "PhysicsSettings", "captured", "engine", "log", "logger", "scratch_file"]
 
@@ -194,3 +196,7 @@ class Bullet:
         function = partial(getattr(engine, name), physicsClientId=self.client)
         setattr(self, name, function)  # cached: __getattr__ is not called for it again
         return function
+
+    def __reduce__(self) -> NoReturn:
+        # A copy would use another world with this number, or none.
+        raise OneBotError("a simulation can neither be copied nor sent to another process")

@@ -259,6 +259,7 @@ def _endless() -> Iterator[dict[str, int]]:
         (lambda: evaluate(simple, [{"seed": 1}], on="slurm"), 'on: no "slurm"'),
         (lambda: evaluate(simple, [{"seed": 1}], resume=True), "write journal=FILE"),
         (lambda: evaluate(_unpicklable(), [{"seed": 1}]), "cannot be sent to workers: TypeError"),
+        (lambda: evaluate(_simulating(), [{"seed": 1}]), "workers: a simulation can neither be"),
     ],
 )
 def test_bad_input_is_one_sentence(call: Callable[[], object], words: str) -> None:
@@ -270,6 +271,11 @@ def test_bad_input_is_one_sentence(call: Callable[[], object], words: str) -> No
 def _unpicklable() -> Callable[[Case], dict[str, Any]]:
     lock = threading.Lock()
     return lambda case: {"locked": lock.locked()}
+
+
+def _simulating() -> Callable[[Case], dict[str, Any]]:
+    with Simulation() as simulation:
+        return lambda case: {"seconds": simulation.time}
 
 
 def test_a_script_runs_once_and_needs_no_guard(tmp_path: Path) -> None:
