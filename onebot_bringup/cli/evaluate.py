@@ -173,4 +173,6 @@ def _run_case(episode: Any, cases: list[Any], args: Namespace) -> int:
             print(f"{name}: {value}")
         if not args.show:
             return 0
-        return replay.run([str(Path(folder) / "0.rrd")])
+        if not (recording := Path(folder, "0.rrd")).exists():
+            raise OneBotError("there is nothing to show: the episode has created no Simulation")
+        return replay.run([str(recording)])

@@ -122,6 +122,7 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
         (["study.py", "--min", "reached"], 2, 'argument --min: "reached": write NAME=NUMBER'),
         (["study.py", "--workers", "0"], 2, "argument --workers: 0 is not above zero"),
         (["study.py", "--show"], 2, "--show is for a single case"),
+        (["study.py", "--case", "0", "--show"], 1, "the episode has created no Simulation"),
         (["study.py", "--min", "x=1e", "--on", "moon"], 2, "argument --min"),
         (["study.py", "--keep", "none", "--min", "spped=1"], 1, 'no "spped" (did you mean'),
     ],
@@ -134,7 +135,7 @@ def test_bad_input_is_one_error(folder: Path, words: list[str], code: int, text:
     (folder / "reads.py").write_text(
         "def episode(case): ...\ncases = ({'n': open(name)} for name in 'ab')\n"
     )
-    if "spped" in str(words):
+    if "spped" in str(words) or "--show" in words:
         (folder / "study.py").write_text("def episode(case): return {'speed': 1}\ncases = [{}]\n")
     done = onebot("evaluate", *words)
     assert done.returncode == code and text in done.stderr, done.stderr
