@@ -250,6 +250,17 @@ def test_a_callback_that_blocks_is_an_error(ros: Lockstep[Simulation]) -> None:
         node.destroy_node()
 
 
+def test_a_callback_in_a_debugger_may_take_any_time(ros: Lockstep[Simulation]) -> None:
+    ros.add(node := Ticker(tick=lambda: time.sleep(1.0)))
+    traced = sys.gettrace()
+    sys.settrace(lambda *_: None)
+    try:
+        ros.simulation.run(0.2)
+    finally:
+        sys.settrace(traced)
+    assert len(node.ticks) == 2
+
+
 def test_nothing_sleeps_on_simulated_time_where_it_passes(ros: Lockstep[Simulation]) -> None:
     """It would sleep for ever, and no signal would end that."""
 
