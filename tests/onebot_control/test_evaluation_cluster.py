@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
+from unittest.mock import patch
 
 import pyarrow as pa
 import pytest
@@ -153,9 +154,8 @@ def on_ray() -> Iterator[ModuleType]:
     ray = pytest.importorskip("ray")
     from onebot_control.evaluation import on_ray
 
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in TOKEN.items():
-            patch.setenv(name, value)
+    with patch.dict(os.environ, TOKEN):
+        del os.environ["RAY_AUTH_MODE"]  # Ray only reads it at its import, and sets it itself
         for attempt in range(_ATTEMPTS):
             try:
                 ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False)
