@@ -105,7 +105,7 @@ def add(args: Namespace) -> None:
     except OSError as error:
         text = f"{link}: {error.strerror}; or export ROS_PACKAGE_PATH={folder}"
         raise OneBotError(text) from error
-    if (place := origin(name)) != str(folder.parent):
+    if (place := origin(name)) not in (str(folder.parent), str(folder)):  # the latter has its code
         link.unlink()
         raise OneBotError(f"{name} from {place or 'the sourced ROS'} takes precedence")
     types = [f"{name}/{file.parent.name}/{file.stem}" for file in definitions(folder)]

@@ -127,6 +127,20 @@ def test_interfaces_on_ros_package_path(workspace: Path, path: str) -> None:
     assert python(USE, ROS_PACKAGE_PATH=variable) == "my_interfaces.srv.Sum_Request(terms=[])"
 
 
+def test_a_package_with_code_and_interfaces(workspace: Path) -> None:
+    """Its code is in a folder of its name, as ament_cmake_python expects it."""
+    code = write(workspace / "my_interfaces/my_interfaces", {"__init__.py": "LIMIT = 3\n"}).parent
+    paths = {"PYTHONPATH": f"{os.getenv('PYTHONPATH', '')}:{code}", "ROS_PACKAGE_PATH": str(code)}
+    assert python(f"{USE}; import my_interfaces; print(my_interfaces.LIMIT)", **paths) == (
+        "my_interfaces.srv.Sum_Request(terms=[])\n3"
+    )
+    done = run_to_end(
+        [sys.executable, "-m", "onebot_bringup.cli.main", "interface", "add", "my_interfaces"],
+        env={**os.environ, "PYTHONPATH": paths["PYTHONPATH"]},
+    )
+    assert onebot("interface", "remove", "my_interfaces").returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("files", "problem"),
     [

@@ -88,15 +88,16 @@ def _own_spec(name: str) -> "ModuleSpec | None":
     code = os.path.join(folder, "__init__.py")
     if os.path.isfile(code) and not inner:  # Python finds the modules of the folder itself
         return spec_from_file_location(name, code, submodule_search_locations=[folder])
-    module = sys.modules.get(package)
-    is_own = isinstance(getattr(module, "__loader__", None), _Loader)
-    is_folder = getattr(module, "__file__", None) is None  # Python found a folder without code
-    if inner and not is_own and not is_folder:
-        return None
     from onebot_description.ros.wire.interface_text import KINDS, own_package
 
     own_folder = own_package(package)
     if own_folder is None or (inner and inner[0] not in KINDS) or len(inner) > 2:
+        return None
+    module = sys.modules.get(package)
+    is_own = isinstance(getattr(module, "__loader__", None), _Loader)
+    file = getattr(module, "__file__", None)  # None if Python found a folder without code
+    # A source package may have code, too: a genuine package is elsewhere.
+    if inner and not is_own and file and not _is_below(file, own_folder):
         return None
     if len(inner) == 2 and not inner[1].startswith("_"):  # a class, `from package.msg import Name`
         if not is_own:
@@ -104,6 +105,11 @@ def _own_spec(name: str) -> "ModuleSpec | None":
         return None
     loader: Any = _Loader()
     return ModuleSpec(name, loader, origin=str(own_folder), is_package=len(inner) < 2)
+
+
+def _is_below(file: str, folder: "os.PathLike[str]") -> bool:
+    """Return whether a file is in a folder or below it, once links are resolved."""
+    return os.path.realpath(file).startswith(os.path.join(os.path.realpath(folder), ""))
 
 
 def _fill(module: "ModuleType") -> None:
