@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from onebot_bringup.launch.nodes import BRINGUPS, NODES
-from onebot_description.elements.packages import use_environment_prefix
+from onebot_description.elements.packages import use_source_packages
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.discovery import use_local_discovery
 from onebot_description.ros.process_start import blas_variables
@@ -70,7 +70,7 @@ def run_file(file: Path, arguments: Sequence[str]) -> int:
     if not file.is_file():
         raise UsageError(f"there is no file {file}")
     use_local_discovery()
-    use_environment_prefix()
+    use_source_packages(file)
     # The node handles Ctrl-C itself; a background job of a shell goes on ignoring it.
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

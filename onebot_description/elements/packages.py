@@ -20,6 +20,7 @@ import re
 import sys
 import threading
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -205,6 +206,23 @@ def use_environment_prefix() -> None:
     os.environ[_AMENT_PATH] = os.pathsep.join(other_entries + ours)
 
 
+def use_source_packages(file: Path) -> None:
+    """Put ``ROS_PACKAGE_PATH``'s packages, and that of ``file``, on ``AMENT_PREFIX_PATH``, too.
+
+    ``get_package_share_directory`` then returns the folder of a package that is not built. One that
+    is installed or sourced takes precedence.
+    """
+    use_environment_prefix()
+    folders = (*packages_on_ros_path().values(), *reversed(file.resolve().parents))
+    packages = {
+        name: folder.resolve()
+        for folder in folders
+        if _VALID.fullmatch(name := package_name(folder)) and _in_index(name) is None
+    }
+    if packages:
+        os.environ[_AMENT_PATH] += f"{os.pathsep}{_linked_prefix(packages)}"
+
+
 def packages_on_ros_path() -> dict[str, Path]:
     """Return the packages in and below the folders of ``ROS_PACKAGE_PATH``, by name.
 
@@ -314,13 +332,18 @@ def _checkout_prefix() -> Path | None:
     checkout = Path(__file__).resolve().parents[2]
     if not all((checkout / name / "package.xml").is_file() for name in PACKAGES):
         return None
-    digest = f"{zlib.crc32(os.fsencode(checkout)):08x}"
-    prefix = cache_folder() / f"ament-{digest}"
+    return _linked_prefix({name: checkout / name for name in PACKAGES})
+
+
+def _linked_prefix(packages: Mapping[str, Path]) -> Path:
+    """Return a prefix that has a link to each package."""
+    key = "".join(f"{name} {folder}\n" for name, folder in packages.items())
+    prefix = cache_folder() / f"ament-{zlib.crc32(os.fsencode(key)):08x}"
     index = prefix / _INDEX
     index.mkdir(parents=True, exist_ok=True)
-    for name in PACKAGES:
+    for name, folder in packages.items():
         (index / name).touch()
-        _link(prefix / "share" / name, checkout / name)
+        _link(prefix / "share" / name, folder)
     return prefix
 
 

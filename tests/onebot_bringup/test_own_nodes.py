@@ -236,6 +236,27 @@ def navigate(peer: Peer, name: str) -> tuple[int, str, list[float]]:
     return result.error_code, result.error_msg, seen
 
 
+SHARE = """
+from ament_index_python.packages import get_package_share_directory
+for package in "server", "beside", "std_msgs":
+    print(get_package_share_directory(package))
+"""
+
+
+def test_share_folders_of_sources(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the node's own package and those in ROS_PACKAGE_PATH, unless they are installed."""
+    for package in "server", "beside", "std_msgs":
+        text = f"<package><name>{package}</name></package>"
+        write(workspace / package, {"package.xml": text})
+    write(workspace / "server/server", {"server.py": SHARE})
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{workspace}/beside:{workspace}/std_msgs")
+    command = [sys.executable, "-m", "onebot_bringup.cli.main", "run", "server/server/server.py"]
+    done = run_to_end(command)
+    folders = [Path(line).resolve() for line in done.stdout.splitlines()]
+    installed = Path(sys.prefix, "share/std_msgs").resolve()
+    assert folders == [workspace / "server", workspace / "beside", installed], done.stderr
+
+
 MAIN = "def main():\n    print(__name__, sys.argv)\n    return 3\n"
 ENDS = {
     "main alone, as for an entry point": MAIN,
@@ -259,7 +280,7 @@ def test_a_file_is_run_once(tmp_path: Path, end: str) -> None:
 @pytest.mark.parametrize(
     ("statement", "problem"),
     [
-        ("import moveit_msgs.msg", 'no interfaces "moveit_msgs" here: get the sources'),
+        ("import my_robot_msgs.msg", 'no interfaces "my_robot_msgs" here: get the sources'),
         ("from launch_ros.actions import Node", "apt install ros-jazzy-launch-ros"),
         ("import rospy", "a package of ROS 1"),
         ("import no_such_library", "pip install no_such_library"),
