@@ -122,5 +122,11 @@ def _explain(error: ImportError) -> str:
             f"`onebot interface add FOLDER`; {apt}"
         )
     if _OF_ROS.fullmatch(name):
-        return f'there is no package "{name}" here, and pip has none; {apt}'
-    return f'there is no module "{name}" here: pip install {_DISTRIBUTIONS.get(name, name)}'
+        return (
+            f'there is no package "{name}" here, and pip has none: if it is written in Python, get '
+            f"its sources and add their folder to PYTHONPATH; {apt}"
+        )
+    return (
+        f'there is no module "{name}" here: pip install {_DISTRIBUTIONS.get(name, name)}, or add '
+        "the folder of its package to PYTHONPATH"
+    )
