@@ -114,6 +114,7 @@ def _explain(error: ImportError) -> str:
     if not isinstance(error, ModuleNotFoundError) or "." in name:  # part of an installed package
         return str(error)
     apt = f"with an installed ROS 2: apt install ros-jazzy-{name.lower().replace('_', '-')}"
+    sources = "add the folder of its Python sources to PYTHONPATH"
     if name in _ROS_1:
         return f'it imports "{name}", a package of ROS 1: it is not a node of ROS 2'
     if _INTERFACES.fullmatch(name):
@@ -122,11 +123,6 @@ def _explain(error: ImportError) -> str:
             f"`onebot interface add FOLDER`; {apt}"
         )
     if _OF_ROS.fullmatch(name):
-        return (
-            f'there is no package "{name}" here, and pip has none: if it is written in Python, get '
-            f"its sources and add their folder to PYTHONPATH; {apt}"
-        )
-    return (
-        f'there is no module "{name}" here: pip install {_DISTRIBUTIONS.get(name, name)}, or add '
-        "the folder of its package to PYTHONPATH"
-    )
+        return f'there is no package "{name}" here, and pip has none: {sources}; {apt}'
+    distribution = _DISTRIBUTIONS.get(name, name)
+    return f'there is no module "{name}" here: pip install {distribution}, or {sources}'

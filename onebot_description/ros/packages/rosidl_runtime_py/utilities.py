@@ -1,5 +1,6 @@
 """Classes of interfaces by their names, such as std_msgs/msg/String."""
 
+from functools import partial
 from typing import Any
 
 from rosidl_parser.definition import NamespacedType
@@ -37,19 +38,9 @@ def get_namespaced_type(identifier: str, kind: str = "") -> NamespacedType:
     return NamespacedType([*namespaces, *left_out], name)
 
 
-def get_message_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of a message as a type of rosidl_parser."""
-    return get_namespaced_type(identifier, "msg")
-
-
-def get_service_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of a service as a type of rosidl_parser."""
-    return get_namespaced_type(identifier, "srv")
-
-
-def get_action_namespaced_type(identifier: str) -> NamespacedType:
-    """Return the name of an action as a type of rosidl_parser."""
-    return get_namespaced_type(identifier, "action")
+get_message_namespaced_type = partial(get_namespaced_type, kind="msg")
+get_service_namespaced_type = partial(get_namespaced_type, kind="srv")
+get_action_namespaced_type = partial(get_namespaced_type, kind="action")
 
 
 def is_message(interface: Any) -> bool:
