@@ -142,6 +142,7 @@ class Navigator:
         self.failure: Failure | None = None
         self._goal: _Goal | _Motion | None = None
         self.time, self.speed, self.traveled, self.recoveries = 0.0, _STOP, 0.0, 0
+        self._repeats = 0  # updates without newer odometry
         self._odometry: PlanarPose | None = None
         self.clear()
 
@@ -325,13 +326,16 @@ class Navigator:
             goal.
         """
         jumped = self._notice_jump(time, odometry)
+        self._repeats = self._repeats + 1 if time == self.time else 0
         self.time, self.speed, self._odometry = time, speed, odometry
         self.localizer.predict(time, odometry, turn)
         if scan is not None:
             self._sense(scan, time if scan.time is None else scan.time)
         if self._goal is None or jumped:
             return _STOP
-        if self._scanned is None or time - self._scanned > _OLDEST_SCAN:
+        # Without odometry, time stands still.
+        now = time + self._repeats / self.parameters.controller_frequency
+        if self._scanned is None or now - self._scanned > _OLDEST_SCAN:
             if self.status != "blocked":
                 self.status, self.reason = "blocked", "no scan of the last 0.3 s: waiting"
             return _STOP

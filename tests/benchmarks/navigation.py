@@ -2,7 +2,7 @@
 
 Costs are over floors of the same run. Beside the table,
 
-    python -m tests.benchmarks.navigation [--barn FILE --model FILE] [--every N]
+    python -m tests.benchmarks.navigation [--barn FILE] [--model FILE] [--sensors FILE] [--every N]
 
 drives a robot through the worlds of the BARN challenge (an .npz file with ``centres``, ``offsets``
 and ``path_length``, see ``_barn``) or, without it, through generated ones, and prints the
@@ -14,6 +14,7 @@ import argparse
 import math
 import sys
 import time
+from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -28,7 +29,7 @@ from onebot_control.navigation.grid import Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_description.description import Description, parse_description
 from onebot_description.description.clutter import ClutterParameters, clutter
-from onebot_description.geometry.poses import PlanarPose
+from onebot_description.geometry.poses import PlanarPose, Triple
 from tests.benchmarks.measuring import WrongAnswer, cpu_of, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -195,11 +196,23 @@ def _generated(every: int) -> Iterator[_Course]:
             yield _Course(name, name, PlanarPose(), made.goal, made.length)
 
 
-def _cross(course: _Course, model: dict[str, Any]) -> _Run:
+def _delay(navigator: Any, cycles: int) -> None:
+    """Return each command of a navigator some of its cycles later."""
+    update, commands = navigator.update, deque([(0.0, 0.0, 0.0)] * cycles)
+
+    def updated(*measured: Any, **sensed: Any) -> Triple:
+        commands.append(update(*measured, **sensed))
+        return commands.popleft()
+
+    navigator.update = updated
+
+
+def _cross(course: _Course, model: dict[str, Any], late: int) -> _Run:
     x, y, yaw = course.start
     with Simulation(world=course.world, x=x, y=y, yaw=yaw, **model) as simulation:
         robot, began = simulation.robot, math.inf
         robot.go_to(*course.goal)
+        _delay(robot.navigation.navigator, late)
 
         def over_yet() -> bool:
             nonlocal began
@@ -230,15 +243,18 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.navigation")
     parser.add_argument("--barn", metavar="FILE", help="worlds of the BARN challenge, .npz")
     parser.add_argument("--model", metavar="FILE", help="the robot's URDF; default: OneBot")
+    parser.add_argument("--sensors", metavar="FILE", help="further sensors of it, such as an IMU")
+    parser.add_argument("--late", type=int, default=0, metavar="N", help="commands come N/20 s late")
     parser.add_argument("--every", type=int, default=10, metavar="N", help="each Nth world")
     arguments = parser.parse_args(argv)
     model: dict[str, Any] = {"sensors": True}
     if arguments.model:
-        model = {"model": arguments.model, "parameters": JACKAL}
+        further = arguments.sensors or False
+        model = {"model": arguments.model, "parameters": JACKAL, "sensors": further}
     every = arguments.every
     runs = []
     for course in _barn(arguments.barn, every) if arguments.barn else _generated(every):
-        runs.append(_cross(course, model))
+        runs.append(_cross(course, model, arguments.late))
         print(runs[-1].text, flush=True)
     rows = np.array([run[:4] for run in runs], float)
     reached, touched, ratio, score = rows.mean(axis=0)

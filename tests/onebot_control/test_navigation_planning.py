@@ -343,6 +343,17 @@ def test_it_stands_without_scans_and_goes_on():
     assert toy.pose[:2] == pytest.approx((1.0, 0.5), abs=0.05)
 
 
+def test_it_stands_when_scans_and_odometry_end():
+    toy = Toy(Navigator(vehicle(), PlanarPose()))
+    toy.navigator.go_to(1.0, 0.5)
+    toy.run(1.0)
+    last = toy.navigator.time, toy.pose, toy.speed
+    commands = [toy.navigator.update(*last) for _ in range(8)]
+    assert commands[0][0] > 0.1 and commands[-1] == (0.0, 0.0, 0.0)
+    toy.run()
+    assert toy.navigator.status == "arrived"
+
+
 def test_odometry_that_jumps_is_corrected():
     toy = Toy(Navigator(vehicle(), PlanarPose()))
     toy.navigator.go_to(0.5, 0.0)

@@ -200,6 +200,25 @@ def test_it_stands_while_scans_are_wrong_and_goes_on(senses: Senses, wrong: dict
 
 
 @slow
+def test_it_stands_while_nothing_is_measured_and_goes_on(senses: Senses) -> None:
+    senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
+    senses.measures("driving")
+    wait_for(lambda: senses.status[-1].data.startswith("blocked"), "the navigator to notice")
+    wait_for(lambda: senses.commands[-1].linear.x == 0.0, "a stop")
+    senses.measures("driving")
+
+
+@slow
+def test_a_stop_of_another_node_ends_a_goal_that_stands_too(senses: Senses) -> None:
+    """It is not taken for one of the navigator's own commands, which are zero as well."""
+    senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
+    senses.measures("driving")
+    senses.measures("blocked", ranges=[math.nan] * 61)
+    senses.peer.publisher(Twist, "velocity_controller/cmd_vel", subscribers=1).publish(Twist())
+    senses.measures("cancelled: another node drives the robot", ranges=[math.nan] * 61)
+
+
+@slow
 def test_odometry_that_jumps_and_places_that_are_nowhere_move_nothing(senses: Senses) -> None:
     senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
     senses.measures("driving")

@@ -31,7 +31,7 @@ from onebot_description.timing.throttled import Throttled
 COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
 _SCANS = 10  # maximum number of scans that wait for the odometry
-_KEPT = 50  # number of remembered own commands
+_KEPT = 50  # number of remembered own commands that have not come back yet
 
 
 class TimedOdometry(NamedTuple):
@@ -201,8 +201,12 @@ class Commands:
         self._publisher.publish(message)
 
     def _on_command(self, message: Any) -> None:
-        if _values(message) not in self._sent:
+        values = _values(message)
+        if values not in self._sent:
             self._overruled("another node drives the robot")
+            return
+        while self._sent.popleft() != values:  # the ones before it were lost
+            pass
 
 
 def _values(message: Any) -> tuple[float, ...]:
