@@ -9,6 +9,7 @@ brake without touching anything after executing it for two periods.
 """
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ _BATCHES = 8  # sets of noise, used in turn
 _TURNS = 16  # directions to turn to before driving
 _SOFT = 0.05  # m in which the cost of proximity falls to 1/e
 _MIN_CLEARANCE = 0.005  # m, minimum clearance from obstacles
+_SLIGHT, _MAX_SLACK = 0.0002, 0.002  # m by which a command may reduce a smaller clearance
 _PER_SPEED = 0.04  # m of additional clearance per m/s of speed
 _FAST = 10.0  # cost of exceeding that speed
 _FAR = 0.2  # m, clearance above which its exact value does not matter
@@ -56,7 +58,9 @@ class Situation(NamedTuple):
     resolution: float  # edge of a cell, m
     path: Floats  # (N, 2), first points of the path, one per cell, m
 
-    def clearance(self, circles: Singles, x: Singles, y: Singles, yaw: Singles) -> Singles:
+    def clearance(
+        self, circles: Singles, x: Singles, y: Singles, yaw: Singles, *, exact: bool = False
+    ) -> Singles:
         """Return the clearance of circles at poses, m; negative: one touches an obstacle.
 
         It is a lower bound above ``_FAR``, and meaningless outside of the map.
@@ -66,17 +70,19 @@ class Situation(NamedTuple):
             x: x coordinates of the poses, in an array of any shape, m.
             y: y coordinates, m.
             yaw: headings, rad.
+            exact: whether to interpolate between quarter cells; else it is off by up to one half.
         """
+        distances_at = partial(_interpolated, self.distances) if exact else self._nearest
         scale = np.float32(2.0 / self.resolution)
         column = ((x - np.float32(self.origin[0])) * scale).ravel()
         row = ((y - np.float32(self.origin[1])) * scale).ravel()
-        clearance = self._nearest(row, column)
+        clearance = distances_at(row, column)
         clearance -= (np.hypot(circles[:, 0], circles[:, 1]) + circles[:, 2]).max()
         near = np.flatnonzero(clearance < _FAR)
         cos, sin = (part(yaw.ravel()[near]) * scale for part in (np.cos, np.sin))
         rows = circles[:, :2] @ np.stack((sin, cos)) + row[near]
         columns = circles[:, :2] @ np.stack((cos, -sin)) + column[near]
-        away = self._nearest(rows, columns)
+        away = distances_at(rows, columns)
         away -= circles[:, 2:]
         clearance[near] = away.min(axis=0)
         return np.asarray(clearance.reshape(x.shape))
@@ -90,18 +96,29 @@ class Situation(NamedTuple):
 
     def to_go(self, x: Singles, y: Singles) -> Singles:
         """Return the cost to go at points, interpolated between the centers of cells."""
-        rows, columns = self.field.shape
-        column = ((x - self.origin[0]) / self.resolution - 0.5).clip(0.0, columns - 1.001)
-        row = ((y - self.origin[1]) / self.resolution - 0.5).clip(0.0, rows - 1.001)
-        left, low = column.astype(np.int32), row.astype(np.int32)
-        right, up = column - left, row - low
-        corners = np.minimum(
-            [self.field[low + a, left + b] for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))],
-            self.maximum,
+        scale = np.float32(1.0 / self.resolution)
+        column, row = (
+            (x - np.float32(self.origin[0])) * scale,
+            (y - np.float32(self.origin[1])) * scale,
         )
-        below = corners[0] * (1 - right) + corners[1] * right
-        above = corners[2] * (1 - right) + corners[3] * right
-        return np.asarray(below * (1 - up) + above * up, np.float32)
+        return _interpolated(self.field, row, column, self.maximum)
+
+
+def _interpolated(
+    values: Floats | Singles, row: Singles, column: Singles, maximum: float = math.inf
+) -> Singles:
+    """Return values, at most ``maximum``, interpolated between the centers of cells."""
+    rows, columns = values.shape
+    column = (column - 0.5).clip(0.0, columns - 1.001)
+    row = (row - 0.5).clip(0.0, rows - 1.001)
+    left, low = column.astype(np.int32), row.astype(np.int32)
+    right, up = column - left, row - low
+    corners = np.minimum(
+        [values[low + a, left + b] for a, b in ((0, 0), (0, 1), (1, 0), (1, 1))], maximum
+    )
+    below = corners[0] * (1 - right) + corners[1] * right
+    above = corners[2] * (1 - right) + corners[3] * right
+    return np.asarray(below * (1 - up) + above * up, np.float32)
 
 
 class _Paths(NamedTuple):
@@ -246,7 +263,7 @@ class LocalPlanner:
     def clearance(self, now: Situation) -> float:
         """Return the clearance of the robot, m; negative: it touches an obstacle."""
         x, y, yaw = (np.array([value], np.float32) for value in now.pose)
-        return float(now.clearance(self._circles, x, y, yaw)[0])
+        return float(now.clearance(self._circles, x, y, yaw, exact=True)[0])
 
     def command(self, now: Situation) -> tuple[Triple, bool]:
         """Return the next command, and whether the robot can continue."""
@@ -268,7 +285,7 @@ class LocalPlanner:
         weights /= weights.sum()
         best = np.argsort(costs, kind="stable")[:_TRIED]
         tried = np.concatenate(((commands @ weights)[..., None], commands[..., best]), axis=2)
-        safe = self._safe(now, tried[0], min(_MIN_CLEARANCE, clearance - 0.002))
+        safe = self._safe(now, tried[0], _MIN_CLEARANCE, clearance)
         if touching[best[0]] or not safe.any():
             self._plan[:] = 0.0
             return (0.0, 0.0, 0.0), False
@@ -320,11 +337,15 @@ class LocalPlanner:
         total += (paths.speeds[-1, 0] < 0.0) * np.float32(0.3 * scale)
         return total, hit[-1]
 
-    def _safe(self, now: Situation, commands: Singles, minimum: float) -> NDArray[np.bool_]:
+    def _safe(
+        self, now: Situation, commands: Singles, minimum: float, clearance: float
+    ) -> NDArray[np.bool_]:
         """Return which commands, (3, N), let the robot brake after executing them for two periods.
 
-        The clearance must be at least ``minimum``, m, until it has stopped.
+        The clearance must be at least ``minimum``, m, until it has stopped. A robot that is nearer
+        may come slightly nearer while it moves away, but does not touch.
         """
+        minimum = min(minimum, clearance - min(max(0.5 * clearance, _SLIGHT), _MAX_SLACK))
         times = np.arange(1, self._steps + 1, dtype=np.float32)[:, None, None]
         times *= np.float32(self._dt)
         obeyed = np.minimum(times, np.float32(2.0 * self._period)) * self._rates
@@ -333,13 +354,13 @@ class LocalPlanner:
         braked = times * self._rates - obeyed
         speeds -= np.clip(speeds, -braked, braked)
         paths = self._driven(speeds, now.pose)
-        clearance = now.clearance(self._circles, paths.x, paths.y, paths.yaw)
-        return np.asarray((clearance >= minimum).all(axis=0))
+        clearances = now.clearance(self._circles, paths.x, paths.y, paths.yaw, exact=True)
+        return np.asarray((clearances >= minimum).all(axis=0))
 
     def is_safe(self, now: Situation, command: Triple) -> bool:
         """Return whether the robot could still brake after executing a command for two periods.
 
         The required clearance is larger than for ``command``, as the robot need not move there.
         """
-        minimum = min(3.0 * _MIN_CLEARANCE, self.clearance(now) - 0.002)
-        return bool(self._safe(now, np.array([command], np.float32).T, minimum)[0])
+        commands = np.array([command], np.float32).T
+        return bool(self._safe(now, commands, 3.0 * _MIN_CLEARANCE, self.clearance(now))[0])

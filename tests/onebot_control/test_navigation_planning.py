@@ -258,6 +258,17 @@ def test_it_brakes_before_a_wall():
     assert now.pose.x > 0.3  # it came near
 
 
+def test_the_clearance_before_a_wall_is_continuous():
+    """It does not jump from cell to cell: the last centimeter decides whether something touches."""
+    grid = GridMap.of(wall_map(1.0))
+    costmap = Costmap(grid, 0.16)
+    costmap.update(Window(0, 0, *grid.shape))
+    planner, places = LocalPlanner(vehicle()), np.arange(0.75, 0.9, 0.004)
+    found = [planner.clearance(ahead(costmap.fine, PlanarPose(x))) for x in places]
+    assert np.diff(found) == pytest.approx(-0.004, abs=5e-4)
+    assert found[0] == pytest.approx(1.025 - 0.75 - 0.1, abs=0.015)
+
+
 # The navigator ------------------------------------------------------------------------------------
 
 
@@ -293,7 +304,7 @@ class Toy:
 
 def test_a_motion_ends_where_it_was_to():
     toy = Toy(Navigator(vehicle(), PlanarPose()))
-    toy.navigator.drive_straight(-0.4, 0.2)
+    toy.navigator.drive_straight(-0.4, 0.2, time_allowance=-1.0)  # no limit, as in Nav2
     toy.run()
     assert toy.navigator.status == "arrived" and toy.pose.x == pytest.approx(-0.4, abs=0.02)
     assert toy.navigator.traveled == pytest.approx(0.4, abs=0.02)
