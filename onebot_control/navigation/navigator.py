@@ -245,7 +245,7 @@ class Navigator:
         Args:
             distance: m; negative: backward.
             speed: m/s, above 0.
-            time_allowance: maximum time, s; 0: the parameter time_allowance.
+            time_allowance: maximum time, s; 0 or less: the parameter time_allowance.
 
         Raises:
             ValueError: a number is not finite, or the speed not above 0.
@@ -260,7 +260,7 @@ class Navigator:
 
         Args:
             angle: rad, to the left; negative: to the right. It may be several turns.
-            time_allowance: maximum time, s; 0: the parameter time_allowance.
+            time_allowance: maximum time, s; 0 or less: the parameter time_allowance.
 
         Raises:
             ValueError: the angle is not finite, or the robot cannot turn on the spot.
@@ -273,7 +273,7 @@ class Navigator:
 
     def _begin(self, goal: _Goal | _Motion, time_allowance: float = 0.0) -> None:
         self._goal = goal
-        self._allowance = time_allowance or self.parameters.time_allowance or math.inf
+        self._allowance = max(time_allowance, 0.0) or self.parameters.time_allowance or math.inf
         self.status, self.reason, self.failure = "driving", "", None
         self.recoveries, self.traveled = 0, 0.0
         self._field, self._is_planned, self._finishing = None, False, False

@@ -244,7 +244,7 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--barn", metavar="FILE", help="worlds of the BARN challenge, .npz")
     parser.add_argument("--model", metavar="FILE", help="the robot's URDF; default: OneBot")
     parser.add_argument("--sensors", metavar="FILE", help="further sensors of it, such as an IMU")
-    parser.add_argument("--late", type=int, default=0, metavar="N", help="commands come N/20 s late")
+    parser.add_argument("--late", type=int, default=0, metavar="N", help="commands are N/20 s late")
     parser.add_argument("--every", type=int, default=10, metavar="N", help="each Nth world")
     arguments = parser.parse_args(argv)
     model: dict[str, Any] = {"sensors": True}

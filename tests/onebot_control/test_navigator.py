@@ -21,7 +21,7 @@ from nav2_msgs.action import (
     Spin,
     Wait,
 )
-from nav2_msgs.srv import LoadMap, ManageLifecycleNodes, SaveMap
+from nav2_msgs.srv import ClearCostmapAroundRobot, LoadMap, ManageLifecycleNodes, SaveMap
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
@@ -185,6 +185,8 @@ def senses() -> Iterator[Senses]:
     [
         {"ranges": [math.nan] * 61},
         {"ranges": []},
+        {"ranges": [0.0] * 61},
+        {"angle_increment": 1e-30},
         {"angle_min": math.nan},
         {"angle_increment": 0.0},
         {"frame": "nowhere"},
@@ -214,7 +216,7 @@ def test_a_stop_of_another_node_ends_a_goal_that_stands_too(senses: Senses) -> N
     senses.peer.publisher(PoseStamped, "goal_pose").publish(pose(1.0, 0.0))
     senses.measures("driving")
     senses.measures("blocked", ranges=[math.nan] * 61)
-    senses.peer.publisher(Twist, "velocity_controller/cmd_vel", subscribers=1).publish(Twist())
+    senses.peer.publisher(Twist, "velocity_controller/cmd_vel", subscribers=2).publish(Twist())
     senses.measures("cancelled: another node drives the robot", ranges=[math.nan] * 61)
 
 
@@ -347,7 +349,7 @@ def test_motions_and_plans(client: Client) -> None:
     two = client.do(
         "compute_path_through_poses",
         ComputePathThroughPoses,
-        goals=[pose(1.0, 0.8), pose(0.2, 0.8)],
+        goals=[pose(0.2, 0.8), pose(1.0, 0.8)],
     )
     assert len(two[1].path.poses) > len(planned.poses)
     assert client.do("follow_path", FollowPath, path=smooth)[0] == SUCCEEDED
@@ -384,6 +386,8 @@ def test_what_cannot_be_done_says_why(client: Client) -> None:
     ):
         status, result, _ = client.do(name, kind, **words)
         assert (status, result.error_code) == (ABORTED, code) and result.error_msg, name
+    around = "local_costmap/clear_costmap_around_robot"
+    client.peer.call(ClearCostmapAroundRobot, around, reset_distance=math.nan)  # has no effect
     goal = {"pose": pose(0.5, 0.8)}
     assert client.send("navigate_to_pose", NavigateToPose, **goal, behavior_tree="mine") is None
     other = client.peer.publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED, subscribers=0)

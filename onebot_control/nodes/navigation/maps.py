@@ -1,5 +1,6 @@
 """The topics of the navigator's map, costs, path and pose, and Nav2's map server services."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -198,6 +199,8 @@ class MapTopics:
 
     def _clear(self, request: Any, _: Any) -> None:
         if isinstance(request, self._around):
+            if not math.isfinite(request.reset_distance):
+                raise OneBotError("reset_distance must be finite")
             self._navigator().forget_near(request.reset_distance)
         else:
             self._navigator().clear()

@@ -30,6 +30,7 @@ from onebot_description.timing.throttled import Throttled
 
 COMMAND_TOPIC = f"{DRIVE_CONTROLLER}/cmd_vel"
 _ODOMETRY_TOPIC = f"{DRIVE_CONTROLLER}/odom"
+_LEAST_STEP = 1e-5  # rad between two rays
 _SCANS = 10  # maximum number of scans that wait for the odometry
 _KEPT = 50  # number of remembered own commands that have not come back yet
 
@@ -145,15 +146,17 @@ def scan_of(message: LaserScan, mount: Floats) -> LevelScan:
     """Convert a LaserScan of a lidar whose pose in the robot's frame is ``mount`` (4, 4).
 
     Raises:
-        OneBotError: it has no ranges or angles.
+        OneBotError: its angles are not valid, or it measures nothing.
     """
     ranges = np.asarray(message.ranges, np.float32)
     first_angle, step = float(message.angle_min), float(message.angle_increment)
-    if np.isnan(ranges).all() or not step or not math.isfinite(first_angle + step):
-        raise OneBotError("all ranges are NaN, there are none, or the angles are not finite")
+    if not _LEAST_STEP < abs(step) < math.tau or not math.isfinite(first_angle):
+        raise OneBotError("the angles of a scan are not valid")
     with np.errstate(invalid="ignore"):
         ranges = np.where(ranges < message.range_min, -np.inf, ranges)
         ranges = np.where(ranges > message.range_max, np.inf, ranges).astype(np.float32)
+    if not (ranges > -np.inf).any():
+        raise OneBotError("a scan has no ranges, or all are NaN or below range_min")
     scan = LevelScan.mounted(ranges, first_angle, step, float(message.range_max), mount)
     return scan._replace(time=nanoseconds(message.header.stamp) / NS_PER_S)
 
