@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import pytest
 
+from onebot_bringup.launch.nodes import NODES
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("mrm_description", "onebot_bringup", "onebot_control", "onebot_description")
 
@@ -152,9 +154,7 @@ def test_units_of_imports() -> None:
 # What may use ROS: the nodes.
 WITH_ROS = (
     *("onebot_bringup", "mrm_description", "onebot_description.ros", "onebot_control.nodes"),
-    *("onebot_description.robot_state_publisher", "onebot_description.joint_state_publisher"),
-    *("onebot_control.velocity_controller", "onebot_control.joint_trajectory_controller"),
-    "onebot_control.navigator",
+    *(row.module for row in NODES),
 )
 ROS = re.compile(r"rclpy|rcl_interfaces|\w+_msgs|onebot_description\.ros|onebot_control\.nodes")
 
