@@ -1,7 +1,7 @@
 """The kinds of drives, by their types in ros2_control; a new kind is a row of the table."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -92,12 +92,6 @@ def named_drive(values: Mapping[str, Any]) -> type[SimulationConfig] | None:
         if any(leaf.name in named and leaf.type.rule.read_only for leaf in leaves(drive)):
             return drive
     return None
-
-
-def standing(config: SimulationConfig) -> SimulationConfig:
-    """Return a config without the drive's parameters, for a robot with a fixed base."""
-    names = [field.name for field in fields(SimulationConfig)]
-    return SimulationConfig(**{name: getattr(config, name) for name in names})
 
 
 def suited(values: Mapping[str, T], declared: type[SimulationConfig]) -> dict[str, T]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from onebot_control.control_files import ControlFiles, default_control_file
 from onebot_control.conventions import DRIVE_CONTROLLER
 from onebot_control.drive.wheels.finding import RunningGear
-from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, standing, suited
+from onebot_control.drive_kinds import DRIVES, found_drive, named_drive, suited
 from onebot_control.joint_controllers import named
 from onebot_control.prepared_robot import Member
 from onebot_control.simulation_parameters import SimulationConfig
@@ -103,14 +103,18 @@ def fleet_members(
         description = default if setup.model is None else _described(setup.model, {}, optional)
         own_values = given_parameters({**parameters, **setup.parameters})
         with named(f"robots.{name}") if name else nullcontext():
-            named_kind = _named_drive(own_values)
-            kind = named_kind or found_drive(description)
+            kind = _named_drive(own_values) or _found_kind(description)
             place = {"x": setup.x, "y": setup.y, "yaw": setup.yaw}
             values.append({**suited(defaults, kind), **own_values, **place})
             config = read(kind, values[-1])
-        has_drive = named_kind or RunningGear.of(description).drives
-        members.append(Member(description, config if has_drive else standing(config), name))
+        members.append(Member(description, config, name))
     return members, values
+
+
+def _found_kind(description: Description) -> type[SimulationConfig]:
+    """Return the parameters that suit a description, without a drive's if the robot stands."""
+    drives = RunningGear.of(description).drives
+    return found_drive(description) if drives else SimulationConfig
 
 
 def _named_drive(given: dict[str, Any]) -> type[SimulationConfig] | None:

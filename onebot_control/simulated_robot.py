@@ -11,6 +11,7 @@ from onebot_control.controlled_robot import ControlledRobot
 from onebot_control.drive.drive import Drive
 from onebot_control.drive.wheels.geometry import WheelGeometry
 from onebot_control.physics.contacts import Contact
+from onebot_control.physics.engine import logger
 from onebot_control.robot_setup import Parameters, given_parameters
 from onebot_control.sensing.instrument import Instrument
 from onebot_control.sensing.lidar import LidarInstrument, angles
@@ -33,6 +34,7 @@ from onebot_description.errors import OneBotError, did_you_mean, listing
 from onebot_description.geometry.poses import PlanarPose, PlanarVelocity
 from onebot_description.parameters.arguments import checked_methods
 from onebot_description.parameters.values import Rule, ValueType
+from onebot_description.timing.throttled import Throttled
 
 _AHEAD = Rays(np.array([[1.0, 0.0, 0.0]]))  # along the x axis
 
@@ -54,12 +56,14 @@ class SimulatedRobot:
         """Take the robot ``row`` of a world, which ``core`` returns; see ``Simulation.robots``."""
         self._present_core, self._row, self._name = core, row, core().names[row]
         self._navigation = SimulatedNavigation(core, row)
+        self._warn = Throttled(logger.warning)
 
     def drive(self, linear: float, angular: float = 0.0, *, lateral: float = 0.0) -> None:
         """Command a velocity; it holds until the next call, as if sent in every cycle.
 
         From then on, commands from ROS nodes in lockstep have no effect. The controller limits
         speed and acceleration: OneBot accelerates by 0.5 m/s^2, so it takes 1 s to reach 0.5 m/s.
+        A car turns as far as its steering allows; a warning that this is less is logged once.
 
         Args:
             linear: forward, m/s.
@@ -72,9 +76,12 @@ class SimulatedRobot:
         """
         if lateral and not self._drive.moves_sideways:
             raise OneBotError("the robot's drive does not move sideways: leave lateral out")
-        if self._drive:
-            self.navigation.cancel("drive took over")
-            self._core.commands[self._row] = linear, lateral, angular
+        command = linear, lateral, angular
+        fault = self._drive.odometry.kinematics.fault(command)
+        if fault and self._core.publish is None:  # otherwise the robot's node logs it
+            self._warn.once(fault)
+        self.navigation.cancel("drive took over")
+        self._core.commands[self._row] = command
 
     def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
         """Drive to a point in the world, around obstacles, while the simulation runs.

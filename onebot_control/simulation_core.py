@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from onebot_control.controlled_robot import ControlledRobot, Snapshot
-from onebot_control.drive_kinds import ControlConfig, standing
+from onebot_control.controlled_robot import Snapshot
 from onebot_control.fleet import Fleet
 from onebot_control.physics.contacts import Contact
 from onebot_control.prepared_robot import Member
@@ -202,7 +201,7 @@ class SimulationCore:
         """
         values = self._start_parameters if parameters is None else tuple(parameters)
         configs = [
-            robot.config if new is present else self._config(robot, new)
+            robot.config if new is present else read(type(robot.config), new)
             for robot, new, present in zip(self.fleet.robots, values, self.parameters, strict=True)
         ]
         self.fleet.restart(configs)
@@ -234,13 +233,8 @@ class SimulationCore:
             OneBotError: a value is wrong; nothing has changed.
         """
         robot = self.fleet.robots[row]
-        robot.configure(self._config(robot, parameters))
+        robot.configure(read(type(robot.config), parameters))
         self.parameters[row] = parameters
-
-    def _config(self, robot: ControlledRobot, parameters: dict[str, Any]) -> SimulationConfig:
-        # The parameters of a robot with a fixed base include a drive's, which have no effect.
-        config = read(type(robot.config) if robot.drive else ControlConfig, parameters)
-        return config if robot.drive else standing(config)
 
     def cycle(self, *, last: bool) -> None:
         """Run one control cycle; afterwards, the robots' state is the one at its end.

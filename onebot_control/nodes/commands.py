@@ -237,7 +237,8 @@ class CommandGate:
         drive = self._slot.robot.drive
         assert drive is not None
         if not abs(angle) < math.pi / 2.0:  # NaN, or degrees
-            self._on_ignored(f"steering_angle {angle:g} rad is not within a quarter turn")
+            text = f"steering_angle {angle:g} rad is not within a quarter turn"
+            self._warn("steered", f"{_STEERED} is ignored: {text}")
             return
         turn = drive.geometry.turning(speed, angle)
         self._command((speed, 0.0, turn), Age(0.0, 0.0), None)

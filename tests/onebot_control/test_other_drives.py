@@ -246,8 +246,8 @@ def test_a_drive_without_the_axis_does_not_move_sideways() -> None:
                 simulation.robot.drive(0.1, lateral=0.1)
 
 
-def test_a_car_turns_as_far_as_it_can() -> None:
-    """On the spot not at all; with a front wheel that is driven, about the rear axle's middle."""
+def test_a_car_turns_as_far_as_it_can(caplog: pytest.LogCaptureFixture) -> None:
+    """On the spot not at all, which is logged once."""
     with Simulation(car()) as simulation:
         robot = simulation.robot
         robot.drive(0.0, 1.0)
@@ -260,6 +260,7 @@ def test_a_car_turns_as_far_as_it_can() -> None:
         least = BASE / math.tan(STEERS) + TRACK / 2.0
         assert robot.command.angular == pytest.approx(0.3 / least)
         assert robot.twist.angular == pytest.approx(0.3 / least, rel=0.01)
+        assert caplog.text.count("no turn on the spot") == 1
 
 
 # In a fleet, and on topics ------------------------------------------------------------------------

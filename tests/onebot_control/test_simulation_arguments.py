@@ -181,5 +181,7 @@ def test_a_robot_that_stands_has_nothing_of_a_drive(name: str) -> None:
             getattr(simulation.robot, name)
         with pytest.raises(OneBotError, match="mrm.xacro: the robot has no wheels to drive on"):
             simulation.robot.drive(0.1)
-        simulation.robot.set_parameters({"publish_rate": 20.0, "linear.x.max_velocity": 0.3})
+        simulation.robot.set_parameters({"publish_rate": 20.0})
+        with pytest.raises(OneBotError, match=r"linear\.x\.max_velocity: no such parameter"):
+            simulation.robot.set_parameters({"linear.x.max_velocity": 0.3})
         simulation.run(0.1)
