@@ -167,11 +167,11 @@ class ControlledRobot:
         """
         self._prepared, self.body, spawn = prepared, body, prepared.spawn
         self.description, self.held = prepared.member.description, spawn.held
-        self.joints = (*body.joints, *spawn.followers)
+        self.joints = (*body.joints, *spawn.wheel_mimics)
         ranges = {joint.name: joint.range for joint in self.description.joints}
-        self._wheel_followers = [
+        self._wheel_mimics = [
             (mimic, body.joints.index(mimic.joint), *ranges[name])
-            for name, mimic in spawn.followers.items()
+            for name, mimic in spawn.wheel_mimics.items()
         ]
         self._starts = spawn.starts
         self.joint_controllers = {**prepared.controllers}
@@ -452,15 +452,15 @@ class ControlledRobot:
 
     def _read_state(self) -> None:
         self._joints, self._pose, self._mass_velocity = self.body.state()
-        if self._wheel_followers:
-            self._joints = self._with_followers(self._joints)
+        if self._wheel_mimics:
+            self._joints = self._with_mimics(self._joints)
 
-    def _with_followers(self, states: JointStates) -> JointStates:
+    def _with_mimics(self, states: JointStates) -> JointStates:
         """Return the states of the body's joints, then of those that mimic its wheels."""
         positions, velocities = [*states.positions], [*states.velocities]
-        for mimic, leader, lower, upper in self._wheel_followers:
+        for mimic, leader, lower, upper in self._wheel_mimics:
             at = mimic.at(positions[leader])
             positions.append(clamp(at, lower, upper))
             velocities.append(mimic.multiplier * velocities[leader] if lower < at < upper else 0.0)
-        efforts = (*states.efforts, *[0.0] * len(self._wheel_followers))
+        efforts = (*states.efforts, *[0.0] * len(self._wheel_mimics))
         return JointStates(tuple(positions), tuple(velocities), efforts)

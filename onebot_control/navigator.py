@@ -62,7 +62,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
         return [NavigatorNode(file, words) for words in robots] or [NavigatorNode(file)]
 
-    return run_described_node("navigator", __doc__, NavigatorParameters, make, None, common)
+    return run_described_node("navigator", __doc__, NavigatorParameters, make, args=common)
 
 
 if __name__ == "__main__":

@@ -122,13 +122,13 @@ def _inactive(
     """
     owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
     moving = [joint.name for joint in description.moving_joints]
-    followers = {joint.name for joint in description.moving_joints if joint.mimic}
+    mimics = {joint.name for joint in description.moving_joints if joint.mimic}
     inactive, problems = list[Problem](), list[Problem]()
     for controller in controllers:
         names = joints[controller.name]
         missing = [*unknown_names(names, moving)]
         shared = [joint for joint in names if joint in owners]
-        following = [joint for joint in names if joint in followers]
+        following = [joint for joint in names if joint in mimics]
         if missing and (len(missing) < len(names) or len(controllers) == 1):
             key = f"{controller.name}.{controller.config.joints_parameter}"
             problems += [

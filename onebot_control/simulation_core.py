@@ -160,7 +160,7 @@ class SimulationCore:
             sensors += load_sensors(self.sensor_file, robot.description).sensors
         return [
             INSTRUMENTS[type(sensor.model)](
-                sensor, row, f"/{self.names[row]}", rate, self.noise, self.seed
+                sensor, row, f"/{self.names[row]}", rate, noisy=self.noise, seed=self.seed
             )
             for sensor in sensors
         ]

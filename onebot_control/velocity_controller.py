@@ -190,8 +190,8 @@ def run_simulation(
         explanation,
         parameters,
         partial(simulation_nodes, node, parameters, robots),
-        check,
-        common_arguments,
+        args=common_arguments,
+        check_files=check,
         default_file=default_file,
     )
 

@@ -391,8 +391,8 @@ def main(args: list[str] | None = None) -> int:
         __doc__,
         JointsConfig,
         JointStatePublisher,
-        lambda files: read_files(files, "/joint_state_publisher", JointsConfig),
-        args,
+        args=args,
+        check_files=lambda files: read_files(files, "/joint_state_publisher", JointsConfig),
     )
 
 

@@ -232,7 +232,7 @@ def main(args: Sequence[str] | None = None) -> int:
         return nodes
 
     return run_described_node(
-        "robot_state_publisher", __doc__, StateParameters, make_nodes, None, common
+        "robot_state_publisher", __doc__, StateParameters, make_nodes, args=common
     )
 
 

@@ -95,13 +95,13 @@ def vehicle_of(description: "Description", controllers: Sequence[ControllerLimit
     backward = min([0.5 * forward, *(limit for limit in reverses if math.isfinite(limit))])
     return Vehicle(
         footprint_of(description),
-        forward,
-        backward,
-        min(sideways, forward),
-        min(turning, _FASTEST_TURN),
-        acceleration,
-        turning_acceleration,
-        max((limit.minimum_radius for limit in controllers), default=0.0),
+        forward=forward,
+        backward=backward,
+        sideways=min(sideways, forward),
+        turning=min(turning, _FASTEST_TURN),
+        acceleration=acceleration,
+        turning_acceleration=turning_acceleration,
+        minimum_radius=max((limit.minimum_radius for limit in controllers), default=0.0),
     )
 
 

@@ -84,7 +84,7 @@ class RobotSensors:
     def _channel(self, row: int, sensor: Sensor, config: SimulationConfig) -> Channel:
         space, cycles = self._node.get_namespace(), config.update_rate
         instrument = INSTRUMENTS[type(sensor.model)](
-            sensor, row, space, cycles, config.sensor_noise, self._seed
+            sensor, row, space, cycles, noisy=config.sensor_noise, seed=self._seed
         )
         enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
         frame = prefixed(sensor.frame, enabled, prefix, space)

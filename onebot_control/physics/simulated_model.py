@@ -122,7 +122,7 @@ def simulated_model(
         fixed_base=wheels is None,
         links=description.links,
         held=roles.held,
-        followers=roles.followers,
+        wheel_mimics=roles.wheel_mimics,
     )
 
 
@@ -173,7 +173,7 @@ class _Roles:
 
     Attributes:
         held: positions of joints that do not move, by name.
-        followers: how joints mimic wheels, casters and joints that swing freely, by name.
+        wheel_mimics: how joints mimic wheels, casters and joints that swing freely, by name.
         fixed: start positions of both of these, by name.
         gears: gears of the joints that follow commanded joints, by name.
         starts: start positions of commanded joints and gears, by name.
@@ -204,7 +204,7 @@ class _Roles:
         own |= dict.fromkeys(rolling, 0.0)
         self.fixed: dict[str, float] = {}
         self.held: dict[str, float] = {}
-        self.followers: dict[str, Mimic] = {}
+        self.wheel_mimics: dict[str, Mimic] = {}
         self.gears: dict[str, Mimic] = {}
         self.starts: dict[str, float] = {}
         leaders = self._joints.keys() - (mimics.keys() - {*rolling, *commanded})
@@ -218,7 +218,7 @@ class _Roles:
             elif not (rolls and name == leader):
                 self.fixed[name] = clamp(at, *self._joints[name].range)
                 if rolls:
-                    self.followers[name] = mimic
+                    self.wheel_mimics[name] = mimic
                 else:
                     self.held[name] = self.fixed[name]
 

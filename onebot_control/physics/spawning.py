@@ -46,7 +46,7 @@ class RobotSpawn(NamedTuple):
     fixed_base: bool = False  # whether the root link is fixed
     links: tuple[Link, ...] = ()  # the original links, if some have other shapes when simulated
     held: Mapping[str, float] = MappingProxyType({})  # positions of the joints made fixed
-    followers: Mapping[str, Mimic] = MappingProxyType({})  # joints made fixed that mimic wheels
+    wheel_mimics: Mapping[str, Mimic] = MappingProxyType({})  # joints made fixed that mimic wheels
 
     @property
     def converges_slowly(self) -> bool:
@@ -217,13 +217,13 @@ def load_robot(bullet: Bullet, spawn: RobotSpawn) -> LoadedBody:
     )
 
 
-def _add_gear(bullet: Bullet, robot: int, follower: int, leader: int, mimic: Mimic) -> None:
-    """Make a joint follow another one, as with gear wheels."""
+def _add_gear(bullet: Bullet, robot: int, joint: int, leader: int, mimic: Mimic) -> None:
+    """Make a joint mimic another one, as with gear wheels."""
     constraint = bullet.createConstraint(
         robot,
         leader,
         robot,
-        follower,
+        joint,
         engine.JOINT_GEAR,
         jointAxis=(0, 1, 0),
         parentFramePosition=(0, 0, 0),

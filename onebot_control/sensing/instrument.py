@@ -72,6 +72,7 @@ class Instrument(ABC, Generic[M]):
         row: int,
         namespace: str,
         cycles: float,
+        *,
         noisy: bool = True,
         seed: int = 0,
     ) -> None:

@@ -384,12 +384,12 @@ def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rg
     friction = element.find("contact/lateral_friction")
     return Link(
         element.get("name", ""),
-        tuple(parts["visual"]),
-        tuple(parts["collision"]),
-        _read_inertial(findings, element),
-        None if friction is None else read(findings, friction)[0],
-        findings.where(element),
-        tuple(warnings),
+        visuals=tuple(parts["visual"]),
+        collisions=tuple(parts["collision"]),
+        inertial=_read_inertial(findings, element),
+        friction=None if friction is None else read(findings, friction)[0],
+        where=findings.where(element),
+        left_out=tuple(warnings),
     )
 
 

@@ -214,9 +214,9 @@ def run_described_node(
     explanation: str | None,
     parameters: type,
     make_node: Callable[[str | None, RosArguments], Node | Sequence[Node]],
-    check_files: Callable[[Sequence[Path]], object] | None,
-    args: Sequence[str] | None,
     *,
+    args: Sequence[str] | None,
+    check_files: Callable[[Sequence[Path]], object] | None = None,
     default_file: Callable[[], Path] | None = None,
 ) -> int:
     """Run a node whose command line is ``[FILE] [--ros-args ...]``; return the exit code.
@@ -226,9 +226,9 @@ def run_described_node(
         explanation: text of --help, the module's docstring.
         parameters: dataclass of the parameters, for --help.
         make_node: called with FILE, or None, and the command line's parameter files and names.
+        args: arguments as in sys.argv; None for sys.argv itself.
         check_files: called with the parameter files before rcl reads them, because rcl's errors
             name neither the line nor what to write. None for no check.
-        args: arguments as in sys.argv; None for sys.argv itself.
         default_file: returns the parameter file to use if the command line names none.
     """
     arguments = list(sys.argv if args is None else args)

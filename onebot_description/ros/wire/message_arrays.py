@@ -99,12 +99,12 @@ def odometry_sample(data: bytes) -> OdometrySample:
     pose = message.pose.pose.array()
     twist = message.twist.twist
     return OdometrySample(
-        nanoseconds(message.header.stamp),
-        message.header.frame_id,
-        message.child_frame_id,
-        pose[:3],
-        pose[3:],
-        twist.linear.array(),
-        twist.angular.array(),
-        message.pose.covariance,
+        stamp_ns=nanoseconds(message.header.stamp),
+        frame_id=message.header.frame_id,
+        child_frame_id=message.child_frame_id,
+        translation=pose[:3],
+        rotation=pose[3:],
+        linear=twist.linear.array(),
+        angular=twist.angular.array(),
+        covariance=message.pose.covariance,
     )
