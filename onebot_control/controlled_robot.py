@@ -186,7 +186,7 @@ class ControlledRobot:
             OneBotError: see ``fitted``.
         """
         wheels, drive = self._prepared.wheels, config.drive
-        self.drive = Drive(wheels, self.body.joints, drive) if wheels and drive else None
+        self.drive = Drive(wheels, self.body.joints, drive) if drive else None
         self._base: Any = self.drive or NoDrive()
         self.pace = CyclePace()
         self.configure(config)

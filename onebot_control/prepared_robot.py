@@ -48,7 +48,7 @@ class PreparedRobot:
 
     Attributes:
         member: the robot as given.
-        wheels: its wheels; None if its base is fixed.
+        wheels: its driven wheels; none if its base is fixed.
         spawn: the model that the world loads.
         controllers: the active controllers of its other joints, by name.
         controlled: joints of each controller, by the controller's name.
@@ -66,11 +66,9 @@ class PreparedRobot:
         if faults := [fault for listed in interfaces.values() for fault in listed.faults]:
             raise OneBotError("\n".join(faults))
         description = description.independent()
-        self.wheels: Wheels | None = None
+        self.wheels = wheels = wheels_of(config, description)
         if config.drive is not None:
-            self.wheels = config.drive.wheels(description)
-            config.drive.fitted(self.wheels)
-        wheels = self.wheels
+            config.drive.fitted(wheels)
         candidates = member.controllers or [DEFAULT_CONTROLLER]
         joints = {item.name: joints_of(item, description, wheels) for item in candidates}
         candidates = [item for item in candidates if joints[item.name]]
@@ -79,7 +77,7 @@ class PreparedRobot:
         self.controllers = {item.name: item for item in candidates if item.name not in names}
         self.controlled = {name: joints[name] for name in self.controllers}
         commanded = tuple([joint for joints in self.controlled.values() for joint in joints])
-        if fault := description.interface_fault(commanded, stands=wheels is None):
+        if fault := description.interface_fault(commanded, stands=not wheels.names):
             raise OneBotError(fault)
         unlimited = [
             joint
@@ -100,8 +98,17 @@ class PreparedRobot:
         ]
 
 
+def wheels_of(config: SimulationConfig, description: Description) -> Wheels:
+    """Return the driven wheels of a robot; none if its base is fixed.
+
+    Raises:
+        OneBotError: see ``DriveParameters.wheels``.
+    """
+    return config.drive.wheels(description) if config.drive else Wheels(description)
+
+
 def joints_of(
-    controller: JointController[Any], description: Description, wheels: Wheels | None
+    controller: JointController[Any], description: Description, wheels: Wheels
 ) -> Sequence[str]:
     """Return the joints that a controller commands: those it names, or all commandable ones."""
     return controller.config.joint_names or commandable(description, wheels)
@@ -109,7 +116,7 @@ def joints_of(
 
 def _inactive(
     description: Description,
-    wheels: Wheels | None,
+    wheels: Wheels,
     controllers: Sequence[JointController[Any]],
     joints: Mapping[str, Sequence[str]],
 ) -> list[Problem]:
@@ -120,7 +127,7 @@ def _inactive(
     Raises:
         ConfigError: only some joints of a controller move, or it is the only one and none moves.
     """
-    owners = dict.fromkeys(wheels.joints if wheels else (), "the controller of the wheels")
+    owners = dict.fromkeys(wheels.joints, "the controller of the wheels")
     moving = [joint.name for joint in description.moving_joints]
     mimics = {joint.name for joint in description.moving_joints if joint.mimic}
     inactive, problems = list[Problem](), list[Problem]()

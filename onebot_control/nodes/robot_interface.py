@@ -15,7 +15,7 @@ from onebot_control.nodes.joint_controller_nodes import JointControllerNodes
 from onebot_control.nodes.publishing import Publishers
 from onebot_control.nodes.robot_sensors import RobotSensors
 from onebot_control.nodes.robot_services import RobotServices
-from onebot_control.prepared_robot import Member, joints_of
+from onebot_control.prepared_robot import Member, joints_of, wheels_of
 from onebot_control.runtime.control_loop import ControlLoop, LoopSlot
 from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.sensing import Channel, Sensing
@@ -337,8 +337,7 @@ class RobotInterface:
 
 def _check_joints(robot: ControlledRobot, description: Description) -> None:
     """Raise OneBotError if a joint controller would have no joints in another description."""
-    drive = robot.config.drive
-    wheels = drive.wheels(description) if drive else None
+    wheels = wheels_of(robot.config, description)
     for name, controller in robot.joint_controllers.items():
         if not joints_of(controller, description, wheels):
             raise OneBotError(f"{name} would have no joint to move; restart the node")

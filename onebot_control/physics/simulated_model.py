@@ -60,7 +60,7 @@ _UNLIMITED = 1e5  # Nm or N, effort of a motor without a limit
 
 def simulated_model(
     description: Description,
-    wheels: Wheels | None,
+    wheels: Wheels,
     commanded: Collection[str] = (),
     positions: Mapping[str, float] = MappingProxyType({}),
 ) -> RobotSpawn:
@@ -68,7 +68,7 @@ def simulated_model(
 
     Args:
         description: the robot.
-        wheels: its driven wheels; None if its base is fixed.
+        wheels: its driven wheels; if there are none, its base is fixed.
         commanded: names of joints that follow positions, besides those that steer.
         positions: start positions of joints, rad or m; they override those of ``<ros2_control>``.
 
@@ -76,24 +76,22 @@ def simulated_model(
         OneBotError: a named joint does not move, a commanded one mimics another, or a wheel with
             rollers has no round shape.
     """
-    steering = wheels.steering if wheels else ()
-    commanded = (*commanded, *steering)
-    rolling = (*wheels.names, *wheels.free) if wheels else ()
-    tyres = {name: wheels.tyres.tyre(name) for name in rolling} if wheels else {}
-    casters = casters_of(wheels, commanded) if wheels else ()
+    commanded = (*commanded, *wheels.steering)
+    tyres = {name: wheels.tyres.tyre(name) for name in (*wheels.names, *wheels.free)}
+    casters = casters_of(wheels, commanded)
     roles = _Roles(description, {*tyres, *casters}, commanded, positions)
-    weight = _GRAVITY * wheels.robot.mass if wheels else 0.0
+    weight = _GRAVITY * wheels.robot.mass
     joints = []
     for joint in description.joints:
         if joint.name in roles.fixed:
             joint = _fixed(joint, roles.fixed[joint.name])
-        elif wheels and joint.name in wheels.names:
+        elif joint.name in wheels.names:
             joint = _motor(joint, weight, tyres[joint.name])
-            if wheels and wheels.skids:
+            if wheels.skids:
                 joint = SkidAxle(**vars(joint))
         elif joint.name in roles.starts:
             interfaces = description.interfaces.get(joint.name)
-            if joint.name in steering:
+            if joint.name in wheels.steering:
                 joint = _steering(
                     joint, weight * max(tyre.radius for tyre in tyres.values() if tyre)
                 )
@@ -101,25 +99,25 @@ def simulated_model(
         joints.append(joint)
     rigid = replace(description, joints=tuple(joints))
     links: Sequence[Link] = rigid.links
-    if wheels:
+    if wheels.names:
         moved = {*roles.starts, *roles.passive}
-        contacts = Contacts(rigid, tyres, casters, moved, steers=bool(steering))
+        contacts = Contacts(rigid, tyres, casters, moved, steers=bool(wheels.steering))
         links = [_massive(wheels, contacts.changed(link)) for link in links]
     links = _with_rotors(replace(rigid, links=tuple(links)), roles.starts, roles.gears)
     _report_held(description, roles.held, commanded)
     _report_hulls(rigid, {*roles.gears, *(mimic.joint for mimic in roles.gears.values())})
     rigid = replace(rigid, links=tuple(links))
-    if wheels and wheels.rollers:
+    if wheels.rollers:
         rollers = {name: (wheels.tyre(name), angle) for name, angle in wheels.rollers.items()}
         rigid = with_rollers(rigid, rollers)
     return RobotSpawn(
         rigid,
-        driven=wheels.names if wheels else (),
+        driven=wheels.names,
         commanded=commanded,
-        steering=steering,
+        steering=wheels.steering,
         gears=roles.gears,
         starts={**roles.starts, **roles.passive},
-        fixed_base=wheels is None,
+        fixed_base=not wheels.names,
         links=description.links,
         held=roles.held,
         wheel_mimics=roles.wheel_mimics,
@@ -137,7 +135,7 @@ def without_limits(description: Description, joints: Collection[str]) -> Descrip
     return replace(description, interfaces={**listed, **free}) if limited else description
 
 
-def commandable(description: Description, wheels: Wheels | None) -> list[str]:
+def commandable(description: Description, wheels: Wheels) -> list[str]:
     """Return the joints that a controller commands if its parameters do not name any.
 
     These are the joints with a position command interface in ``<ros2_control>``, except wheels; if
@@ -145,9 +143,9 @@ def commandable(description: Description, wheels: Wheels | None) -> list[str]:
     carry them. Mimic joints are always excluded.
     """
     joints = [joint.name for joint in description.moving_joints if joint.mimic is None]
-    positioned = description.positioned - {*(wheels.joints if wheels else ())}
+    positioned = description.positioned - {*wheels.joints}
     named = [joint for joint in joints if joint in positioned]
-    excluded_names = {*description.interfaces, *(_rolling(wheels) if wheels else ())}
+    excluded_names = {*description.interfaces, *_rolling(wheels)}
     return named or [joint for joint in joints if joint not in excluded_names]
 
 
@@ -393,8 +391,11 @@ def casters_of(wheels: Wheels, commanded: Collection[str] = ()) -> Collection[st
     """Return the swivelling and rolling joints of casters.
 
     They are continuous, as are all joints between them and the base. Driven, mimic and
-    ``commanded`` joints and joints with a position command interface are excluded.
+    ``commanded`` joints and joints with a position command interface are excluded. A robot without
+    driven wheels has none.
     """
+    if not wheels.names:
+        return ()
     chains, bound = _chains(wheels), {*commanded, *wheels.description.positioned}
     for chain in chains:
         if any(joint.kind != "continuous" or joint.mimic is not None for joint in chain):

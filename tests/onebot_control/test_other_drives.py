@@ -223,6 +223,11 @@ def _kinematics(description: Description, parameters: dict[str, Any]) -> Any:
             "its wheels are omnidirectional, with rollers around them; let the control file",
         ),
         (omni, {"wheel_names": ["w0_joint", "w1_joint"]}, "it needs three wheels or more, not 2"),
+        (
+            car,
+            {"type": "omni_wheel_drive_controller/OmniWheelDriveController"},
+            "no three wheels on the ground whose axes are level",
+        ),
     ],
 )
 def test_what_cannot_be_driven_is_refused(

@@ -31,7 +31,7 @@ class WheelGeometry(NamedTuple):
 
 
 class Wheels:
-    """The driven wheels of a robot, read from its description once.
+    """The driven wheels of a robot, read from its description once; none if it stands.
 
     Attributes:
         description: the robot.

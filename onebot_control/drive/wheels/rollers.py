@@ -115,7 +115,7 @@ class OmniWheels(Wheels):
             names: joints of the wheels.
 
         Raises:
-            OneBotError: a named joint is missing, or its axis is not level.
+            OneBotError: a named joint is missing, or its axis is not level, or no wheels are found.
         """
         super().__init__(description)
         self.check_names(wheel_names=names)
@@ -127,6 +127,11 @@ class OmniWheels(Wheels):
                 )
         found_names = [wheel.name for wheel in self.gear.omni]
         self._middles = {name: self.middle(name) for name in names or found_names}
+        if not self._middles:
+            raise OneBotError(
+                f'robot "{description.robot_name}" cannot be driven: it has no three wheels on the '
+                "ground whose axes are level and not all lateral; name its wheels in wheel_names"
+            )
         names = names or sorted(self._middles, key=self._direction)
         self.groups = [[name] for name in names]
         self.rollers = dict.fromkeys(names, 0.0)
