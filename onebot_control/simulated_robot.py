@@ -76,12 +76,11 @@ class SimulatedRobot:
         """
         if lateral and not self._drive.moves_sideways:
             raise OneBotError("the robot's drive does not move sideways: leave lateral out")
-        command = linear, lateral, angular
-        fault = self._drive.odometry.kinematics.fault(command)
+        fault = self._drive.odometry.kinematics.fault((linear, lateral, angular))
         if fault and self._core.publish is None:  # otherwise the robot's node logs it
             self._warn.once(fault)
         self.navigation.cancel("drive took over")
-        self._core.commands[self._row] = command
+        self._core.commands[self._row] = linear, lateral, angular
 
     def go_to(self, x: float, y: float, yaw: float | None = None) -> None:
         """Drive to a point in the world, around obstacles, while the simulation runs.

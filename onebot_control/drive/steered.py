@@ -63,7 +63,7 @@ class SteeredKinematics(Kinematics):
         self.limit, self.front_driven, self.axle, self.speed = geometry[4:]
         # For each wheel of an axle, how far it is to the right of the middle, m.
         self._traction_offsets, self._steering_offsets = map(_offsets, tracks)
-        self._waits, self._traction = waits, SpeedLimiter(traction)
+        self._geometry, self._waits, self._traction = geometry, waits, SpeedLimiter(traction)
         check_lengths(self, "wheelbase", "radius")
         if self.front_driven and any(tracks):
             raise ValueError("only a single wheel can be both steered and driven")
@@ -156,7 +156,7 @@ class SteeredKinematics(Kinematics):
     def middle_angle(self, steering: Sequence[float]) -> float:
         """Return the steering angle, rad, for positions of the steered wheels, rad."""
         pairs = zip(steering, self._steering_offsets, strict=True)
-        angles = [self._turned(position, -offset) for position, offset in pairs]
+        angles = [self._geometry.wheel_angle(position, -offset) for position, offset in pairs]
         return total(angles) / len(angles)
 
     def _speed(self, linear: float, angular: float, angle: float) -> float:
@@ -174,14 +174,7 @@ class SteeredKinematics(Kinematics):
         ]
 
     def _steering_positions(self, angle: float) -> list[float]:
-        return [self._turned(angle, offset) for offset in self._steering_offsets]
-
-    def _turned(self, angle: float, offset: float) -> float:
-        """Return the angle, rad, of a wheel ``offset`` m to the right of one at another angle."""
-        if not offset:
-            return angle
-        side, ahead = self.wheelbase * math.sin(angle), self.wheelbase * math.cos(angle)
-        return math.atan2(side, ahead + offset * math.sin(angle))
+        return [self._geometry.wheel_angle(angle, offset) for offset in self._steering_offsets]
 
 
 def _offsets(track: float) -> tuple[float, ...]:

@@ -226,7 +226,7 @@ def _kinematics(description: Description, parameters: dict[str, Any]) -> Any:
         (
             car,
             {"type": "omni_wheel_drive_controller/OmniWheelDriveController"},
-            "no three wheels on the ground whose axes are level",
+            "it has no three omni wheels on the ground; name its wheels",
         ),
     ],
 )
@@ -266,6 +266,15 @@ def test_a_car_turns_as_far_as_it_can(caplog: pytest.LogCaptureFixture) -> None:
         assert robot.command.angular == pytest.approx(0.3 / least)
         assert robot.twist.angular == pytest.approx(0.3 / least, rel=0.01)
         assert caplog.text.count("no turn on the spot") == 1
+
+
+@pytest.mark.parametrize("limit", [0.4, 1.2, 1.6])
+def test_no_wheel_is_steered_beyond_its_limit(limit: float) -> None:
+    """In the sharpest curve, the inner wheel is at its limit, also beyond a quarter turn."""
+    hinges = car().urdf.replace(f'lower="-{STEERS}"', f'lower="-{limit}"')
+    description = parse_description(hinges.replace(f'upper="{STEERS}"', f'upper="{limit}"'))
+    kinematics = _kinematics(description, {})
+    assert max(kinematics.command((0.1, 0.0, 10.0)).steering) == pytest.approx(limit)
 
 
 # In a fleet, and on topics ------------------------------------------------------------------------

@@ -128,10 +128,8 @@ class OmniWheels(Wheels):
         found_names = [wheel.name for wheel in self.gear.omni]
         self._middles = {name: self.middle(name) for name in names or found_names}
         if not self._middles:
-            raise OneBotError(
-                f'robot "{description.robot_name}" cannot be driven: it has no three wheels on the '
-                "ground whose axes are level and not all lateral; name its wheels in wheel_names"
-            )
+            reason = "it has no three omni wheels on the ground; name its wheels in wheel_names"
+            raise OneBotError(f'robot "{description.robot_name}" cannot be driven: {reason}')
         names = names or sorted(self._middles, key=self._direction)
         self.groups = [[name] for name in names]
         self.rollers = dict.fromkeys(names, 0.0)

@@ -50,20 +50,16 @@ class SteeredGeometry(NamedTuple):
         """
         return speed * math.tan(angle) / self.wheelbase
 
+    def wheel_angle(self, angle: float, offset: float) -> float:
+        """Return the angle, rad, of a wheel ``offset`` m to the right of one at another angle."""
+        if not offset:
+            return angle
+        side, ahead = self.wheelbase * math.sin(angle), self.wheelbase * math.cos(angle)
+        return math.atan2(side, ahead + offset * math.sin(angle))
+
     def __str__(self) -> str:
         text = f"wheelbase {self.wheelbase:g} m, wheels of radius {self.radius:g} m"
         return f"{text}, minimum turning radius {self.minimum_radius:.3g} m"
-
-
-def _middle_angle(inner: float, wheelbase: float, track: float) -> float:
-    """Return the steering angle, rad, of a virtual wheel in the middle of the front axle.
-
-    Args:
-        inner: steering angle of the wheel on the inside of the curve, rad.
-        wheelbase: distance between the axles, m.
-        track: distance between the steered wheels, m.
-    """
-    return math.atan2(wheelbase, wheelbase / math.tan(inner) + track / 2.0)
 
 
 def _of(plugin: DrivePlugin, *roles: str) -> list[str]:
@@ -145,17 +141,20 @@ class SteeredWheels(Wheels):
         )
         if max_angle <= 0.0:
             self._refuse(f"{', '.join(self.steering)} cannot turn to both sides")
-        limit = _QUARTER if max_angle >= _QUARTER else _middle_angle(max_angle, wheelbase, steering)
-        plugin = self.description.drive_plugin
-        return SteeredGeometry(
+        geometry = SteeredGeometry(
             wheelbase=wheelbase,
             radius=radius or self.radius,
             traction_track=traction if len(self.names) > 1 else 0.0,
             steering_track=steering if len(self.steering) > 1 else 0.0,
-            limit=min(limit, plugin.steering_limit if plugin else limit),
             front_driven=self._front_driven,
             axle=float(self._rear[0]),
             speed=min([STEERING_SPEED, *(joint.velocity for joint in ranges if joint.velocity)]),
+        )
+        # The joint of the inner wheel reaches its limit first.
+        limit = geometry.wheel_angle(max_angle, geometry.steering_track / 2.0)
+        plugin = self.description.drive_plugin
+        return geometry._replace(
+            limit=min(_QUARTER, limit, plugin.steering_limit if plugin else _QUARTER)
         )
 
     def _rightmost(self, names: Sequence[str] | dict[str, None]) -> list[str]:
