@@ -186,6 +186,7 @@ class SimulationCore:
     def close(self) -> None:
         """Free the world; the states read last remain."""
         self.fleet.close()
+        self.sensors.close()
         self._is_closed = True
 
     def restart(self, seed: int, parameters: Sequence[dict[str, Any]] | None = None) -> None:

@@ -69,6 +69,10 @@ class Sensors:
         """Restart: the next frame is the first one."""
         self._starts, self._placed, self.last = (), None, None
 
+    def close(self) -> None:
+        """Free the surroundings, which take the most memory of a simulation."""
+        self._built = self._placed = None
+
     def frame(
         self,
         stamp: int,

@@ -1,5 +1,6 @@
 """Simulation, the way in from Python: equal to the bit, exact, and clear about mistakes."""
 
+import gc
 import math
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from onebot_control import OneBotError, RobotSetup, SimulatedRobot, Simulation
+from onebot_control.sensing.surroundings import VisibleSurfaces
 from onebot_control.simulation import ONEBOT
 from onebot_description.description import parse_description
 from tests.onebot_control.control_support import urdf
@@ -185,6 +187,24 @@ def test_any_robot(tmp_path: Path):
         world.robot.drive(0.2)
         world.run(2.0)
         assert world.robot.pose.x == pytest.approx(2.0 * world.robot.odometry.x, rel=0.01)
+
+
+def test_closing_frees_what_the_sensors_see():
+    """At once, not when garbage is collected: studies run a simulation after the other."""
+
+    def count() -> int:
+        return sum(type(thing) is VisibleSurfaces for thing in gc.get_objects())
+
+    gc.collect()
+    before = count()
+    gc.disable()
+    try:
+        with Simulation(world="maze", sensors=True) as simulation:
+            simulation.robot.scan()
+            assert count() == before + 1
+        assert count() == before
+    finally:
+        gc.enable()
 
 
 def test_what_is_slow_to_import_is_imported_only_when_needed():
