@@ -97,10 +97,8 @@ class Situation(NamedTuple):
     def to_go(self, x: Singles, y: Singles) -> Singles:
         """Return the cost to go at points, interpolated between the centers of cells."""
         scale = np.float32(1.0 / self.resolution)
-        column, row = (
-            (x - np.float32(self.origin[0])) * scale,
-            (y - np.float32(self.origin[1])) * scale,
-        )
+        column = (x - np.float32(self.origin[0])) * scale
+        row = (y - np.float32(self.origin[1])) * scale
         return _interpolated(self.field, row, column, self.maximum)
 
 
