@@ -31,7 +31,6 @@ _FARTHEST = 0.02  # m between odometry and truth
 _START, _RESET = 500.0, 20.0  # ms at most
 _FIRST_SCAN = 50.0  # ms at most, of a process that has not imported what reads meshes
 _ENVIRONMENT = 600.0  # steps a second at least
-_EPISODE = 200  # steps, a fifth of the default; crates that nothing pushes sleep after 25 of them
 _FIRST = """
 import time
 from onebot_control import Simulation
@@ -85,7 +84,7 @@ def run(quick: bool) -> Report:
     with closing(OneBotEnv(world="maze")) as environment:
         variants = {
             **{"start": _start, "reset": _reset, "first scan": _first_scan},
-            "environment": lambda: _environment_step(environment, 2 if quick else _EPISODE),
+            "environment": lambda: _environment_step(environment, 2 if quick else 50),
             "bare": lambda: bare_step(environment.simulation),
         }
         taken = in_turn(variants, 1 if quick else 9)
