@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from onebot_control.navigation.grid import GridMap, Window
+from onebot_control.navigation.grid import DOUBTFUL, GridMap, Window
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Floats, Singles
 
@@ -52,7 +52,8 @@ class Costmap:
             return self._measure(Window(0, 0, *grid.shape))
         log_odds, was_occupied = grid.log_odds[window.cells], self._occupied[window.cells]
         # Cells at edges of walls, which are hit and missed alternately, stay occupied.
-        occupied = (log_odds > 0.0) | (was_occupied & (log_odds > _FREED))
+        stays = was_occupied & (log_odds > _FREED) & (log_odds != DOUBTFUL)
+        occupied = stays | (log_odds > DOUBTFUL)
         changed = occupied != was_occupied
         if not changed.any():
             return None
@@ -63,7 +64,7 @@ class Costmap:
 
     def _resize(self) -> None:
         grid = self._grid
-        self._occupied = grid.log_odds > 0.0
+        self._occupied = grid.log_odds > DOUBTFUL
         self.distances = np.full(grid.shape, _REACH, np.float32)
         self.fine = np.full((2 * grid.shape[0], 2 * grid.shape[1]), _REACH, np.float32)
         self.prices = np.ones(grid.shape, np.float32)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, label
 
 from onebot_control.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from onebot_description.arrays import Floats, Singles
@@ -22,7 +23,13 @@ Mask = NDArray[np.bool_]
 
 _HIT, _MISS = 0.9, -0.4  # log-odds added to a cell with the end of a ray, and to a crossed cell
 _MIN_LOG_ODDS, _MAX_LOG_ODDS = -2.0, 3.5  # bounds with which a cell can change within a second
+_SURELY_FREE = -1.9  # log-odds below which something in a cell must have moved there
+_FLICKER = 6  # maximum number of adjacent cells at edges of obstacles that alternate
+_BESIDE = 3  # cells beside what moved that may belong to it
 _FULL = 30.0  # number of ends in a cell after which its mean is fixed
+DOUBTFUL = np.float32(0.1)
+"""Log-odds of an obstacle that may be gone; a ray that ends there exceeds them."""
+
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells at the end of a ray that it does not clear
 _MAX_CELLS = 16_000_000
@@ -130,6 +137,7 @@ class GridMap:
         log_odds: (rows, columns); above 0 occupied, below 0 free, 0 unknown.
         ends: (rows, columns, 3): number of ends in a cell, and the sums of their x and y relative
             to the cell's center, m.
+        freed: (rows, columns), whether a cell was once known to be free.
         further: (rows, columns), price of driving over cells apart from obstacles.
         version: changes when the map grows.
     """
@@ -145,6 +153,7 @@ class GridMap:
         self.origin = (0.0, 0.0)
         self.log_odds = np.zeros((0, 0), np.float32)
         self.ends = np.zeros((0, 0, 3), np.float32)
+        self.freed = np.zeros((0, 0), np.bool_)
         self.further = np.zeros((0, 0), np.float32)
         self.version = 0
 
@@ -158,6 +167,7 @@ class GridMap:
         copy.log_odds = log_odds.astype(np.float32)
         copy.ends = np.zeros((*grid.data.shape, 3), np.float32)
         copy.ends[occupied, 0] = 1.0
+        copy.freed = copy.log_odds < 0.0
         copy.further = np.zeros_like(copy.log_odds)
         return copy
 
@@ -206,6 +216,7 @@ class GridMap:
             raise ValueError(f"a map of {columns} x {rows} cells is too large")
         pads = list(zip(before, behind, strict=True))
         self.log_odds, self.further = np.pad(self.log_odds, pads), np.pad(self.further, pads)
+        self.freed = np.pad(self.freed, pads)
         self.ends = np.pad(self.ends, [*pads, (0, 0)])
         x, y = (self.origin - before[::-1] * self.resolution).tolist()
         self.origin = x, y
@@ -259,6 +270,7 @@ class GridMap:
         part[free] = np.maximum(part[free] + np.float32(_MISS), np.float32(_MIN_LOG_ODDS))
         cleared = free & (part < 0.0)
         self.ends[window.cells][cleared] = 0.0
+        self.freed[window.cells] |= part < np.float32(_SURELY_FREE)
         return window
 
     def _fill(self, cells: NDArray[np.intp], ends: Floats) -> None:
@@ -272,12 +284,23 @@ class GridMap:
         counted = np.concatenate((np.ones((len(ends), 1)), offsets), axis=1).astype(np.float32)
         np.add.at(self.ends, index, counted)
 
-    def clear_around(self, pose: PlanarPose, radius: float) -> Window:
-        """Clear the obstacles within ``radius``, m, of a pose, and return that part."""
-        window = self.around(pose, radius)
-        self.log_odds[window.cells] = np.minimum(self.log_odds[window.cells], 0.0)
-        self.ends[window.cells] = 0.0
-        return window
+    def doubt(self, window: Window, cells: Mask | bool = True) -> None:
+        """Doubt the obstacles in a part, or in some of its cells, until a ray ends there again.
+
+        They stay in the map, so that scans can be matched to them.
+        """
+        part = self.log_odds[window.cells]
+        part[(part > 0.0) & cells] = DOUBTFUL
+
+    @property
+    def moved(self) -> Mask:
+        """The obstacles that have moved, (rows, columns): in and beside cells that were free."""
+        occupied = self.log_odds > DOUBTFUL
+        labels, _ = label(self.freed & occupied, np.ones((3, 3)))
+        large = np.bincount(labels.ravel()) > _FLICKER
+        large[0] = False  # the cells without a label
+        moved: Mask = binary_dilation(large[labels], iterations=_BESIDE) & occupied
+        return moved
 
     def walls(self, near: PlanarPose | None = None, radius: float = 0.0) -> Floats:
         """Return points of walls, (N, 2), m: the mean end in each occupied cell.

@@ -28,7 +28,7 @@ import numpy as np
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle
-from onebot_control.navigation.grid import GridMap, LevelScan, Window
+from onebot_control.navigation.grid import GridMap, LevelScan, Mask, Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.parameters import NavigationParameters
@@ -162,9 +162,13 @@ class Navigator:
 
     def forget_near(self, radius: float) -> None:
         """Clear obstacles within ``radius``, m, of the robot, except those of the last scan."""
-        window = self.map.clear_around(self.pose, radius)
+        self._forget(self.map.around(self.pose, radius))
+
+    def _forget(self, window: Window, cells: Mask | bool = True) -> None:
+        """Forget obstacles in a part of the map, except those of the last scan."""
+        self.map.doubt(window, cells)
         if self._scanned is not None:
-            self.map.enter(*self._entered)
+            window = window.union(self.map.enter(*self._entered))
         self._update_costs(window)
 
     def use_vehicle(self, vehicle: Vehicle) -> None:
@@ -488,6 +492,12 @@ class Navigator:
             return True
         if self._waits("there is no path: waiting", _HOPELESS):
             raise NavigationError(Failure.NO_VALID_PATH)
+        if self._waits(self.reason, _PATIENCE) and self.recoveries < _RECOVERIES:
+            # What moved may have moved on where the lidar does not see it.
+            if (moved := self.map.moved).any():
+                self.recoveries += 1
+                self._blocked = None
+                self._forget(Window(0, 0, *self.map.shape), moved)
         return False
 
     def _waits(self, text: str, limit: float) -> bool:

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap, quartered
 from onebot_control.navigation.footprint import Vehicle, footprint_of
-from onebot_control.navigation.grid import GridMap, Window
+from onebot_control.navigation.grid import GridMap, LevelScan, Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
 from onebot_control.navigation.parameters import NavigationParameters
@@ -392,3 +392,31 @@ def test_it_gives_up(goal, failure):
         time += 0.05
     assert navigator.failure is failure and navigator.reason == failure.value
     assert (time > 5.0) == (failure is Failure.NO_VALID_PATH)
+
+
+def fenced_in() -> tuple[Navigator, LevelScan]:
+    """A robot that has seen something all around it, and now sees only what is near."""
+    navigator = Navigator(vehicle(), PlanarPose(), known=wall_map(1.8))
+    for cycle in range(20):
+        navigator.update(0.05 * cycle, ORIGIN, (0.0, 0.0, 0.0), scan=room_scan(half=1.02))
+    with pytest.raises(NavigationError, match="no path"):
+        navigator.plan(PlanarPose(1.5, 0.0))
+    return navigator, room_scan()._replace(ranges=np.full(360, np.inf, np.float32), reach=0.3)
+
+
+def test_what_has_moved_is_forgotten_where_there_is_no_path():
+    navigator, scan = fenced_in()
+    navigator.go_to(1.5, 0.0)
+    waiting = 0.0
+    while navigator.status != "driving" or not len(navigator.path):
+        waiting += 0.05
+        command = navigator.update(1.0 + waiting, ORIGIN, (0.0, 0.0, 0.0), scan=scan)
+        assert waiting < 4.0 and (len(navigator.path) or command == (0.0, 0.0, 0.0))
+    assert waiting > 1.9 and navigator.recoveries == 1
+
+
+def test_what_is_forgotten_near_the_robot_no_longer_costs():
+    navigator, scan = fenced_in()
+    navigator.update(1.0, ORIGIN, (0.0, 0.0, 0.0), scan=scan)
+    navigator.forget_near(1.2)
+    assert len(navigator.plan(PlanarPose(1.5, 0.0))) > 20
