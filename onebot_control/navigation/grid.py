@@ -296,14 +296,12 @@ class GridMap:
     def moved(self) -> Mask:
         """The obstacles that have moved, (rows, columns): in and beside cells that were free."""
         occupied = self.log_odds > DOUBTFUL
-        labels, _ = label(self.freed & occupied, np.ones((3, 3)))
-        large = np.bincount(labels.ravel()) > _FLICKER
-        large[0] = False  # the cells without a label
-        moved: Mask = binary_dilation(large[labels], iterations=_BESIDE) & occupied
-        return moved
+        moved = _large(self.freed & occupied)
+        beside: Mask = binary_dilation(moved, iterations=_BESIDE) & occupied
+        return beside
 
     def walls(self, near: PlanarPose | None = None, radius: float = 0.0) -> Floats:
-        """Return points of walls, (N, 2), m: the mean end in each occupied cell.
+        """Return points of walls, (N, 2), m: the mean end in each occupied cell that has not moved.
 
         Args:
             near: center of a square to restrict them to; None: no restriction.
@@ -311,7 +309,9 @@ class GridMap:
         """
         window = Window(0, 0, *self.shape) if near is None else self.around(near, radius)
         ends = self.ends[window.cells]
-        rows, columns = np.nonzero((self.log_odds[window.cells] > 0.0) & (ends[..., 0] > 0.0))
+        occupied = self.log_odds[window.cells] > 0.0
+        occupied &= ~_large(self.freed[window.cells] & occupied)
+        rows, columns = np.nonzero(occupied & (ends[..., 0] > 0.0))
         chosen = ends[rows, columns].astype(float)
         means = chosen[:, 1:] / chosen[:, :1]
         return np.asarray(self.middle(rows + window.top, columns + window.left) + means)
@@ -320,6 +320,14 @@ class GridMap:
         """Return the current map."""
         data = np.select([self.log_odds > 0.0, self.log_odds < 0.0], [OCCUPIED, FREE], UNKNOWN)
         return OccupancyGrid(data.astype(np.int8), self.resolution, self.origin)
+
+
+def _large(cells: Mask) -> Mask:
+    """Return the cells without small groups, which only flicker."""
+    labels, _ = label(cells, np.ones((3, 3)))
+    large = np.bincount(labels.ravel(), minlength=1) > _FLICKER
+    large[0] = False  # the cells without a label
+    return np.asarray(large[labels])
 
 
 @cache

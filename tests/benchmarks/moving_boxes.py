@@ -48,7 +48,7 @@ class _Box:
         """Move on, or turn back before the robot with a rim of points (N, 2), m."""
         ahead = self._phase + self._step
         away, now = (_away(rim, self.position(phase)) for phase in (ahead, self._phase))
-        if away > _MARGIN or away >= now:
+        if away > _MARGIN or away > now:
             self._phase = ahead
         else:
             self._step *= -1.0

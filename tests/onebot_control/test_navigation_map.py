@@ -61,6 +61,17 @@ def test_what_is_gone_is_cleared_within_three_scans():
     assert value(grid, 2.02, 0.3) == OCCUPIED
 
 
+def test_what_comes_later_is_an_obstacle_but_no_wall():
+    """Something where the map was free moves, so that no scan is matched to it."""
+    grid = entered(PlanarPose(), times=8)
+    assert not grid.moved.any() and len(walls := grid.walls()) > 300
+    scan = room_scan(half=1.02)
+    grid.enter(scan, scan.points, PlanarPose())
+    assert value(grid, 1.02, 0.3) == OCCUPIED
+    assert grid.moved.sum() == (grid.log_odds > 0.0).sum() - len(walls)
+    assert grid.walls().tolist() == walls.tolist()
+
+
 def test_a_thin_thing_between_two_rays_is_not_cleared():
     """A ray clears a cell only if its neighbor goes as far."""
     grid = GridMap()
