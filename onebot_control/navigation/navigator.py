@@ -54,6 +54,7 @@ _SOON = 30  # cells of the path for the local planner
 _AROUND = 2.5  # m of the map around start and goal
 _OWN = 0.02  # m around the footprint in which a scan measures the robot itself
 _PATIENCE = 2.0  # s to wait while something blocks the path
+_FORGETS = 4.0  # s without a path until what has moved is forgotten
 _HOPELESS = 6.0  # s without a path until the goal fails
 _STUCK = 5.0  # s without motion after which the robot is stuck
 _MOVED = 0.15  # m, or three times as many rad, that count as motion
@@ -492,7 +493,7 @@ class Navigator:
             return True
         if self._waits("there is no path: waiting", _HOPELESS):
             raise NavigationError(Failure.NO_VALID_PATH)
-        if self._waits(self.reason, _PATIENCE) and self.recoveries < _RECOVERIES:
+        if self._waits(self.reason, _FORGETS) and self.recoveries < _RECOVERIES:
             # What moved may have moved on where the lidar does not see it.
             if (moved := self.map.moved).any():
                 self.recoveries += 1
