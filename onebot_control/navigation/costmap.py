@@ -49,11 +49,11 @@ class Costmap:
         grid = self._grid
         if self.version != grid.version:
             self._resize()
-            return self._measure(Window(0, 0, *grid.shape))
+            return self._measure(grid.whole)
         log_odds, was_occupied = grid.log_odds[window.cells], self._occupied[window.cells]
         # Cells at edges of walls, which are hit and missed alternately, stay occupied.
-        stays = was_occupied & (log_odds > _FREED) & (log_odds != DOUBTFUL)
-        occupied = stays | (log_odds > DOUBTFUL)
+        is_kept = was_occupied & (log_odds > _FREED) & (log_odds != DOUBTFUL)
+        occupied = is_kept | (log_odds > DOUBTFUL)
         changed = occupied != was_occupied
         if not changed.any():
             return None

@@ -21,15 +21,15 @@ from onebot_description.geometry.poses import PlanarPose
 
 Mask = NDArray[np.bool_]
 
+DOUBTFUL = np.float32(0.1)
+"""Log-odds of an obstacle that may be gone; the next ray there decides."""
+
 _HIT, _MISS = 0.9, -0.4  # log-odds added to a cell with the end of a ray, and to a crossed cell
 _MIN_LOG_ODDS, _MAX_LOG_ODDS = -2.0, 3.5  # bounds with which a cell can change within a second
-_SURELY_FREE = -1.9  # log-odds below which something in a cell must have moved there
+_SURELY_FREE = -1.9  # log-odds below which an obstacle that comes later must have moved there
 _FLICKER = 6  # maximum number of adjacent cells at edges of obstacles that alternate
 _BESIDE = 3  # cells beside what moved that may belong to it
 _FULL = 30.0  # number of ends in a cell after which its mean is fixed
-DOUBTFUL = np.float32(0.1)
-"""Log-odds of an obstacle that may be gone; a ray that ends there exceeds them."""
-
 _CHUNK = 64  # cells by which a map grows
 _MARGIN = 1.5  # cells at the end of a ray that it does not clear
 _MAX_CELLS = 16_000_000
@@ -177,6 +177,11 @@ class GridMap:
         rows, columns = self.log_odds.shape
         return rows, columns
 
+    @property
+    def whole(self) -> Window:
+        """The whole map as a part."""
+        return Window(0, 0, *self.shape)
+
     def cells(self, points: Floats) -> NDArray[np.intp]:
         """Return row and column (N, 2) of points (N, 2), which may be outside of the map."""
         return np.floor((points[:, ::-1] - self.origin[::-1]) / self.resolution).astype(np.intp)
@@ -292,9 +297,8 @@ class GridMap:
         part = self.log_odds[window.cells]
         part[(part > 0.0) & cells] = DOUBTFUL
 
-    @property
     def moved(self) -> Mask:
-        """The obstacles that have moved, (rows, columns): in and beside cells that were free."""
+        """Return the cells of what has moved, (rows, columns): once free, or beside such cells."""
         occupied = self.log_odds > DOUBTFUL
         moved = _large(self.freed & occupied)
         beside: Mask = binary_dilation(moved, iterations=_BESIDE) & occupied
@@ -307,7 +311,7 @@ class GridMap:
             near: center of a square to restrict them to; None: no restriction.
             radius: half the edge of the square, m.
         """
-        window = Window(0, 0, *self.shape) if near is None else self.around(near, radius)
+        window = self.whole if near is None else self.around(near, radius)
         ends = self.ends[window.cells]
         occupied = self.log_odds[window.cells] > 0.0
         occupied &= ~_large(self.freed[window.cells] & occupied)

@@ -162,7 +162,7 @@ class Navigator:
         self.use_vehicle(self.vehicle)
 
     def forget_near(self, radius: float) -> None:
-        """Clear obstacles within ``radius``, m, of the robot, except those of the last scan."""
+        """Forget obstacles within ``radius``, m, of the robot, except those of the last scan."""
         self._forget(self.map.around(self.pose, radius))
 
     def _forget(self, window: Window, cells: Mask | bool = True) -> None:
@@ -181,7 +181,7 @@ class Navigator:
         self._radius = vehicle.half_width + _MARGIN - 0.25 * self.map.resolution
         self._costmap = Costmap(self.map, self._radius)
         if self.map.log_odds.size:
-            self._costmap.update(Window(0, 0, *self.map.shape))
+            self._costmap.update(self.map.whole)
         self._field: CostToGo | None = None
         self._changed: Window | None = None  # part of the costs not yet updated in the field
         self._repaired = -math.inf
@@ -286,6 +286,7 @@ class Navigator:
         self._local_planner.reset()
         self._moved: tuple[float, PlanarPose] | None = None
         self._blocked: float | None = None
+        self._searched: float | None = None  # start of the wait in which it looked for what moved
         self._recovery: tuple[Triple, float] | None = None  # a command, and the time of its end
         self._since: float | None = None
         self._last: PlanarPose | None = None
@@ -460,7 +461,7 @@ class Navigator:
         except ValueError:
             raise NavigationError(Failure.GOAL_OUTSIDE_MAP) from None
         if self._costmap.version != self.map.version:
-            self._update_costs(Window(0, 0, *self.map.shape))
+            self._update_costs(self.map.whole)
         # The nearest free cell within the tolerance.
         near = self.map.around(PlanarPose(*goal[:2]), self.parameters.xy_goal_tolerance)
         cells = np.argwhere(np.isfinite(self._costmap.prices[near.cells])) + near[:2]
@@ -491,21 +492,26 @@ class Navigator:
         if math.isfinite(field.value(cell)):
             self._is_planned = True
             return True
-        if self._waits("there is no path: waiting", _HOPELESS):
+        waited = self._wait("there is no path: waiting")
+        if waited > _HOPELESS:
             raise NavigationError(Failure.NO_VALID_PATH)
-        if self._waits(self.reason, _FORGETS) and self.recoveries < _RECOVERIES:
-            # What moved may have moved on where the lidar does not see it.
-            if (moved := self.map.moved).any():
-                self.recoveries += 1
-                self._blocked = None
-                self._forget(Window(0, 0, *self.map.shape), moved)
+        if waited > _FORGETS and self._searched != self._blocked:
+            self._searched = self._blocked
+            self._forget_moved()
         return False
 
-    def _waits(self, text: str, limit: float) -> bool:
-        """Let the robot wait; return whether it has waited for longer than ``limit``, s."""
+    def _forget_moved(self) -> None:
+        """Forget what may have moved on where the lidar does not see it, as a recovery."""
+        if self.recoveries < _RECOVERIES and (moved := self.map.moved()).any():
+            self.recoveries += 1
+            self._blocked = None
+            self._forget(self.map.whole, moved)
+
+    def _wait(self, text: str) -> float:
+        """Let the robot wait; return for how long it has waited, s."""
         self._blocked = self.time if self._blocked is None else self._blocked
         self.status, self.reason = "blocked", text
-        return self.time - self._blocked > limit
+        return self.time - self._blocked
 
     def _situation(self, speed: Triple, goal: tuple[float, float]) -> Situation:
         field, cell = self._field, self._cell(self.pose)
@@ -562,7 +568,7 @@ class Navigator:
             self._blocked = None
             self.status, self.reason = "driving", ""
         else:
-            stuck |= self._waits("something is in the way: waiting", _PATIENCE)
+            stuck |= self._wait("something is in the way: waiting") > _PATIENCE
         return self._recover(pose) if stuck else command
 
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:

@@ -18,14 +18,16 @@ from typing import Any
 import numpy as np
 
 from onebot_control import SimulatedRobot, Simulation
+from onebot_control.navigation.grid import placed
 from onebot_description.description.loading import shipped_worlds
+from onebot_description.geometry.poses import PlanarPose
 
 _CELL, _CELLS, _COUNT, _EDGE = 0.8, 4, 10, 0.2  # m, number, number, m
 _SWING, _WAIT, _SPEED = 0.25, 4.0, 0.12  # m along x and y, s, m/s
 _EVERY, _MARGIN = 0.05, 0.08  # s between two positions; m between a box and the robot
 _OFF_CENTER = 0.04  # m between a goal and the center of its cell
 _LIMIT = 400.0  # s
-_OF_ROBOT = {"linear.x.max_velocity": 0.5}
+_PARAMETERS = {"linear.x.max_velocity": 0.5}
 
 
 class _Box:
@@ -79,8 +81,7 @@ def _rim(robot: SimulatedRobot) -> Any:
     corners, share = robot.navigation.navigator.vehicle.footprint, np.linspace(0.0, 1.0, 10)
     rim = (corners + share[:, None, None] * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
     pose = robot.pose
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    return rim @ np.array([[cos, sin], [-sin, cos]]) + (pose.x, pose.y)
+    return placed(rim, PlanarPose(pose.x, pose.y, pose.yaw))
 
 
 def drive(goals: int, seed: int) -> list[tuple[bool, int]]:
@@ -96,7 +97,9 @@ def drive(goals: int, seed: int) -> list[tuple[bool, int]]:
     outcomes: list[tuple[bool, int]] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        Simulation(world=_world(boxes, Path(folder)), sensors=True, parameters=_OF_ROBOT) as world,
+        Simulation(
+            world=_world(boxes, Path(folder)), sensors=True, parameters=_PARAMETERS
+        ) as world,
     ):
         robot, scene = world.robot, world._core.fleet.world.scene
         assert scene is not None

@@ -64,11 +64,11 @@ def test_what_is_gone_is_cleared_within_three_scans():
 def test_what_comes_later_is_an_obstacle_but_no_wall():
     """Something where the map was free moves, so that no scan is matched to it."""
     grid = entered(PlanarPose(), times=8)
-    assert not grid.moved.any() and len(walls := grid.walls()) > 300
+    assert not grid.moved().any() and len(walls := grid.walls()) > 300
     scan = room_scan(half=1.02)
     grid.enter(scan, scan.points, PlanarPose())
     assert value(grid, 1.02, 0.3) == OCCUPIED
-    assert grid.moved.sum() == (grid.log_odds > 0.0).sum() - len(walls)
+    assert grid.moved().sum() == (grid.log_odds > 0.0).sum() - len(walls)
     assert grid.walls().tolist() == walls.tolist()
 
 

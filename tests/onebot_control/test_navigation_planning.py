@@ -143,7 +143,7 @@ def test_distances_are_updated_by_parts():
         scan = room_scan(pose, half=2.02 - 0.3 * (number > 3))
         costmap.update(grid.enter(scan, scan.points, pose))
     anew = Costmap(grid, 0.2)
-    anew.update(Window(0, 0, *grid.shape))
+    anew.update(grid.whole)
     ours, theirs = costmap.distances, anew.distances
     assert np.abs(ours - theirs).max() < 0.06  # cells at edges of walls stay occupied for longer
     assert np.abs(ours - theirs).mean() < 0.002
@@ -247,7 +247,7 @@ def test_it_brakes_before_a_wall():
     planner = LocalPlanner(vehicle(forward=2.0, acceleration=2.0))
     grid = GridMap.of(wall_map(1.0))
     costmap = Costmap(grid, 0.16)
-    costmap.update(Window(0, 0, *grid.shape))
+    costmap.update(grid.whole)
     now, speed = ahead(costmap.fine, PlanarPose(-1.5)), 0.0
     for _ in range(120):
         (forward, _, _), free = planner.command(now)
@@ -262,7 +262,7 @@ def test_the_clearance_before_a_wall_is_continuous():
     """It does not jump from cell to cell: the last centimeter decides whether something touches."""
     grid = GridMap.of(wall_map(1.0))
     costmap = Costmap(grid, 0.16)
-    costmap.update(Window(0, 0, *grid.shape))
+    costmap.update(grid.whole)
     planner, places = LocalPlanner(vehicle()), np.arange(0.75, 0.9, 0.004)
     found = [planner.clearance(ahead(costmap.fine, PlanarPose(x))) for x in places]
     assert np.diff(found) == pytest.approx(-0.004, abs=5e-4)
