@@ -29,6 +29,7 @@ from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import GridMap, LevelScan, Mask, Window
+from onebot_control.navigation.latency import Latency
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.localization import Localizer
 from onebot_control.navigation.parameters import NavigationParameters
@@ -175,7 +176,9 @@ class Navigator:
     def use_vehicle(self, vehicle: Vehicle) -> None:
         """Use another footprint or other limits of the robot from now on."""
         self.vehicle = vehicle
-        self._local_planner = LocalPlanner(vehicle, 1.0 / self.parameters.controller_frequency)
+        period = 1.0 / self.parameters.controller_frequency
+        self._local_planner = LocalPlanner(vehicle, period)
+        self._latency = Latency(vehicle, period)
         self._circles = vehicle.circles()
         # The best path may run between the centers of cells.
         self._radius = vehicle.half_width + _MARGIN - 0.25 * self.map.resolution
@@ -335,9 +338,14 @@ class Navigator:
         self._repeats = self._repeats + 1 if time == self.time else 0
         self.time, self.speed, self._odometry = time, speed, odometry
         self.localizer.predict(time, odometry, turn)
+        self._latency.measure(speed)
         if scan is not None:
             self._sense(scan, time if scan.time is None else scan.time)
-        if self._goal is None or jumped:
+        return self._latency.remember(_STOP if jumped else self._command(time, speed))
+
+    def _command(self, time: float, speed: Triple) -> Triple:
+        """Return the next command."""
+        if self._goal is None:
             return _STOP
         # Without odometry, time stands still.
         now = time + self._repeats / self.parameters.controller_frequency
@@ -349,9 +357,10 @@ class Navigator:
         try:
             if time - self._since > self._allowance:
                 raise NavigationError(Failure.TIMEOUT)
+            pose, speed = self._latency.ahead(self.pose, speed)
             if isinstance(self._goal, _Motion):
-                return self._move(self._goal, self.pose, speed)
-            return self._drive(self._goal, self.pose, speed)
+                return self._move(self._goal, pose, speed)
+            return self._drive(self._goal, pose, speed)
         except NavigationError as error:
             return self._end("failed", str(error), error.failure)
 
@@ -513,14 +522,14 @@ class Navigator:
         self.status, self.reason = "blocked", text
         return self.time - self._blocked
 
-    def _situation(self, speed: Triple, goal: tuple[float, float]) -> Situation:
-        field, cell = self._field, self._cell(self.pose)
+    def _situation(self, pose: PlanarPose, speed: Triple, goal: tuple[float, float]) -> Situation:
+        field, cell = self._field, self._cell(pose)
         values, maximum, path = np.zeros((2, 2)), math.inf, np.zeros((0, 2))
         if field is not None:
             values, maximum = field.values, field.value(cell) + _BEYOND
             path = self._path(field, cell, _SOON)
         costs = self._costmap.fine, values, maximum, self.map.origin, self.map.resolution
-        return Situation(self.pose, speed, goal, *costs, path)
+        return Situation(pose, speed, goal, *costs, path)
 
     # Driving ----------------------------------------------------------------------------------
 
@@ -539,7 +548,7 @@ class Navigator:
         else:
             top = min(motion.speed, vehicle.forward if sign > 0.0 else vehicle.backward)
             command = sign * min(top, self._braking(left), 2.0 * left + 0.01), 0.0, 0.0
-        if not self._local_planner.is_safe(self._situation(speed, pose[:2]), command):
+        if not self._local_planner.is_safe(self._situation(pose, speed, pose[:2]), command):
             raise NavigationError(Failure.COLLISION_AHEAD)
         return command
 
@@ -547,7 +556,7 @@ class Navigator:
         """Return the command for driving to a pose, and end the goal there."""
         if not self._reach(goal, pose):
             return _STOP
-        now = self._situation(speed, goal[:2])
+        now = self._situation(pose, speed, goal[:2])
         if self._recovery is not None:
             command, until = self._recovery
             if self.time < until and self._local_planner.is_safe(now, command):
