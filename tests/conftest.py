@@ -28,6 +28,9 @@ for _number, _handler in (
 # As a bringup has it: threads of OpenBLAS wait busily in each process that imports numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Ray would save a token in the home folder, and a process keeps the first that it has used.
+os.environ.setdefault("RAY_AUTH_TOKEN", "5" * 64)
+
 # A later run must not discover the nodes of one that was killed.
 end_with_this_process()
 

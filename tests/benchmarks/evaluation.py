@@ -47,7 +47,7 @@ def run(quick: bool) -> Report:
     Raises:
         WrongAnswer: an episode ended elsewhere than in a bare process.
     """
-    seeds, seconds = (4, 0.5) if quick else (40, _simulated_second())
+    seeds, seconds = (4, 0.2) if quick else (40, _simulated_second())
     # Its start is no part of a study's time.
     with ray.init("local", num_cpus=_WORKERS, include_dashboard=False, log_to_driver=False):
         taken = in_turn(
@@ -74,7 +74,7 @@ def run(quick: bool) -> Report:
         ),
         Result(
             "memory of parent and workers, after 10,000 episodes over after 500",
-            _memory_growth(*((50, 100) if quick else (500, 10_000))),
+            _memory_growth(*((20, 30) if quick else (500, 10_000))),
             at_most=1.05,
         ),
         Result("OneBot-Maze-v0, 2 in processes: steps a second", _steps(10 if quick else 300)),

@@ -190,8 +190,8 @@ def test_study_finds_the_better_gain(run) -> None:
     """It is a study for ``onebot evaluate``, too: the README's commands."""
     lines = run("13_study")
     shares = {line.split()[1]: line for line in lines if line.startswith("  gain")}
-    assert "20 of 20" in shares["1.0"] and int(shares["0.2"].split()[2]) < 10
-    assert lines[0] == "episode: 40 episodes, 0 with an error"
+    assert "10 of 10" in shares["1.0"] and int(shares["0.2"].split()[2]) < 5
+    assert lines[0] == "episode: 20 episodes, 0 with an error"
 
 
 def test_go_to(run: Callable[[str], list[str]], tmp_path: Path) -> None:

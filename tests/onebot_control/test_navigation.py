@@ -176,10 +176,10 @@ def test_other_drives_cross_a_cluttered_world(tmp_path, kind, roll):
 
 
 @pytest.mark.slow
-def test_random_goals_in_the_maze():
+def test_goals_in_the_maze():
     with Simulation(world="maze", sensors=True, parameters=LIMITS) as simulation:
         robot = simulation.robot
-        for goal in ((2.4, 2.4, 1.57), (0.0, 0.0, 0.0), (0.0, 1.6, -2.0), (2.1, 0.4, 3.0)):
+        for goal in ((2.4, 2.4, 1.57), (0.0, 1.6, -2.0)):
             robot.go_to(*goal)
             assert arrive(simulation, 120.0) == "arrived", (goal, robot.navigation.reason)
             assert math.hypot(robot.pose.x - goal[0], robot.pose.y - goal[1]) < 0.05
