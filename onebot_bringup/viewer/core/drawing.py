@@ -356,11 +356,11 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
     def flush(self) -> None:
         """Draw the messages; then rest in proportion to the work, if it is limited."""
-        began = time.thread_time()
+        is_measured = self.limited and self.size > 0  # measuring takes some microseconds
+        began = time.thread_time() if is_measured else 0.0
         super().flush()
-        if self.limited:
-            seconds = time.thread_time() - began + self.size / _BYTES_PER_SECOND
-            self.rest_ns = 1e9 * _REST * seconds
+        work = time.thread_time() - began + self.size / _BYTES_PER_SECOND if is_measured else 0.0
+        self.rest_ns = 1e9 * _REST * work
         self.size = 0
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:
