@@ -145,12 +145,13 @@ class PointsDrawing(Drawing[P]):
 
 def _moved(positions: Floats32, pose: Floats32) -> Floats32:
     """Return points (N, 3) transformed by their frame's pose (4, 4)."""
-    rows: Floats32 = empty((3, len(positions)), np.float32)
+    rows = empty((3, len(positions)), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         # A matrix product would wake the threads of BLAS, which takes longer.
         np.einsum("ij,jk->ik", pose[:3, :3], positions.T, out=rows)
         rows += pose[:3, 3:]
-    return rows.T
+    moved: Floats32 = rows.T
+    return moved
 
 
 def _is_constant(values: NDArray[Any]) -> bool:
@@ -271,11 +272,12 @@ def _structs(step: int, fields: dict[str, tuple[np.dtype[Any], int]]) -> np.dtyp
 
 def _positions(values: NDArray[Any]) -> Floats32:
     """Return the positions (N, 3), stored by axis, in which they are transformed faster."""
-    positions: Floats32 = empty((3, len(values)), np.float32)
+    rows = empty((3, len(values)), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, name in enumerate(_POSITION):
-            positions[axis] = values[name]
-    return positions.T
+            rows[axis] = values[name]
+    positions: Floats32 = rows.T
+    return positions
 
 
 def _packed_colors(values: NDArray[Any], name: str) -> Colors:
