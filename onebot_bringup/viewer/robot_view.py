@@ -211,7 +211,7 @@ class RobotView:
         steady_ns = int(self.stage.clock() * 1e9) if self._live else now_ns
         warnings = self._set_descriptions()
         self.stage.now_ns = self.inbox.stamps.display_time(0, now_ns)
-        self._flush([item for item in self._active if item.is_due(steady_ns)])
+        self._flush([item for item in self._displays if item.is_due(steady_ns)])
         # Comparing layouts costs as much as drawing a scan.
         tree = self.stage.frames.version, self._changed
         if tree == self._laid_out_of and 0 < steady_ns - self._laid_out_ns < SELDOM:
@@ -224,19 +224,10 @@ class RobotView:
         """Log everything that is still queued, before the recording is closed."""
         warnings = self._set_descriptions()
         self.stage.transform_timeout_ns = 0
-        self._flush(self._active)
+        self._flush(self._displays)
         if self.robot is not None:
             self._lay_out()
         return warnings
-
-    @property
-    def _active(self) -> Sequence[Display[Any]]:
-        """The displays, without those for message types that no topic has."""
-        return [
-            display
-            for display in self._displays
-            if not isinstance(display, MessageDisplay) or display.items
-        ]
 
     def _deliver(self, displays: Collection[Display[Any]]) -> None:
         """Decode the messages for these displays.
@@ -268,7 +259,7 @@ class RobotView:
         """Return one sentence per new problem: something is overdue, or cannot be shown."""
         stage = self.stage
         late = [*self.inbox.stamps.warnings.values()]
-        for display in self._active:
+        for display in self._displays:
             late += display.warnings()
             if display.dropped:
                 late.append(

@@ -96,14 +96,15 @@ class RvizConfig:
             self.values["camera.follow"] = frame
         kind = str(view.get("Class", "")).rpartition("/")[2]
         if kind == "TopDownOrtho":
-            x, y = _number(view.get("X")), _number(view.get("Y"))
+            x, y = float(view.get("X", 0.0)), float(view.get("Y", 0.0))
             # RViz's scale is pixels per meter; assume a window of 800 pixels.
-            height = 800.0 / max(_number(view.get("Scale"), 50.0), 1e-3)
+            height = 800.0 / max(float(view.get("Scale", 50.0)), 1e-3)
             self.values |= {"camera.eye": [x, y - 1e-3, height], "camera.target": [x, y, 0.0]}
         elif "Distance" in view:
-            center = _vector(view.get("Focal Point"))
-            reach = _number(view.get("Distance"), 10.0)
-            pitch, yaw = _number(view.get("Pitch")), _number(view.get("Yaw"))
+            focus = _mapping(view.get("Focal Point"))
+            center = [float(focus.get(axis, 0.0)) for axis in "XYZ"]
+            reach = float(view["Distance"])
+            pitch, yaw = float(view.get("Pitch", 0.0)), float(view.get("Yaw", 0.0))
             flat = math.cos(pitch)
             # Towards the eye.
             ahead = flat * math.cos(yaw), flat * math.sin(yaw), math.sin(pitch)
@@ -127,7 +128,7 @@ def load_rviz(path: Path, notice: Callable[[str], object]) -> ViewConfig:
         view = config.view()
     except OSError as error:
         raise OneBotError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, ValueError) as error:
+    except (yaml.YAMLError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise OneBotError(f"{path} is not an RViz file: {reason}") from error
     if config.ignored:
@@ -204,24 +205,12 @@ def _mapping(value: Any) -> Properties:
     return value if isinstance(value, Mapping) else {}
 
 
-def _number(value: Any, default: float = 0.0) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return default
-    return number if math.isfinite(number) else default
-
-
-def _vector(value: Any) -> list[float]:
-    return [_number(_mapping(value).get(axis)) for axis in "XYZ"]
-
-
 # --- displays without a message type --------------------------------------------------------------
 
 
 def _grid(display: Properties) -> dict[str, Any]:
     offset = _mapping(display.get("Offset"))
-    spacing, height = _number(display.get("Cell Size"), 1.0), _number(offset.get("Z"))
+    spacing, height = display.get("Cell Size", 1.0), offset.get("Z", 0.0)
     return {"grid.visible": True, "grid.spacing": spacing, "grid.height": height}
 
 

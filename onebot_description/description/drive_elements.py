@@ -5,10 +5,11 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
+from onebot_description.elements.frames import placed
 from onebot_description.elements.reading import Element, Findings, number_fault, value_text
 from onebot_description.elements.urdf import DriveKind, DrivePlugin, Joint
 from onebot_description.errors import shortened
-from onebot_description.geometry.poses import Triple, from_rpy, rotate
+from onebot_description.geometry.poses import Origin, Triple, rotate
 
 # Patterns of each kind's plugin names, and of the elements that name joints (group: the role).
 # Gazebo moves the base of a "planar" robot as a whole, so its wheels may look like any others.
@@ -78,7 +79,7 @@ class Rollers(NamedTuple):
     elements: frozenset[Element]  # the elements that were read
 
 
-def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Joint]) -> Rollers:
+def read_rollers(findings: Findings, links: Collection[str], joints: Collection[Joint]) -> Rollers:
     """Read the rollers of wheels from the two directions of their friction.
 
     Friction grips along the axle of the roller at the ground, and slides across it: if that axle is
@@ -102,8 +103,8 @@ def read_rollers(findings: Findings, links: Collection[str], joints: Iterable[Jo
         direction = next((part for part in parts if part.tag == _DIRECTION), None)
         if direction is None or (vector := _vector(findings, direction)) is None:
             continue
-        angle = _angle(vector, _frame(findings, direction, links), above)
-        turn = angle - _angle(above[link].axis, link, above)
+        angle = _angle(vector, _frame(findings, direction, links), joints)
+        turn = angle - _angle(above[link].axis, link, joints)
         numbers = [_number(parts, tags) for tags in (_FIRST, _SECOND)]
         first, second = (1.0 if number is None else number for number in numbers)
         oblique = abs(math.cos(turn)) > _OBLIQUE
@@ -138,7 +139,7 @@ def _frame(findings: Findings, direction: Element, links: Collection[str]) -> st
     return ""
 
 
-def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
+def _angle(vector: Triple, link: str, joints: Iterable[Joint]) -> float:
     """Return a line's angle to the base's x axis seen from above, rad, in (-pi/2, pi/2].
 
     It is not a number for a vertical line.
@@ -146,14 +147,10 @@ def _angle(vector: Triple, link: str, above: Mapping[str, Joint]) -> float:
     Args:
         vector: a direction of the line, in the frame of ``link`` with all joints at 0.
         link: the frame.
-        above: the joint above each link.
+        joints: the joints.
     """
-    seen = {""}
-    while link in above and link not in seen:  # the links may still form a loop
-        seen.add(link)
-        joint = above[link]
-        vector, link = rotate(from_rpy(joint.origin.rpy), vector), joint.parent
-    x, y, _ = vector
+    _, pose = placed(link, Origin(), joints)
+    x, y, _ = rotate(pose.rotation, vector)
     if math.hypot(x, y) < _OBLIQUE * math.hypot(*vector):
         return math.nan
     angle = math.remainder(math.atan2(y, x), math.pi)

@@ -273,14 +273,14 @@ def has_colors(path: Path, scene: "trimesh.Scene") -> bool:
 
 def _collada_scene(path: Path, files: _Files, materials: bool) -> "trimesh.Scene":
     """Load a Collada file; without colors if a broken material would lose surfaces."""
-    scene, drawn = None, 0
-    if materials:
-        scene = _load(path, files)
-        drawn = len(scene.graph.nodes_geometry)
-        if drawn >= path.read_bytes().count(b"<instance_geometry"):
-            return scene
+    if not materials:
+        return _without_materials(path)
+    scene = _load(path, files)
+    drawn = len(scene.graph.nodes_geometry)
+    if drawn >= path.read_bytes().count(b"<instance_geometry"):
+        return scene
     plain = _without_materials(path)
-    return scene if scene is not None and len(plain.graph.nodes_geometry) <= drawn else plain
+    return plain if len(plain.graph.nodes_geometry) > drawn else scene
 
 
 def _without_materials(path: Path) -> "trimesh.Scene":

@@ -261,8 +261,8 @@ _SHAPES = {"box": Box, "cylinder": Cylinder, "sphere": Sphere, "capsule": Capsul
 
 def read(
     findings: Findings, element: Element, *, needed: bool = False, complete: bool = True
-) -> list[Any]:
-    """Return an element's numbers, in the order of ``ELEMENTS``.
+) -> dict[str, Any]:
+    """Return an element's numbers by attribute, in the order of ``ELEMENTS``.
 
     Args:
         findings: collects faults.
@@ -273,15 +273,15 @@ def read(
     Returns:
         For each attribute a float, or a tuple of several; None if it is missing or wrong.
     """
-    values = []
+    values = {}
     for name, numbers in ELEMENTS[element.tag].numbers.items():
         text = element.get(name)
         if text is not None:
-            values.append(_read_numbers(findings, element, name, text, numbers, needed))
+            values[name] = _read_numbers(findings, element, name, text, numbers, needed)
             continue
         if numbers.write and complete:
             findings.problem(element, f"has no {name}; write {numbers.write.format(name)}")
-        values.append(numbers.default)
+        values[name] = numbers.default
     return values
 
 
@@ -323,7 +323,7 @@ def _read_origin(findings: Findings, element: Element, *, needed: bool = False) 
     origin = element.find("origin")
     if origin is None:
         return Origin()
-    xyz, rpy, quaternion = read(findings, origin, needed=needed)
+    xyz, rpy, quaternion = read(findings, origin, needed=needed).values()
     if _QUATERNION in origin.keys():
         rpy = _rotation(findings, origin, rpy, quaternion, needed=needed)
     return None if xyz is None or rpy is None else Origin(xyz, rpy)
@@ -387,7 +387,7 @@ def _read_link(findings: Findings, element: Element, colors: Mapping[Element, Rg
         visuals=tuple(parts["visual"]),
         collisions=tuple(parts["collision"]),
         inertial=_read_inertial(findings, element),
-        friction=None if friction is None else read(findings, friction)[0],
+        friction=None if friction is None else read(findings, friction)["value"],
         where=findings.where(element),
         left_out=tuple(warnings),
     )
@@ -406,7 +406,7 @@ def _read_inertial(findings: Findings, link: Element) -> Inertial | None:
         element = inertial.find(tag)
         if element is None:
             findings.problem(inertial, f"has no <{tag}>; write {write}")
-        values += [None] if element is None else read(findings, element)
+        values += [None] if element is None else read(findings, element).values()
     if origin is None or None in values:
         return None
     mass, *moments = values
@@ -441,14 +441,14 @@ def _read_shape(findings: Findings, element: Element) -> Shape | None:
         text = 'is a shape of URDF 1.1; other programs need <robot version="1.1" ...> for it'
         findings.problem(element, text)
     sizes = read(findings, element)
-    return None if None in sizes else _SHAPES[element.tag](*sizes)
+    return None if None in sizes.values() else _SHAPES[element.tag](**sizes)
 
 
 def _read_mesh(findings: Findings, element: Element) -> Mesh | None:
     uri = element.get("filename")
     if not uri:
         findings.problem(element, 'names no file; write filename="package://<package>/<path>"')
-    [scale] = read(findings, element)
+    scale = read(findings, element)["scale"]
     if not uri or not scale:
         return None
     mesh = locate_mesh(findings.resources, uri, scale)
@@ -487,7 +487,7 @@ def _read_material(findings: Findings, element: Element) -> Material:
     color, texture = element.find("color"), element.find("texture")
     return Material(
         element.get("name"),
-        None if color is None else read(findings, color)[0],
+        None if color is None else read(findings, color)["rgba"],
         # Exporters write <texture filename=""/> where there is none.
         None if texture is None else texture.get("filename") or None,
     )
@@ -530,10 +530,10 @@ def read_joint(
     """Read one joint; faulty values are reported, and replaced by defaults."""
     kind = _read_kind(findings, element)
     origin = _read_origin(findings, element, needed=True)
-    lower, upper, effort, velocity, *further = _read_limit(findings, element, kind)
+    limits = _read_limit(findings, element, kind)
     safety, dynamics = element.find("safety_controller"), element.find("dynamics")
-    soft_lower, soft_upper = (None, None) if safety is None else read(findings, safety)
-    damping, friction = (None, None) if dynamics is None else read(findings, dynamics)
+    soft = {} if safety is None else read(findings, safety)
+    resistance = {} if dynamics is None else read(findings, dynamics)
     parent, child = ends or ("", "")
     return Joint(
         name=name,
@@ -542,17 +542,11 @@ def read_joint(
         child=child,
         origin=origin or Origin(),
         axis=_read_axis(findings, element, kind),
-        lower=lower,
-        upper=upper,
-        velocity=velocity,
-        effort=effort,
-        acceleration=further[0],
-        deceleration=further[1],
-        jerk=further[2],
-        soft_lower=soft_lower,
-        soft_upper=soft_upper,
-        damping=damping or 0.0,
-        friction=friction or 0.0,
+        **limits,
+        soft_lower=soft.get("soft_lower_limit"),
+        soft_upper=soft.get("soft_upper_limit"),
+        damping=resistance.get("damping") or 0.0,
+        friction=resistance.get("friction") or 0.0,
         mimic=_read_mimic(findings, element),
         where=findings.where(element),
     )
@@ -570,7 +564,7 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     axis = element.find("axis")
     if axis is None:
         return _DEFAULT_AXIS
-    [xyz] = read(findings, axis, needed=kind in _AXIS_KINDS)
+    xyz = read(findings, axis, needed=kind in _AXIS_KINDS)["xyz"]
     if xyz is None or kind not in _AXIS_KINDS:
         return _DEFAULT_AXIS
     length = math.hypot(*xyz)
@@ -589,8 +583,8 @@ def _read_axis(findings: Findings, element: Element, kind: str) -> Triple:
     return xyz if excess < 1e-15 else unit
 
 
-def _read_limit(findings: Findings, element: Element, kind: str) -> list[float | None]:
-    """Return lower, upper, effort, velocity, acceleration, deceleration and jerk."""
+def _read_limit(findings: Findings, element: Element, kind: str) -> dict[str, Any]:
+    """Return the limits by the attributes of <limit>, which are those of a Joint."""
     limit = element.find("limit")
     bounded = kind in _LIMITED_KINDS
     if limit is None:
@@ -600,23 +594,25 @@ def _read_limit(findings: Findings, element: Element, kind: str) -> list[float |
                 f"a {kind} joint needs a limit; write "
                 '<limit lower="..." upper="..." effort="..." velocity="..."/>',
             )
-        return [None] * len(ELEMENTS["limit"].numbers)
+        return {}
     # In URDF 1.2 and later, effort and velocity may be missing.
     complete = kind in MOVING_KINDS and findings.version < (1, 2)
-    lower, upper, effort, velocity, *further = read(findings, limit, complete=complete)
+    limits = read(findings, limit, complete=complete)
+    lower, upper = limits["lower"], limits["upper"]
     if not bounded:
         if kind == "continuous" and (lower or upper):
             text = "a continuous joint turns endlessly, so lower and upper are ignored"
             findings.warning(
                 limit, f"{text}; delete them, or make it revolute if it must stop there"
             )
-        return [None, None, effort, velocity, *further]
-    if velocity == 0:
+        return limits | {"lower": None, "upper": None}
+    if limits["velocity"] == 0:
         text = "velocity is 0, so the joint cannot move; the simulation takes 0 for no limit"
         findings.warning(limit, text)
     if kind == "revolute":
         _check_degrees(findings, limit, [end for end in (lower, upper) if end is not None])
-    return [*_ordered(findings, limit, lower, upper), effort, velocity, *further]
+    lower, upper = _ordered(findings, limit, lower, upper)
+    return limits | {"lower": lower, "upper": upper}
 
 
 def _check_degrees(findings: Findings, limit: Element, ends: Sequence[float]) -> None:
@@ -642,7 +638,5 @@ def _read_mimic(findings: Findings, element: Element) -> Mimic | None:
     mimic = element.find("mimic")
     if mimic is None:
         return None
-    multiplier, offset = read(findings, mimic)
-    if multiplier is None or offset is None:
-        return None
-    return Mimic(mimic.get("joint", ""), multiplier, offset)
+    factors = read(findings, mimic)
+    return None if None in factors.values() else Mimic(mimic.get("joint", ""), **factors)

@@ -145,12 +145,11 @@ class Drawing(Generic[S]):
         return self.stage.frames.pose(self.frame, self.stage.fixed_frame, self.stamp_ns)
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        """Add a message, to be logged by ``flush``."""
+        """Add a message, to be logged by ``flush``; raises as ``draw`` does."""
         if self.has_header:
             self.frame = self.frame_of(message) or self.frame
             if not self.frame:
-                self.problems.setdefault("", "its header has no frame_id")
-                return
+                raise ValueError("its header has no frame_id")
         self._pending.append((stamp_ns, message))
 
     def flush(self) -> None:
@@ -309,7 +308,10 @@ class DrawingsDisplay(Display[S]):
         for drawing in self.items.values():
             if any(item.name == topic for item in drawing.topics):
                 for stamp_ns, message in messages:
-                    drawing.add(stamp_ns, message)
+                    try:
+                        drawing.add(stamp_ns, message)
+                    except ValueError as error:
+                        drawing.problems.setdefault("", str(error))
 
     def flush(self) -> None:
         for drawing in self.items.values():
@@ -354,11 +356,11 @@ class MessageDisplay(DrawingsDisplay[Any]):
 
     def flush(self) -> None:
         """Draw the messages; then rest in proportion to the work, if it is limited."""
-        began = time.thread_time()
+        is_measured = self.limited and self.size > 0  # measuring takes some microseconds
+        began = time.thread_time() if is_measured else 0.0
         super().flush()
-        if self.limited:
-            seconds = time.thread_time() - began + self.size / _BYTES_PER_SECOND
-            self.rest_ns = 1e9 * _REST * seconds
+        work = time.thread_time() - began + self.size / _BYTES_PER_SECOND if is_measured else 0.0
+        self.rest_ns = 1e9 * _REST * work
         self.size = 0
 
     def wanted(self, settings: Any) -> Mapping[str, tuple[Sequence[WantedTopic], Any]]:

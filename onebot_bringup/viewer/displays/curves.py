@@ -90,12 +90,7 @@ class CurveDrawing(Drawing[S]):
         return rr.SeriesLines(names=[self.name], colors=[self.color], widths=[2.0])
 
     def add(self, stamp_ns: int, message: Any) -> None:
-        try:
-            values = self.values(message)
-        except ValueError as error:
-            self.problems.setdefault("", str(error))
-            return
-        for curve, value in zip(self.curves, values, strict=True):
+        for curve, value in zip(self.curves, self.values(message), strict=True):
             curve.add(stamp_ns, [value])
 
     def flush(self) -> None:

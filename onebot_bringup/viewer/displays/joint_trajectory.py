@@ -169,14 +169,9 @@ class LinkMotion:
         self._names = names
         self._model = model = RobotModel(description)
         self.turning = model.moving.half_turns[[model.row(name) for name in names]] > 0.0
-        rests = dict(zip(model.joints, model.pose({}).tolist(), strict=True))
-        moving = description.moving_joints
-        self._rests = {joint.name: rests[joint.name] for joint in moving if joint.mimic is None}
-        joints = {**self._rests, **dict.fromkeys(names)}
-        self._leaders = model.followers(joints)
-        moved = {joint for joint, leader in self._leaders.items() if leader.joint in names}
+        self._free = {joint.name for joint in description.moving_joints if joint.mimic is None}
         above = {joint.child: joint for joint in description.joints}
-        link = link or last_link(above, moved)
+        link = link or last_link(above, model.followers(names))
         if link not in model.links:
             hint = did_you_mean(link, model.links, "links")
             raise OneBotError(f'robot "{model.name}" has no link "{link}"{hint}')
@@ -192,16 +187,18 @@ class LinkMotion:
         Returns:
             Its places (N, 3) in the frame of the root link, m.
         """
-        values: dict[str, Any] = {
-            joint: states[joint] if abs(states.get(joint, np.inf)) <= LARGEST else position
-            for joint, position in self._rests.items()
+        model = self._model
+        known: dict[str, Any] = {
+            joint: position
+            for joint, position in states.items()
+            if joint in self._free and abs(position) <= LARGEST
         }
-        values.update(zip(self._names, positions.T, strict=True))
-        everything = np.zeros((len(positions), len(self._model.joints)))
-        for joint, leader in self._leaders.items():
-            place = values[leader.joint] * leader.multiplier + leader.offset
-            everything[:, self._model.row(joint)] = place
-        places: Floats = self._model.link_poses(everything)[:, self._link, :3]
+        known.update(zip(self._names, positions.T, strict=True))
+        everything = np.tile(model.pose({}), (len(positions), 1))
+        for joint, leader in model.followers(known).items():
+            place = known[leader.joint] * leader.multiplier + leader.offset
+            everything[:, model.row(joint)] = place
+        places: Floats = model.link_poses(everything)[:, self._link, :3]
         return places
 
 

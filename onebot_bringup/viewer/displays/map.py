@@ -80,18 +80,13 @@ class MapDrawing(Drawing[MapSettings]):
 
         Their stamps are not compared, as in RViz, since the clock may have been set back.
         """
-        try:
-            if hasattr(message, "info"):
-                grid = _grid(message)
-            elif self._grid is None:
-                return
-            else:
-                grid = _updated(self._grid, message)
-        except ValueError as error:
-            self.problems.setdefault("", str(error))
+        if hasattr(message, "info"):
+            self._grid = _grid(message)
+        elif self._grid is None:
             return
-        self._grid = grid
-        super().add(stamp_ns, grid)
+        else:
+            self._grid = _updated(self._grid, message)
+        super().add(stamp_ns, self._grid)
 
     def draw(self, message: Any) -> Sequence[rr.AsComponents | ReadyColumn]:
         """Return the cells, the highest y first, and the map's pose and cell size."""

@@ -103,7 +103,7 @@ class PointsDrawing(Drawing[P]):
         positions, channel, rgb_colors = self.points(message)
         usable = _usable(positions)
         if usable is not None:
-            positions = positions[usable]
+            positions = positions.T.compress(usable, axis=1).T
             rgb_colors = None if rgb_colors is None else rgb_colors[usable]
         if self.entity_frame != self.frame and (pose := self.pose()) is not None:
             positions = _moved(positions, pose.astype(np.float32))
@@ -144,19 +144,13 @@ class PointsDrawing(Drawing[P]):
 
 
 def _moved(positions: Floats32, pose: Floats32) -> Floats32:
-    """Return points (N, 3) transformed by their frame's pose (4, 4).
-
-    It works by columns: a matrix product would wake the threads of BLAS, which takes longer.
-    """
-    moved: Floats32 = empty(positions.shape, np.float32)
-    x, y, z = np.ascontiguousarray(positions.T)
+    """Return points (N, 3) transformed by their frame's pose (4, 4)."""
+    rows = empty((3, len(positions)), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
-        for axis, (along_x, along_y, along_z, shift) in enumerate(pose[:3]):
-            column = x * along_x
-            column += y * along_y
-            column += z * along_z
-            column += shift
-            moved[:, axis] = column
+        # A matrix product would wake the threads of BLAS, which takes longer.
+        np.einsum("ij,jk->ik", pose[:3, :3], positions.T, out=rows)
+        rows += pose[:3, 3:]
+    moved: Floats32 = rows.T
     return moved
 
 
@@ -277,11 +271,12 @@ def _structs(step: int, fields: dict[str, tuple[np.dtype[Any], int]]) -> np.dtyp
 
 
 def _positions(values: NDArray[Any]) -> Floats32:
-    """Return the positions as a contiguous array (N, 3); copying by column is faster."""
-    positions: Floats32 = empty((len(values), 3), np.float32)
+    """Return the positions (N, 3), stored by axis, in which they are transformed faster."""
+    rows = empty((3, len(values)), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, name in enumerate(_POSITION):
-            positions[:, axis] = values[name]
+            rows[axis] = values[name]
+    positions: Floats32 = rows.T
     return positions
 
 

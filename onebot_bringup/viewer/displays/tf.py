@@ -1,8 +1,8 @@
 """Logs every transform of TF, so that entities move with their frames, and draws frames' axes."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import rerun as rr
 
@@ -29,6 +29,13 @@ class AxesSettings:
     frames: tuple[str, ...] = setting((), "draw only these frames; empty: all", name_list)
 
 
+class Axes(NamedTuple):
+    """How the axes of a frame are drawn."""
+
+    length: float  # meters
+    has_name: bool
+
+
 class TfDisplay(Display[AxesSettings]):
     """Logs /tf and /tf_static, and draws axes in new frames."""
 
@@ -37,12 +44,10 @@ class TfDisplay(Display[AxesSettings]):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._look: tuple[object, ...] = ()  # everything that the look of drawn axes depends on
         self._only: set[str] = set()  # frames that have axes; empty for all
-        # The frames that have axes: their length, and whether they have names.
-        self._drawn: dict[str, tuple[float, bool] | None] = {}
+        self._drawn: dict[str, Axes] = {}  # by frame
         self._lengths: dict[str, float] = {}  # lengths of axes in the links' frames, m
-        self._shown_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
+        self._drawn_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links that a robot no longer has
 
     def topics(self) -> Sequence[WantedTopic]:
@@ -54,7 +59,7 @@ class TfDisplay(Display[AxesSettings]):
         self._only = set(settings.frames)
         for robot in self.stage.robots:
             self._only.update(map(robot.frame_of, settings.frames))
-        self._shown_of = None
+        self._drawn_of = None
 
     def set_robot(self) -> None:
         """Draw the axes of new links, and hide those of removed links, at the next flush."""
@@ -69,7 +74,7 @@ class TfDisplay(Display[AxesSettings]):
                 lengths = axes_lengths(last_robot, self.stage.robot_size)
             self._lengths |= {robot.frame_of(link): size for link, size in lengths.items()}
         self._retired -= self._lengths.keys()
-        self._shown_of = None
+        self._drawn_of = None
         self.stage.transforms.forget(self._retired)
 
     def add(
@@ -83,8 +88,10 @@ class TfDisplay(Display[AxesSettings]):
 
     def flush(self) -> None:
         self.stage.transforms.flush()
-        self._show_connected()
-        self._draw(())
+        tree = self.stage.frames.version, self.stage.fixed_frame
+        if self._drawn_of != tree:
+            self._drawn_of = tree
+            self._draw(self._axes())
 
     def warnings(self) -> list[str]:
         frame = self.stage.transforms.ignored
@@ -94,48 +101,38 @@ class TfDisplay(Display[AxesSettings]):
     def layout(self) -> Sequence[LayoutPart]:
         return [LayoutPart(visible=((FRAMES_ENTITY, self.settings.visible),))]
 
-    def _show_connected(self) -> None:
-        """Draw axes in the frames connected with the fixed frame.
+    def _axes(self) -> dict[str, Axes]:
+        """Return the axes to draw, by frame: in the frames connected with the fixed frame.
 
         The view would report an error for others, such as frames of another robot on the same /tf.
         """
-        frames, fixed_frame = self.stage.frames, self.stage.fixed_frame
-        if self._shown_of == (frames.version, fixed_frame):
-            return
-        self._shown_of = frames.version, fixed_frame
-        connected = set(frames.names)
-        if self._lengths:
-            top = frames.top(fixed_frame)
-            connected = {frame for frame in connected if frames.top(frame) == top}
-            connected.update(self._lengths)
-        connected -= self._retired
+        tree, settings, lengths = self.stage.frames, self.settings, self._lengths
+        frames = set(tree.names)
+        if lengths:
+            top = tree.top(self.stage.fixed_frame)
+            frames = {frame for frame in frames if tree.top(frame) == top}
+            frames.update(lengths)
+        frames -= self._retired
         if self._only:
-            connected &= self._only
-        self._hide(self._drawn.keys() - connected)
-        new_frames = connected - self._drawn.keys()
-        self._drawn |= dict.fromkeys(new_frames)
-        self._draw(new_frames)
-
-    def _draw(self, frames: Collection[str]) -> None:
-        """Draw axes in ``frames``; in all frames if the look has changed."""
-        settings, lengths = self.settings, self._lengths
-        names = settings.names and len(self._drawn) <= settings.names_up_to
+            frames &= self._only
+        has_names = settings.names and len(frames) <= settings.names_up_to
         usual = max(lengths.values(), default=0.0) or _DEFAULT_LENGTH
-        look = settings.length, lengths, names
-        if look != self._look:
-            self._look, frames = look, self._drawn
-        for frame in frames:
-            axes = settings.length or lengths.get(frame) or usual, names
-            if self._drawn[frame] != axes:
-                self._drawn[frame] = axes
-                self._log(frame, frame, rr.TransformAxes3D(axes[0], show_frame=names))
+        return {
+            frame: Axes(settings.length or lengths.get(frame) or usual, has_names)
+            for frame in frames
+        }
 
-    def _hide(self, frames: Iterable[str]) -> None:
+    def _draw(self, axes: Mapping[str, Axes]) -> None:
+        """Draw axes, and hide those in other frames."""
         # Static data cannot be cleared but overwritten, in a frame that exists.
         home = next((robot.root_frame for robot in self.stage.robots if robot.root_frame), "")
-        for frame in frames:
+        for frame in self._drawn.keys() - axes.keys():
             del self._drawn[frame]
             self._log(frame, home, rr.TransformAxes3D.cleared())
+        for frame, look in axes.items():
+            if self._drawn.get(frame) != look:
+                self._drawn[frame] = look
+                self._log(frame, frame, rr.TransformAxes3D(look.length, show_frame=look.has_name))
 
     def _log(self, frame: str, parent: str, axes: rr.TransformAxes3D) -> None:
         entity = axes_entity(frame)
