@@ -310,7 +310,7 @@ class TrajectoryFollower(JointFollower):
         Continuous joints keep the whole turns of the measured positions, so they may differ from
         ``desired`` by whole turns.
         """
-        positions = self._trajectory.positions(self.time + ahead * self._rate)
+        positions = self._trajectory.sample(self.time + ahead * self._rate).positions
         return [
             clamp(position + turns, lower, upper)
             for position, turns, (lower, upper) in zip(

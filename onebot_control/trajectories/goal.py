@@ -96,10 +96,9 @@ def _point_problems(
 ) -> Iterator[str]:
     if point.positions or not (integrates and (point.velocities or point.accelerations)):
         yield from field_problems("positions", names, point.positions, limits)
-    if point.velocities:
-        yield from field_problems("velocities", names, point.velocities, {})
-    if point.accelerations:
-        yield from field_problems("accelerations", names, point.accelerations, {})
+    for field, values in (("velocities", point.velocities), ("accelerations", point.accelerations)):
+        if values:
+            yield from field_problems(field, names, values, {})
 
 
 def field_problems(
