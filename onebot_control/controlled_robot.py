@@ -374,8 +374,8 @@ class ControlledRobot:
         whose joints are set ends.
 
         Raises:
-            OneBotError: a joint cannot be set, a position is not finite or beyond the joint's
-                limits, or the robot would overlap something; nothing has changed.
+            OneBotError: a joint cannot be set, a position is beyond the joint's limits, or the
+                robot would overlap something; nothing has changed.
         """
         moving = {joint.name: joint for joint in self.description.moving_joints}
         settable = [name for name in self.body.joints if name not in self.body.spawn.gears]
@@ -386,8 +386,6 @@ class ControlledRobot:
             elif not moving[name].range[0] <= position <= moving[name].range[1]:
                 lower, upper = moving[name].range
                 problems.append(f'joint "{name}": {position} is not from {lower:g} to {upper:g}')
-            elif not math.isfinite(position):
-                problems.append(f'joint "{name}": {position} is not finite')
         if problems:
             raise OneBotError(
                 "\n".join(f"{self.description.source}: {problem}" for problem in problems)

@@ -131,12 +131,11 @@ class Fleet(AbstractContextManager["Fleet"]):
             OneBotError: their start poses overlap, for example after ``replace``, or a parameter
                 does not match its robot; nothing has changed.
         """
-        for robot, config in zip(self.robots, configs, strict=False):
+        configs = configs or [robot.config for robot in self.robots]
+        for robot, config in zip(self.robots, configs, strict=True):
             robot.fitted(config)
         self.world.restart([config.start for config in configs])
-        for robot, config in zip(
-            self.robots, configs or [robot.config for robot in self.robots], strict=True
-        ):
+        for robot, config in zip(self.robots, configs, strict=True):
             robot.start(config)
 
     def reset(self) -> None:

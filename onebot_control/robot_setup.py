@@ -19,6 +19,7 @@ from onebot_description.description import Description, load_description
 from onebot_description.description.loading import XacroValues, load_world
 from onebot_description.description.xacro import xacro_arguments
 from onebot_description.errors import OneBotError, did_you_mean
+from onebot_description.file_watch import FileState, file_states
 from onebot_description.parameters.arguments import checked_methods
 from onebot_description.parameters.reader import ConfigError, Problem, leaves, read
 from onebot_description.parameters.values import Rule, plain
@@ -194,7 +195,7 @@ def read_scene(world: str | Path | Description) -> Description | None:
 
 
 _KEPT = 32  # descriptions
-_kept: dict[tuple[object, ...], tuple[Description | None, Sequence[tuple[int, int]]]] = {}
+_kept: dict[tuple[object, ...], tuple[Description | None, Mapping[Path, FileState]]] = {}
 
 
 def _read_once(read: Callable[[], Description], *key: str) -> Description:
@@ -203,17 +204,11 @@ def _read_once(read: Callable[[], Description], *key: str) -> Description:
     Expanding xacro takes longer than building the world. It can depend on the environment.
     """
     source = (*key, os.getcwd(), *os.environ.items())
-    description, stamps = _kept.pop(source, (None, ()))
-    if description is None or stamps != _stamps(description):
+    description, states = _kept.pop(source, (None, {}))
+    if description is None or states != file_states(description.files):
         description = read()
-        stamps = _stamps(description)
-    _kept[source] = description, stamps  # the least recently used is dropped first
+        states = file_states(description.files)
+    _kept[source] = description, states  # the least recently used is dropped first
     for oldest in [*_kept][:-_KEPT]:
         del _kept[oldest]
     return description
-
-
-def _stamps(description: Description) -> list[tuple[int, int]]:
-    """Return modification times, ns, and sizes of a description's files; 0 for missing files."""
-    stats = [file.stat() if file.exists() else None for file in description.files]
-    return [(status.st_mtime_ns, status.st_size) if status else (0, 0) for status in stats]

@@ -274,7 +274,6 @@ class Simulation(AbstractContextManager["Simulation"]):
         self._core.close()
         self._core = core
         if self._log is not None:
-            self._log.moments.clear()
             core.record(self._log)
 
     def _begun(self) -> None:

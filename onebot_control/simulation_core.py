@@ -213,8 +213,7 @@ class SimulationCore:
                 instrument.reseed(seed)
         self._begin()
         if self._log is not None:
-            self._log.moments.clear()
-            self._log.moments.append(self._moment())
+            self.record(self._log)
 
     def can_restart(self, members: Sequence[Member], parameters: Sequence[dict[str, Any]]) -> bool:
         """Return whether ``restart`` makes this world equal to a new one with these robots."""
@@ -277,8 +276,9 @@ class SimulationCore:
         return dict(zip(scene.links, scene.poses, strict=True)) if scene else {}
 
     def record(self, log: MomentLog) -> None:
-        """Record moments in ``log``, beginning with the current one."""
+        """Record moments in ``log``, beginning with the current one, in place of those in it."""
         self._log = log
+        log.moments.clear()
         log.moments.append(self._moment())
 
     def _moment(self) -> Moment:

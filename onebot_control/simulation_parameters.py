@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from onebot_control.conventions import BROADCASTER, IN_EACH_CYCLE, WORLD_FRAME
+from onebot_control.conventions import BROADCASTER, IN_EACH_CYCLE, WORLD_FRAME, prefixed
 from onebot_control.drive.parameters import DriveParameters
 from onebot_description.geometry.poses import PlanarPose
 from onebot_description.parameters.reader import group, ignored, parameter
@@ -122,6 +122,10 @@ class SimulationConfig(DescriptionConfig):
     def drive(self) -> DriveParameters[Any] | None:
         """The parameters of the robot's drive; None if its base is fixed."""
         return self if isinstance(self, DriveParameters) else None
+
+    def prefixed(self, frame: str, namespace: str) -> str:
+        """Return the name of a frame with the prefix of the parameters, or of a namespace."""
+        return prefixed(frame, self.tf_frame_prefix_enable, self.tf_frame_prefix, namespace)
 
     def world_frame(self, *, in_scene: bool) -> str:
         """Return the frame of true poses; "" for the odometry frame, which no scene uses."""

@@ -26,7 +26,7 @@ _REST = 0.2  # seconds without a change until a change counts
 _REST_EMPTY = 1.0  # the same, if a changed file is empty or missing
 
 
-def _states(files: Iterable[Path]) -> dict[Path, FileState]:
+def file_states(files: Iterable[Path]) -> dict[Path, FileState]:
     """Return a state of each file that differs after it was edited, replaced or removed."""
     return {file: _state(file) for file in files}
 
@@ -56,7 +56,7 @@ class FileWatch:
             since_ns: files written after this time (ns since 1970) count as changed.
             clock: returns seconds.
         """
-        self._last = _states(files)
+        self._last = file_states(files)
         self._known = dict(self._last)
         for file, state in self._last.items():
             if since_ns is not None and (state is None or state[0] > since_ns):
@@ -72,7 +72,7 @@ class FileWatch:
     def watch(self, files: Iterable[Path]) -> None:
         """Watch these files instead; those already watched keep their state."""
         names = tuple(files)
-        new = _states(file for file in names if file not in self._known)
+        new = file_states(file for file in names if file not in self._known)
         states, last = self._known | new, self._last | new
         self._known = {file: states[file] for file in names}
         self._last = {file: last[file] for file in names}
@@ -82,7 +82,7 @@ class FileWatch:
 
         The result is empty until no file has changed for a moment.
         """
-        last, self._last, now = self._last, _states(self._known), self._clock()
+        last, self._last, now = self._last, file_states(self._known), self._clock()
         if self._last != last:
             self._since = now
         changed = [file for file, state in self._last.items() if state != self._known[file]]

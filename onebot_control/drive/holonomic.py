@@ -37,13 +37,10 @@ class HolonomicKinematics(Kinematics):
             kind: kind of the wheels.
 
         Raises:
-            ValueError: the wheels do not move the robot in all directions, or a number is not
-                finite.
+            ValueError: the wheels do not move the robot in all directions.
         """
         self.radius, self.rows, self.kind = radius, tuple(rows), kind
         check_lengths(self, "radius")
-        if not all(math.isfinite(value) for row in self.rows for value in row):
-            raise ValueError(f"the wheels' geometry must be finite, not {self.rows}")
         if len(self.rows) < 3:
             raise ValueError(f"it needs three wheels or more, not {len(self.rows)}")
         columns = list(zip(*self.rows, strict=True))

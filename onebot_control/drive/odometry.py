@@ -190,7 +190,4 @@ class Odometry:
         and ``sin`` refer to the heading in the middle of the arc.
         """
         errors = self.kinematics.errors(motion, cos, sin, self.noise)
-        covariance = self.covariance.moved(dx, dy, errors)
-        # If it overflows, the pose is unknown anyway, and the covariance stays.
-        if math.isfinite(sum(covariance)):
-            self.covariance = covariance
+        self.covariance = self.covariance.moved(dx, dy, errors)

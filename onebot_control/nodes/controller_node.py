@@ -142,18 +142,11 @@ class ControllerNode(Generic[F]):
 
         self.node.create_subscription(kind, topic, receive, ANY_PUBLISHER)
 
-    def fault(self, action: Callable[[], object]) -> str:
-        """Run ``action`` in the control thread; return why it failed, or ""."""
-        try:
-            self.loop.call(action)
-        except OneBotError as error:
-            return str(error)
-        return ""
-
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         self._values.update(self._changed(parameters))
         self.controller = controller = self._configured()
-        if fault := self.fault(lambda: self.place.slot.robot.configure_controller(controller)):
+        slot = self.place.slot
+        if fault := slot.fault(lambda: slot.robot.configure_controller(controller)):
             self.node.get_logger().error(f"parameters not applied: {fault}")
 
     def _changed(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -280,7 +273,7 @@ class GoalAction(Generic[G]):
         follower, goal = self._accepted  # rclpy calls this immediately after ``_on_goal``
         self._functions.accepted(goal)
         handle.execute()
-        if fault := self._host.fault(lambda: self.start(follower, goal, handle)):
+        if fault := self._host.place.slot.fault(lambda: self.start(follower, goal, handle)):
             self.finish(Outcome(handle, INVALID_GOAL, fault))
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
@@ -289,7 +282,7 @@ class GoalAction(Generic[G]):
         When a client cancels all goals, rclpy skips the goal after a rejected one. A goal that has
         just ended keeps its own result.
         """
-        if fault := self._host.fault(lambda: self._cancel(handle)):
+        if fault := self._host.place.slot.fault(lambda: self._cancel(handle)):
             self._host.node.get_logger().error(f"goal not stopped: {fault}")
         return CancelResponse.ACCEPT
 

@@ -131,7 +131,7 @@ class JointTrajectories:
         def scale() -> None:
             self._host.follower.scaling = message.factor
 
-        if fault := self._host.fault(scale):
+        if fault := self._host.place.slot.fault(scale):
             self._host.error("scaling", f"~/speed_scaling_input is ignored: {fault}")
 
     def _problems(self, goal: _Goal) -> list[str]:

@@ -33,7 +33,7 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 
 from onebot_control.controlled_robot import Snapshot
-from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER, prefixed
+from onebot_control.conventions import DRIVE_CONTROLLER, MANAGER
 from onebot_control.nodes.callback_watch import CallbackWatch
 from onebot_control.nodes.control_parameters import ControlParameters
 from onebot_control.nodes.stepped_executor import TF_TOPICS, SteppedExecutor, is_alive
@@ -380,8 +380,7 @@ class Lockstep(AbstractContextManager["Lockstep[S]"], Generic[S]):
         assert self._interface is not None
         for robot in self._interface.robots:
             space = robot.node.get_namespace()
-            config = robot.settings.config
-            prefix = prefixed("", config.tf_frame_prefix_enable, config.tf_frame_prefix, space)
+            prefix = robot.settings.config.prefixed("", space)
             words = ["-r", f"__ns:={space}", "-p", "hold_floating_joints:=false"]
             words += ["-p", f"frame_prefix:={prefix}"] if prefix else []
             node = RobotStatePublisher(robot.description, words)

@@ -28,7 +28,6 @@ from onebot_control.physics.robot_body import JointStates, Twist
 from onebot_control.physics.scene import SceneBodies, scene_frames
 from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.pacing import Divider
-from onebot_description.description import Description
 from onebot_description.geometry.poses import Transform, compose, inverse
 from onebot_description.ros.node_graph import OnlyPublisher
 from onebot_description.ros.topic_qos import DEPTH, LATCHED
@@ -316,18 +315,14 @@ class ScenePublisher:
         """
         if not self._announced:
             self._announced = True
-            self._tf_static.publish(scene_transforms(self._scene, self._world, stamp_ns))
+            frames = scene_frames(self._scene, self._world)
+            self._tf_static.publish(transforms_message(time_message(stamp_ns), *frames))
         if not self._rate.due() or not self._transforms or not _is_subscribed(self._tf):
             return
         self._stamp.sec, self._stamp.nanosec = divmod(stamp_ns, NS_PER_S)
         for transform, pose in zip(self._transforms, poses, strict=True):
             _fill_transform(transform.transform, pose)
         self._tf.publish(self._message)
-
-
-def scene_transforms(description: Description, world_frame: str, stamp_ns: int) -> TFMessage:
-    """Return the transforms of a scene's fixed links, below ``world_frame``."""
-    return transforms_message(time_message(stamp_ns), *scene_frames(description, world_frame))
 
 
 def _fill_transform(message: TransformMessage, pose: Transform) -> None:

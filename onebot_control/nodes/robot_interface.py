@@ -52,7 +52,7 @@ class SharedWorld(Protocol):
         """Start the control loop if the descriptions of all robots are known."""
 
     def check_frames(self, row: int, frames: RobotFrames) -> None:
-        """Check new frames of the robot in ``row``, with ``frames.check_frames``."""
+        """Check new frames of the robot in ``row``, with ``RobotFrames.check``."""
 
     def set_factor(self, factor: float) -> None:
         """Set the real_time_factor of all robots."""
@@ -294,11 +294,10 @@ class RobotInterface:
         config = self.settings.config
         if config == previous:
             return
-        if (loop := self.slot.loop) is not None:
-            try:
-                loop.call(lambda: self._configure(config))
-            except OneBotError as error:  # raised from this callback, it would end the process
-                self._refuse("parameters", f"parameters not applied, {GOES_ON}: {error}")
+        if self.slot.loop is not None and (
+            fault := self.slot.fault(lambda: self._configure(config))
+        ):
+            self._refuse("parameters", f"parameters not applied, {GOES_ON}: {fault}")
         if config.real_time_factor != self._world.factor:
             self._world.set_factor(config.real_time_factor)
         if replace(config, real_time_factor=previous.real_time_factor) != previous:

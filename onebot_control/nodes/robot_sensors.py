@@ -6,7 +6,6 @@ from dataclasses import replace
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from onebot_control.conventions import prefixed
 from onebot_control.nodes.sensor_messages import SensorPublisher, message_type
 from onebot_control.runtime.sensing import Channel
 from onebot_control.sensing.rays import HAS_EMBREE
@@ -86,8 +85,7 @@ class RobotSensors:
         instrument = INSTRUMENTS[type(sensor.model)](
             sensor, row, space, cycles, noisy=config.sensor_noise, seed=self._seed
         )
-        enabled, prefix = config.tf_frame_prefix_enable, config.tf_frame_prefix
-        frame = prefixed(sensor.frame, enabled, prefix, space)
+        frame = config.prefixed(sensor.frame, space)
         publishers = {
             output: self._publishers[message_type(output), topic]
             for output, topic in sensor.topics.items()

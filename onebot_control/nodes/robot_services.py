@@ -54,10 +54,8 @@ class RobotServices:
 
     def _on_teleport(self, message: PoseStamped) -> None:
         pose, frame = planar_pose(message), message.header.frame_id
-        try:
-            self._slot.running.call(lambda: self._teleport(frame, pose))
-        except OneBotError as error:
-            self._warn("teleport", f"~/teleport is ignored: {error}")
+        if fault := self._slot.fault(lambda: self._teleport(frame, pose)):
+            self._warn("teleport", f"~/teleport is ignored: {fault}")
 
     def _teleport(self, frame: str, pose: PlanarPose) -> None:
         robot = self._slot.robot
@@ -81,11 +79,8 @@ class RobotServices:
         return self._on_trigger(lambda: self._slot.running.pause(request.data), request, answer)
 
     def _on_trigger(self, action: Callable[[], object], _: Any, answer: Any) -> Any:
-        try:
-            self._slot.running.call(action)
-            answer.success = True
-        except OneBotError as error:
-            answer.success, answer.message = False, str(error)
+        answer.message = self._slot.fault(action)
+        answer.success = not answer.message
         return answer
 
 

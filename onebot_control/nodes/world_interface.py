@@ -23,7 +23,7 @@ from onebot_control.nodes.spinning import NodeThread
 from onebot_control.physics.engine import logger as simulation_log
 from onebot_control.physics.scene import load_scene
 from onebot_control.runtime.control_loop import ControlLoop
-from onebot_control.runtime.frames import RobotFrames, check_frames
+from onebot_control.runtime.frames import RobotFrames
 from onebot_control.runtime.pacing import Divider, Pace, PaceMeter
 from onebot_control.runtime.sensing import Sensing, SensingThread
 from onebot_control.sensing.sensors import Sensors
@@ -190,11 +190,11 @@ class WorldInterface:
         """Check new frames of the robot in ``row``; all descriptions must be known.
 
         Raises:
-            ConfigError: see ``frames.check_frames``.
+            ConfigError: see ``RobotFrames.check``.
         """
         robot = self.robots[row]
         other_frames = {item.name: item.frames() for item in self.robots if item is not robot}
-        check_frames(frames, robot.frames(), other_frames, self.scene)
+        frames.check(robot.frames(), other_frames, self.scene)
 
     def start(self, loop: ControlLoop, sensing: Sensing, clock: Clock | None = None) -> None:
         """Start a loop that moves the robots, whose descriptions must be known.

@@ -32,9 +32,8 @@ _FAST = 2.0  # m/s, expected maximum speed of bodies
 _AGAIN = (20, 2)  # cycles between searches for nearby bodies: if there are none, and otherwise
 
 _Place = tuple[int, int]  # PyBullet's indices of a body and its link
-_Box = tuple[
-    int, Sequence[float], Sequence[float]
-]  # a robot's body, and its minimum and maximum x, y, z
+# A robot's body, and its minimum and maximum x, y, z.
+_Box = tuple[int, Sequence[float], Sequence[float]]
 _Names = tuple[str, str, str]  # the first fields of a ``Contact``
 _Shapes = Sequence[tuple[Shape, Floats, Link]]  # see ``Body.collisions``
 # PyBullet's list after a step, and poses before it of bodies of several links.
@@ -95,9 +94,7 @@ class ContactRecorder:
         self._moved_places: set[_Place] = set()
         self._indices: dict[int, list[int]] = {}  # links of each robot that have shapes
         for robot, (shapes, moved) in zip(self._robots, self._links, strict=True):
-            joints = robot.spawn.description.moving_joints
-            indices = {joint.child: robot.parts.joints[joint.name] for joint in joints}
-            places = {link: (robot.parts.body, indices.get(link, -1)) for link in shapes}
+            places = {link: (robot.parts.body, robot.parts.links[link]) for link in shapes}
             self._indices[robot.parts.body] = [index for _, index in places.values()]
             self._shapes |= {place: shapes[link] for link, place in places.items()}
             self._moved_places |= {place for link, place in places.items() if link in moved}

@@ -103,12 +103,12 @@ def _standing(robot: LoadedBody, description: Description) -> RestPose:
     near = bullet.getClosestPoints(robot.body, ground, 0.0)
     depth, index = max(((-p[8], p[3]) for p in near if p[3] >= 0), default=(0.0, -1))
     if depth > _DEEP:
-        links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
+        link = next(name for name, number in robot.links.items() if number == index)
         logger.warning(
             '%s: link "%s" starts %.3g m deep in the ground, which pushes it; give the joints '
             "other initial_positions, or place the root link elsewhere",
             description.source,
-            links[index],
+            link,
             depth,
         )
     return rest_pose
@@ -121,8 +121,7 @@ def _check_size(robot: LoadedBody, description: Description, lowest: float) -> N
             f"{description.source}: the robot would start at z = {-lowest:.4g} m; is a <collision> "
             "or an <origin> in millimeters? Lengths are in m"
         )
-    links = {robot.joints[joint.name]: joint.child for joint in description.moving_joints}
-    for index, link in {-1: description.root_link, **links}.items():
+    for link, index in robot.links.items():
         low, high = robot.bullet.getAABB(robot.body, index)
         length = max(end - start for start, end in zip(low, high, strict=True))
         if length > LARGEST_ROBOT:

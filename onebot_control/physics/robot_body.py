@@ -173,10 +173,8 @@ class RobotBody:
 
         Args:
             velocities: velocities in the order of ``driven``, rad/s (m/s for prismatic joints);
-                they are clamped to the joints' limits.
-
-        Raises:
-            ValueError: a velocity is not finite; nothing has changed.
+                they are clamped to the joints' limits. A velocity that is not finite would make the
+                whole world NaN permanently.
         """
         self.world.check()
         # PyBullet keeps the targets; setting them takes as long as reading the joints.
@@ -185,9 +183,6 @@ class RobotBody:
 
     def targets(self, velocities: Sequence[float]) -> list[float]:
         """Return velocities within the joints' limits; see ``turn``."""
-        if not all(map(math.isfinite, velocities)):
-            # A single NaN would make the whole world NaN permanently.
-            raise ValueError(f"velocities must be finite, not {velocities!r}")
         return [
             clamp(velocity, -fastest, fastest)
             for velocity, fastest in zip(velocities, self._fastest, strict=True)

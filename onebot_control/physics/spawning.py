@@ -81,6 +81,7 @@ class LoadedBody(NamedTuple):
     bullet: Bullet  # its world
     body: int
     joints: Mapping[str, int]  # moving joints by name, in the description's order
+    links: Mapping[str, int]  # the first links of rigid bodies; -1: the root's
     hubs: Sequence[int]  # joints on which the hubs of skidding wheels and of rollers slide
     # PyBullet's base frame: center of mass and principal axes of the root body, in the root link's
     # frame.
@@ -209,6 +210,7 @@ def load_robot(bullet: Bullet, spawn: RobotSpawn) -> LoadedBody:
         bullet=bullet,
         body=robot,
         joints=joints,
+        links={description.root_link: -1, **{j.child: joints[j.name] for j in moving}},
         hubs=hubs,
         mass_frame=mass_frame,
         link_frame=inverse(mass_frame),
@@ -256,10 +258,7 @@ def _load(
     flags = engine.URDF_USE_INERTIA_FROM_FILE | engine.URDF_USE_IMPLICIT_CYLINDER
     with (
         converted_meshes(bodies.values(), convex=not fixed) as meshes,
-        scratch_file() as (
-            file,
-            path,
-        ),
+        scratch_file() as (file, path),
     ):
         urdf = physics_urdf(description, bodies, meshes, fixed=fixed, fixed_base=fixed_base)
         file.write(urdf.encode())

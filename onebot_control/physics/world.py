@@ -116,12 +116,6 @@ class World(AbstractContextManager["World"]):
         """
         count = self.settings.steps(duration)
         self.check()
-        bullet, robots, commanded, weightless = (
-            self.bullet,
-            self.robots,
-            self._commanded,
-            self._weightless,
-        )
         if self._contacts is not None and self._contacts.wanted:
             recorded = True
         elif recorded is None:
@@ -130,23 +124,23 @@ class World(AbstractContextManager["World"]):
         if contacts is not None:
             contacts.begin(recorded=recorded)
         for number in range(count):
-            for robot in commanded:
+            for robot in self._commanded:
                 robot.track(number)
-            for parts in weightless:
+            for parts in self._weightless:
                 parts.lift_weightless()
             for parts in self._rolling:
                 parts.center_rollers()
             for push in self._pushes:
                 push.apply()
-            bullet.stepSimulation()
+            self.bullet.stepSimulation()
             if recorded and contacts is not None:
                 contacts.record()
             if self._pushes:
                 self._pushes = [push for push in self._pushes if push.steps > 0]
             if number < count - 1:
-                for robot in robots:
+                for robot in self.robots:
                     robot.record_efforts()
-        for robot in robots:
+        for robot in self.robots:
             robot.read(count)
         if self.scene is not None:
             self.scene.read()
@@ -265,8 +259,7 @@ class World(AbstractContextManager["World"]):
         place = merged_bodies(description)[first].center
         if point is not None:
             place = matrices.transformed(point[None], pose)[0]
-        joints = {joint.child: joint.name for joint in description.moving_joints}
-        index = robot.parts.joints[joints[first]] if first in joints else -1
+        index = robot.parts.links[first]
         if robot.spawn.fixed_base and index < 0:
             raise OneBotError(f'{description.source}: link "{link}" is fixed')
         steps = self.settings.steps(duration)

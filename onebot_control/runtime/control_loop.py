@@ -311,6 +311,14 @@ class LoopSlot:
             raise OneBotError("there is no robot yet")
         return self.loop
 
+    def fault(self, action: Callable[[], object]) -> str:
+        """Run ``action`` in the loop's thread; return why it failed, or ""."""
+        try:
+            self.running.call(action)
+        except OneBotError as error:
+            return str(error)
+        return ""
+
     def command(
         self,
         velocity: Triple,

@@ -1,9 +1,9 @@
 """The names of a robot's frames, which must be unique in its world."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
-from onebot_control.conventions import prefixed
 from onebot_control.simulation_parameters import SimulationConfig
 from onebot_description.description import Description
 from onebot_description.parameters.reader import ConfigError, Problem
@@ -36,11 +36,7 @@ class RobotFrames(NamedTuple):
             namespace: namespace of its node.
             in_scene: whether there is a scene around it.
         """
-
-        def name(frame: str) -> str:
-            prefix = config.tf_frame_prefix
-            return prefixed(frame, config.tf_frame_prefix_enable, prefix, namespace)
-
+        name = partial(config.prefixed, namespace=namespace)
         world = config.world_frame(in_scene=in_scene)
         root, links = name(description.root_link), frozenset(map(name, description.link_names))
         if config.drive is None:
@@ -48,25 +44,33 @@ class RobotFrames(NamedTuple):
         base = name(config.drive.base_frame_id or description.root_link)
         return cls(world, name(config.drive.odom_frame_id), base, links)
 
-    def problems(
-        self, others: Mapping[str, "RobotFrames"], scene: Description | None = None
-    ) -> Iterator[Problem]:
-        """Report names that two frames share, because in TF each frame has one parent.
+    def check(
+        self,
+        present: "RobotFrames",
+        others: Mapping[str, "RobotFrames"],
+        scene: Description | None = None,
+    ) -> None:
+        """Check new frames of a robot, whose names must be unique, as each has one parent in TF.
 
         The root link of a scene may be the world frame itself.
 
         Args:
+            present: the robot's current frames.
             others: frames of the other robots, by node.
             scene: the scene around the robots.
+
+        Raises:
+            ConfigError: two frames share a name, or the frame of the scene would change.
         """
-        owners = dict.fromkeys(self.links - {self.base}, "a link of the robot")
+        problems, owners = list[Problem](), dict[str, str]()
+        owners.update(dict.fromkeys(self.links - {self.base}, "a link of the robot"))
         for name, frames in others.items():
             owners[frames.odom] = f"odom_frame_id of {name}"
             owners[frames.base] = f"base_frame_id of {name}"
         for link in scene.links if scene else ():
             if link.name in self.links:
                 text = f'{link.where}: link "{link.name}": a frame of the robot has this name'
-                yield Problem("", f"{text}; rename the link")
+                problems.append(Problem("", f"{text}; rename the link"))
             elif not (scene and link.name == scene.root_link == self.world):
                 owners.setdefault(link.name, f"a link of the world, {link.where}")
         for key, frame in (
@@ -76,31 +80,11 @@ class RobotFrames(NamedTuple):
         ):
             if frame and frame in owners:
                 text = f'"{frame}" is {owners[frame]}; each frame needs a unique name'
-                yield Problem(key, text)
+                problems.append(Problem(key, text))
             owners.setdefault(frame, key)
-
-
-def check_frames(
-    frames: RobotFrames,
-    present: RobotFrames,
-    others: Mapping[str, RobotFrames],
-    scene: Description | None,
-) -> None:
-    """Check new frames of a robot.
-
-    Args:
-        frames: its frames with other parameters or another description.
-        present: its current frames.
-        others: frames of the other robots, by node.
-        scene: the scene around the robots.
-
-    Raises:
-        ConfigError: two frames share a name, or the frame of the scene would change.
-    """
-    problems = [*frames.problems(others, scene)]
-    if scene is not None and frames.world != present.world:
-        # The frames of the scene are published once.
-        text = f'the frames of the world are in "{present.world}"; restart the node to change it'
-        problems.append(Problem("world_frame_id", text))
-    if problems:
-        raise ConfigError(problems)
+        if scene is not None and self.world != present.world:
+            # The frames of the scene are published once.
+            text = f'the frames of the world are in "{present.world}"; restart the node to change'
+            problems.append(Problem("world_frame_id", f"{text} it"))
+        if problems:
+            raise ConfigError(problems)

@@ -1,7 +1,7 @@
 """Measures with cameras: rays, calibration, depths and clouds; ``painter`` computes colors."""
 
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Set
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,6 @@ from onebot_control.sensing.noise import add_noise
 from onebot_control.sensing.rays import Hits, Rays, cast
 from onebot_description.arrays import Bytes, Floats, Singles
 from onebot_description.description.sensors.camera import Camera
-from onebot_description.description.sensors.noise import Noise
 
 # Rotation of a camera that looks along x, in its optical frame: z ahead, x right, y down (REP-103).
 _OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -132,7 +131,6 @@ class CameraInstrument(Instrument[Camera]):
 
     waiting = 1
     needs_embree = True
-    noises: Sequence[Noise] = ()  # the noise of pictures has no constant offset
 
     @cached_property
     def _rays(self) -> Rays:

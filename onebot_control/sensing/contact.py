@@ -1,6 +1,6 @@
 """Measures with contact sensors: the contacts of their links."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Set
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +8,6 @@ import numpy as np
 from onebot_control.sensing.instrument import Instrument, SensedWorld
 from onebot_description.arrays import Floats
 from onebot_description.description.sensors.contact import ContactSensor
-from onebot_description.description.sensors.noise import Noise
 
 
 class LinkContact(NamedTuple):
@@ -26,10 +25,6 @@ class ContactInstrument(Instrument[ContactSensor]):
 
     waiting = 50
     needs_contacts = True
-
-    @property
-    def noises(self) -> Sequence[Noise]:
-        return ()
 
     def measure(self, world: SensedWorld, wanted: Set[str]) -> dict[str, Any]:
         link, placed = self.sensor.link, world.placed

@@ -13,7 +13,7 @@ from onebot_description.arrays import Floats
 from onebot_description.description.sensors.imu import Imu
 from onebot_description.description.sensors.noise import Noise
 from onebot_description.geometry import quaternions
-from onebot_description.geometry.poses import Quaternion, multiply, rotate, scaled
+from onebot_description.geometry.poses import Quaternion, Transform, multiply, rotate, scaled
 
 _STEP = 1e-5  # s, time between the poses for numerical differentiation
 
@@ -126,9 +126,11 @@ def _around(snapshot: Snapshot) -> list[RobotState]:
     vx, vy, vz = rotate(rotation, snapshot.mass_velocity.twist(rotation).linear)
     turning = snapshot.mass_velocity.angular
     return [
-        RobotState(
-            (x + dt * vx, y + dt * vy, z + dt * vz),
-            multiply((*scaled(turning, dt / 2.0), 1.0), rotation),
+        (
+            Transform(
+                (x + dt * vx, y + dt * vy, z + dt * vz),
+                multiply((*scaled(turning, dt / 2.0), 1.0), rotation),
+            ),
             [at + dt * speed for at, speed in zip(*joints[:2], strict=True)],
         )
         for dt in (-_STEP, 0.0, _STEP)

@@ -107,9 +107,9 @@ class Instrument(ABC, Generic[M]):
         """
 
     @property
-    @abstractmethod
     def noises(self) -> Sequence[Noise]:
-        """The noises that have constant ``offsets``."""
+        """The noises that have constant ``offsets``; the noise of pictures has none."""
+        return ()
 
     @cached_property
     def offsets(self) -> Floats:

@@ -14,7 +14,6 @@ from onebot_control.sensing.lidar import LidarInstrument
 from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.surroundings import (
     Placed,
-    RobotState,
     SensedRobot,
     VisibleSurfaces,
 )
@@ -109,10 +108,7 @@ class Sensors:
         """Return the world at the time of a frame; it is cached for the last frame."""
         if self._placed is None or self._placed.frame is not frame:
             surroundings, painter = self._build(frame.robots)
-            states = [
-                RobotState(*snapshot.pose, snapshot.joints.positions)
-                for snapshot in frame.snapshots
-            ]
+            states = [(snapshot.pose, snapshot.joints.positions) for snapshot in frame.snapshots]
             placed = Placed(surroundings, frame.boxes, states)
             period = 1.0 / self._cycles
             self._placed = SensedWorld(frame, placed, painter, period, self._gravity)

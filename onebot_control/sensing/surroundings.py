@@ -11,7 +11,7 @@ from onebot_control.sensing.solids import solid_of
 from onebot_description.arrays import Floats
 from onebot_description.description import Description
 from onebot_description.elements.urdf import Geometry
-from onebot_description.geometry.poses import Quaternion, Transform, Triple
+from onebot_description.geometry.poses import Transform
 from onebot_description.geometry.quaternions import to_matrix
 from onebot_description.model.rigid_bodies import rigid_frames
 from onebot_description.model.robot_model import RobotModel
@@ -27,12 +27,8 @@ class SensedRobot(NamedTuple):
     held: Mapping[str, float]  # positions of the other joints, by name
 
 
-class RobotState(NamedTuple):
-    """The pose and joint positions of a robot at one time."""
-
-    translation: Triple  # position of the root link in the world, m
-    rotation: Quaternion  # rotation of the root link in the world, x y z w
-    positions: Sequence[float]  # positions of ``SensedRobot.joints``, rad or m
+RobotState = tuple[Transform, Sequence[float]]
+"""The pose of a robot's root link, and the positions of ``SensedRobot.joints``, rad or m."""
 
 
 class LinkPose(NamedTuple):
@@ -197,10 +193,10 @@ class RobotKind:
     def links(self, states: Sequence[RobotState]) -> tuple[Floats, Floats]:
         """Return rotations (R, L, 3, 3) and positions (R, L, 3) of all links in the world."""
         positions = np.tile(self._positions, (len(states), 1))
-        positions[:, self._joints] = [state.positions for state in states]
+        positions[:, self._joints] = [joints for _, joints in states]
         poses = self._model.link_poses(positions)
-        bases = to_matrix([state.rotation for state in states])
+        bases = to_matrix([pose.rotation for pose, _ in states])
         turns = to_matrix(poses[..., 3:])
         places = poses[..., :3] @ bases.transpose(0, 2, 1)
-        places += np.array([state.translation for state in states])[:, None]
+        places += np.array([pose.translation for pose, _ in states])[:, None]
         return bases[:, None] @ turns, places

@@ -310,7 +310,7 @@ class TrajectoryFollower(JointFollower):
         Continuous joints keep the whole turns of the measured positions, so they may differ from
         ``desired`` by whole turns.
         """
-        positions = self._trajectory.positions(self.time + ahead * self._rate)
+        positions = self._trajectory.sample(self.time + ahead * self._rate).positions
         return [
             clamp(position + turns, lower, upper)
             for position, turns, (lower, upper) in zip(
@@ -434,15 +434,10 @@ class TrajectoryFollower(JointFollower):
     def _with_commands(self, start: JointMotion, names: Collection[str]) -> JointMotion:
         """Return ``start`` with the joints ``names`` at rest at their last command."""
         zeros = (0.0,) * len(self.joints)
-        at_rest = JointMotion(self._command().positions, zeros, zeros)
-        values = [
-            tuple(
-                command if name in names else value
-                for name, command, value in zip(self.names, commands, row or zeros, strict=True)
-            )
-            for commands, row in zip(at_rest, start, strict=True)
-        ]
-        return JointMotion(*values)
+        states = zip(*(values or zeros for values in start), strict=True)
+        joints = zip(self.names, self._command().positions, states, strict=True)
+        changed = [(at, 0.0, 0.0) if name in names else state for name, at, state in joints]
+        return JointMotion(*zip(*changed, strict=True))
 
     def _turns_between(
         self, positions: Sequence[float], others: Sequence[float]

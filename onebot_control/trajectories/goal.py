@@ -96,10 +96,9 @@ def _point_problems(
 ) -> Iterator[str]:
     if point.positions or not (integrates and (point.velocities or point.accelerations)):
         yield from field_problems("positions", names, point.positions, limits)
-    if point.velocities:
-        yield from field_problems("velocities", names, point.velocities, {})
-    if point.accelerations:
-        yield from field_problems("accelerations", names, point.accelerations, {})
+    for field, values in (("velocities", point.velocities), ("accelerations", point.accelerations)):
+        if values:
+            yield from field_problems(field, names, values, {})
 
 
 def field_problems(
@@ -146,13 +145,11 @@ def _end_problems(goal: TrajectoryGoal) -> Iterator[str]:
 
 
 def _time_problems(goal: TrajectoryGoal, now: int) -> Iterator[str]:
-    times = [point.time if math.isfinite(point.time) else 0.0 for point in goal.points]
-    moments = [-1, *(round(time * NS_PER_S) for time in times)]  # -1, as the first time may be 0
+    # -1, as the first time may be 0
+    moments = [-1, *(round(point.time * NS_PER_S) for point in goal.points)]
     for index, (earlier, moment) in enumerate(pairwise(moments)):
-        place = f"points[{index}].time_from_start: {goal.points[index].time:.9g} s is"
-        if not math.isfinite(goal.points[index].time):
-            yield f"{place} not finite"
-        elif moment <= earlier:
+        if moment <= earlier:
+            place = f"points[{index}].time_from_start: {goal.points[index].time:.9g} s is"
             text = f"not after the {earlier / NS_PER_S:.9g} s of points[{index - 1}]"
             yield f"{place} {text if index else 'negative'}"
     if goal.stamp and goal.points and goal.stamp + moments[-1] < now:

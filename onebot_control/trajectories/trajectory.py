@@ -79,17 +79,6 @@ class Trajectory:
         states = [_evaluated(joint, elapsed) for joint in self._segment(index)]
         return JointMotion(*zip(*states, strict=True))
 
-    def positions(self, time: float) -> Sequence[float]:
-        """Return only the positions of ``sample(time)``, in a third of the time."""
-        index = self._index(time)
-        if held := self._held.get(index):
-            return held.positions
-        t = max(0.0, time - self._times[index])
-        return [
-            ((((c5 * t + c4) * t + c3) * t + c2) * t + c1) * t + c0
-            for c0, c1, c2, c3, c4, c5 in self._segment(index)
-        ]
-
     def _index(self, time: float) -> int:
         return max(0, bisect_right(self._times, time) - 1)
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.errors import did_you_mean
-from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.quaternions import UNIT_TOLERANCE
 from onebot_description.ros.transform_buffer import (
     CACHE_NS,
     ROW,
+    Found,
     LookupException,
     TransformBuffer,
 )
@@ -33,13 +33,6 @@ class Edge(NamedTuple):
     parent: str
     translation: Floats
     rotation: Floats
-
-
-class StampedPose(NamedTuple):
-    """The pose of a frame in another at a time."""
-
-    stamp_ns: int  # 0 for a static pose
-    matrix: Floats  # (4, 4)
 
 
 class _Rows:
@@ -195,7 +188,7 @@ class FrameTree:
             return None
         if frame == fixed:
             return np.eye(4)
-        return of_transform(self._buffer.find(fixed, frame, time_ns, top).transform)
+        return self._buffer.find(fixed, frame, time_ns, top).matrix
 
     def poses(self, frames: Iterable[str], fixed: str) -> dict[str, Floats]:
         """Return the latest poses (4, 4) in ``fixed`` of all ``frames`` connected to it."""
@@ -214,8 +207,8 @@ class FrameTree:
         state = self._buffer.state(frame)
         return (state.oldest_ns, state.latest_ns) if state and not state.is_static else None
 
-    def lookup(self, target: str, source: str) -> StampedPose:
-        """Return the pose of ``source`` in ``target`` at the latest common time.
+    def lookup(self, target: str, source: str) -> Found:
+        """Return the pose of ``source`` in ``target`` at the latest common time, 0 if static.
 
         Raises:
             TransformException: a frame does not exist, they are not connected, or there is no
@@ -229,8 +222,7 @@ class FrameTree:
                 )
         if self.top(target) != self.top(source):
             raise self._buffer.unconnected(target, source)
-        found = self._buffer.find(target, source, 0)
-        return StampedPose(found.stamp_ns, of_transform(found.transform))
+        return self._buffer.find(target, source, 0)
 
 
 def _problem(parent: str, child: str, translation: Floats, rotation: Floats) -> str:

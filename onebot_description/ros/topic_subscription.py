@@ -89,12 +89,8 @@ class TopicSubscription:
         """
         self._node, self._topic, self._delivered = node, topic, delivered
         self._received, self._message_class, self._raw = received, message_class, raw
-
-        def on_lost(status: Any) -> None:
-            assert lost is not None
-            lost(status.total_count_change)
-
-        self._events = SubscriptionEventCallbacks(message_lost=on_lost if lost else None)
+        on_lost = (lambda status: lost(status.total_count_change)) if lost else None
+        self._events = SubscriptionEventCallbacks(message_lost=on_lost)
         self._subscription: Subscription | None = None
 
     def update(self, kind: str, qos: QoSProfile) -> None:

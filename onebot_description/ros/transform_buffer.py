@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from onebot_description.arrays import Floats
 from onebot_description.compiled.library import load_library
 from onebot_description.errors import OneBotError
+from onebot_description.geometry.matrices import of_transform
 from onebot_description.geometry.poses import Transform
 from onebot_description.timing import NS_PER_S
 
@@ -82,6 +84,11 @@ class Found(ctypes.Structure):
         """The pose as a transform."""
         x, y, z, a, b, c, w = self.pose
         return Transform((x, y, z), (a, b, c, w))
+
+    @property
+    def matrix(self) -> Floats:
+        """The pose as a matrix (4, 4)."""
+        return of_transform(self.transform)
 
 
 class FrameState(NamedTuple):

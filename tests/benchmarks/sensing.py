@@ -12,10 +12,11 @@ import numpy as np
 from onebot_control.sensing import camera, lidar
 from onebot_control.sensing.painter import Painter
 from onebot_control.sensing.rays import cast
-from onebot_control.sensing.surroundings import Placed, RobotState, SensedRobot, VisibleSurfaces
+from onebot_control.sensing.surroundings import Placed, SensedRobot, VisibleSurfaces
 from onebot_description.description import Description, load_description, parse_description
 from onebot_description.description.sensors.camera import Camera
 from onebot_description.description.sensors.lidar import Fan, Lidar
+from onebot_description.geometry.poses import Transform
 from tests.benchmarks.measuring import MODEL, WrongAnswer, cpu_of, in_turn, over
 from tests.benchmarks.report import Report, Result
 
@@ -53,7 +54,7 @@ def _ratios(quick: bool) -> dict[str, float]:
     onebot = load_description(MODEL, {"sensors_enabled": "true"})
     robot = SensedRobot(onebot, [joint.name for joint in onebot.moving_joints], {})
     scene = VisibleSurfaces(_boxes(), [robot])
-    at = RobotState(np.array([0, 0, 0.06]), np.array([0, 0, 0, 1.0]), np.zeros(len(robot.joints)))
+    at = Transform((0.0, 0.0, 0.06), (0.0, 0.0, 0.0, 1.0)), np.zeros(len(robot.joints))
     placed = Placed(scene, [], [at])
     targets = placed.targets
     base, eye = (scene.target(0, link) for link in ("base_link", "camera_link"))

@@ -189,13 +189,6 @@ def test_covariance_is_one_after_any_way(
     assert any(noise) or not found.any()
 
 
-def test_covariance_of_an_endless_way_stays_finite() -> None:
-    odometry = noisy()
-    for way in (1e5, 1e300, 1e308, -1e308):
-        odometry.update_open_loop(PlanarVelocity(way, 0.0, 1e-3), 1.0)
-        assert np.isfinite(matrix(odometry)).all()
-
-
 def test_a_message_holds_the_covariance() -> None:
     """Rows and columns are x, y, z, roll, pitch and yaw; what stays zero on flat ground is sure."""
     odometry = noisy()

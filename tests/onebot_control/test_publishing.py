@@ -21,6 +21,7 @@ from onebot_control.physics.robot_body import MassVelocity
 from onebot_control.runtime.frames import RobotFrames
 from onebot_description.description import parse_description
 from onebot_description.geometry.poses import PlanarPose
+from onebot_description.parameters.reader import ConfigError
 from onebot_description.ros.wire.interfaces import TFMessage
 from onebot_description.timing import NS_PER_S
 from tests.onebot_control.control_support import IdealPlant, config, cycle, ideal_drive, robot
@@ -205,7 +206,12 @@ def frame_problems(
         return RobotFrames.from_parameters(config(**chosen), robot(), namespace, in_scene=in_scene)
 
     beside = {name: frames(name, chosen) for name, chosen in others.items()}
-    return [each.message() for each in frames("/a", values).problems(beside, around)]
+    own = frames("/a", values)
+    try:
+        own.check(own, beside, around)
+    except ConfigError as error:
+        return [problem.message() for problem in error.problems]
+    return []
 
 
 WALLED = '<link name="floor"/>' + part("wall").replace("world", "floor")

@@ -24,7 +24,6 @@ from onebot_control.sensing.rays import cast
 from onebot_control.sensing.sensors import INSTRUMENTS, Sensors
 from onebot_control.sensing.surroundings import (
     Placed,
-    RobotState,
     SensedRobot,
     VisibleSurfaces,
 )
@@ -314,7 +313,7 @@ def test_onebot_pushed_against_a_wall_looks_at_it_from_outside():
         state = [fleet.cycle()[0] for _ in range(300)][-1]
         plant, held = fleet.robots[0].body, fleet.robots[0].held
     around = VisibleSurfaces(scene, [SensedRobot(onebot, plant.joints, held)])
-    placed = Placed(around, (), [RobotState(*state.pose, state.joints.positions)])
+    placed = Placed(around, (), [(state.pose, state.joints.positions)])
     camera_link = placed.link(0, "camera_link")
     assert camera_link is not None
     corners = np.array([*itertools.product((-0.003, 0.003), (-0.025, 0.025), (-0.007, 0.007))])

@@ -92,12 +92,9 @@ class MecanumWheels(Wheels):
 
     def _slant(self, name: str, usual: float) -> float:
         """Return the direction of a wheel's roller from the description, or else ``usual``."""
-        first = self.axles[name].joint.child
-        links = [link for link, (body, _) in self.rigid.items() if body == first]
-        written = [
-            self.description.rollers[link] for link in links if link in self.description.rollers
-        ]
-        return written[0] if written else usual
+        first, rollers = self.axles[name].joint.child, self.description.rollers
+        written = (angle for link, angle in rollers.items() if self.rigid[link][0] == first)
+        return next(written, usual)
 
 
 class OmniWheels(Wheels):

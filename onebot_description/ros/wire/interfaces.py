@@ -47,6 +47,7 @@ from onebot_description.ros.wire.message_class import (
     MessageField,
     full_name,
     keep_class,
+    made_class,
     make_message_class,
     make_metaclass,
     module_name,
@@ -63,7 +64,6 @@ _IDL_NAMES = {  # IDL names of the types in .msg files
 }
 
 
-_OWN: dict[str, Any] = {}  # interfaces made from definitions, by full name
 _BEING_MADE: set[str] = set()
 _LOCK = threading.RLock()  # a class is made once, whichever threads use it first
 
@@ -95,24 +95,22 @@ def own_interface(name: str) -> Any:
         InterfaceError: its definition cannot be used.
     """
     with _LOCK:
-        if name not in _OWN:
-            if name in _BEING_MADE:
-                raise InterfaceError(f"{name} contains itself")
-            _BEING_MADE.add(name)
-            try:
-                _OWN[name] = make_interface(name)
-            finally:
-                _BEING_MADE.remove(name)
-        return _OWN[name]
+        if made := made_class(name):
+            return made
+        if name in _BEING_MADE:
+            raise InterfaceError(f"{name} contains itself")
+        _BEING_MADE.add(name)
+        try:
+            return make_interface(name)
+        finally:
+            _BEING_MADE.remove(name)
 
 
 def make_interface(name: str) -> Any:
     """Return a class made from the definition, whether or not the package is installed."""
     package, kind, short = name.split("/")
     text = interface_text(name)
-    make: Callable[[str, str, str], Any] = {"msg": _message, "srv": _service, "action": _action}[
-        kind
-    ]
+    make = {"msg": _message, "srv": _service, "action": _action}[kind]
     try:
         with contextlib.redirect_stderr(io.StringIO()):  # the parser also prints
             return make(package, short, text)

@@ -76,7 +76,7 @@ def size_of(slot: AbstractType) -> int:
 
 def class_of(slot: NamespacedType) -> Any:
     """Return the class of the messages in a field: made here, or generated."""
-    message_class = _MADE.get(full_name(slot))
+    message_class = made_class(full_name(slot))
     return message_class or getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
 
 
@@ -118,8 +118,11 @@ def _constant(value: Any) -> property:
 
 
 def made_class(name: str) -> Any:
-    """Return a class made before, by its full name, including parts of services and actions."""
-    return _MADE[name]
+    """Return a class made before, by its full name, including parts of services and actions.
+
+    It is None if there is none.
+    """
+    return _MADE.get(name)
 
 
 def keep_class(name: str, made: Any) -> Any:

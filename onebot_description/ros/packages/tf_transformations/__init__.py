@@ -2,16 +2,15 @@
 
 Quaternions are x, y, z, w. Matrices are (4, 4). Angles are in radians; Euler angles are about the
 axes in a name: "sxyz" means the fixed axes x, y, z, "rzyx" the rotating axes z, y, x. Like the
-genuine package, it computes with transforms3d, whose quaternions are w, x, y, z; what that lacks
-comes from trimesh, with the same origin.
+genuine package, it computes with transforms3d, whose quaternions are w, x, y, z; matrices that it
+lacks, or that have no rotation by angles or quaternions, come from trimesh, with the same origin.
 """
 
-from functools import reduce
 from typing import Any
 
 import numpy
 from numpy.typing import ArrayLike
-from transforms3d import affines, axangles, euler, quaternions
+from transforms3d import affines, euler, quaternions
 from transforms3d.euler import _AXES2TUPLE as _AXES2TUPLE
 from transforms3d.euler import _TUPLE2AXES as _TUPLE2AXES
 
@@ -34,34 +33,16 @@ def _of_trimesh(name: str) -> Any:
 
 provide(
     __name__,
-    "rotation_from_matrix reflection_matrix reflection_from_matrix scale_matrix scale_from_matrix "
-    "shear_matrix shear_from_matrix projection_matrix projection_from_matrix clip_matrix "
-    "orthogonalization_matrix is_same_transform quaternion_slerp vector_norm unit_vector".split(),
+    "identity_matrix translation_matrix translation_from_matrix rotation_matrix inverse_matrix "
+    "concatenate_matrices random_vector rotation_from_matrix reflection_matrix "
+    "reflection_from_matrix scale_matrix scale_from_matrix shear_matrix shear_from_matrix "
+    "projection_matrix projection_from_matrix clip_matrix orthogonalization_matrix "
+    "is_same_transform quaternion_slerp vector_norm unit_vector".split(),
     _of_trimesh,
 )
 
 
 # --- matrices -------------------------------------------------------------------------------------
-
-
-def identity_matrix() -> Matrix:
-    """Return the identity matrix."""
-    return numpy.identity(4)
-
-
-def translation_matrix(direction: ArrayLike) -> Matrix:
-    """Return the matrix of a translation."""
-    return affines.compose(direction, ROTATION_IDENTITY, ZOOM_IDENTITY)
-
-
-def translation_from_matrix(matrix: ArrayLike) -> Matrix:
-    """Return the translation (3,) of a matrix."""
-    return affines.decompose(matrix)[0]
-
-
-def rotation_matrix(angle: float, direction: ArrayLike, point: ArrayLike | None = None) -> Matrix:
-    """Return the matrix of a rotation about an axis, through a point if given."""
-    return axangles.axangle2aff(direction, angle, point=point)
 
 
 def compose_matrix(scale=None, shear=None, angles=None, translate=None, perspective=None) -> Matrix:
@@ -86,16 +67,6 @@ def decompose_matrix(matrix: ArrayLike) -> tuple[Matrix, Matrix, Any, Matrix, No
 def superimposition_matrix(v0, v1, scaling=False, usesvd=True) -> Matrix:
     """Return the matrix that best moves points (3 or 4, N) onto others, with or without scaling."""
     return _of_trimesh("superimposition_matrix")(v0, v1, scaling, usesvd)
-
-
-def inverse_matrix(matrix: ArrayLike) -> Matrix:
-    """Return the inverse of a square matrix."""
-    return numpy.linalg.inv(numpy.asarray(matrix, float))
-
-
-def concatenate_matrices(*matrices: ArrayLike) -> Matrix:
-    """Return the product of matrices."""
-    return reduce(numpy.dot, matrices, numpy.identity(4))
 
 
 # --- rotations ------------------------------------------------------------------------------------
@@ -161,11 +132,6 @@ def random_quaternion(rand: ArrayLike | None = None) -> Matrix:
 def random_rotation_matrix(rand: ArrayLike | None = None) -> Matrix:
     """Return the matrix of a random rotation; see ``random_quaternion``."""
     return quaternion_matrix(random_quaternion(rand))
-
-
-def random_vector(size: Any) -> Matrix:
-    """Return random numbers from 0 to 1."""
-    return numpy.random.random(size)
 
 
 def _with_w_first(quaternion: Any) -> Quaternion:
