@@ -97,13 +97,11 @@ class Session:
 
     def spin_until(self, moment: float) -> None:
         """Run callbacks until a time of the monotonic clock."""
-        while (left := moment - time.monotonic()) > 0.0:
-            # Signals are only handled between two waits.
-            self._executor.spin_once(timeout_sec=min(left, 0.1))
+        self.spin_for(moment - time.monotonic())
 
     def spin_for(self, seconds: float) -> None:
         """Run callbacks for some time."""
-        self.spin_until(time.monotonic() + seconds)
+        self.spin(lambda: False, seconds)
 
     def discover(self) -> None:
         """Wait until discovery is complete: until nothing changes."""

@@ -75,8 +75,8 @@ def test_all_problems_are_told_at_once() -> None:
         Viewing.read({"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
     assert 'no argument "veiwer" (did you mean "viewer"?' in message
-    assert "viewer:=x11 is not valid; it can be one of: web, none" in message
-    assert "reload:=yes is not valid; it can be one of: true, 1, false, 0" in message
+    assert "viewer:=x11 is not valid; write one of web, none" in message
+    assert "reload:=yes is not valid; write true or false" in message
 
 
 @pytest.mark.parametrize(
