@@ -39,7 +39,7 @@ class Session:
     """
 
     def __init__(self, ros_args: Sequence[str] = (), name: str | None = None) -> None:
-        self._ros_args = list(ros_args)  # begins with --ros-args, unless empty
+        self._ros_args = ["--ros-args", *ros_args]
         self._name = name or f"_onebot_{os.getpid()}"  # a hidden node's name
 
     def __enter__(self) -> "Session":
@@ -131,19 +131,10 @@ class Session:
         return absolute(self.node.get_namespace())
 
     def full_name(self, name: str) -> str:
-        """Return the absolute name of a topic or service."""
-        from rclpy.exceptions import InvalidTopicNameException
-        from rclpy.expand_topic_name import expand_topic_name
-        from rclpy.validate_full_topic_name import validate_full_topic_name
+        """Return the absolute name of a topic or service, after remapping."""
+        from onebot_description.ros.run_node import full_name
 
-        from onebot_description.ros.run_node import first_line
-
-        try:
-            full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())
-            validate_full_topic_name(full)
-        except (ValueError, InvalidTopicNameException) as error:
-            raise OneBotError(f'"{name}" is not a valid name: {first_line(error)}') from None
-        return str(full)
+        return full_name(self.node, name)
 
     def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
         """Return names and types of all topics discovered so far."""
