@@ -13,7 +13,7 @@ from typing import Any
 
 from onebot_bringup.cli.options import Parser, count, flag, natural, option, positional, positive
 from onebot_bringup.launch.program import INTERRUPTED
-from onebot_description.atomic_write import refuse_unwritable
+from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.signals import KeyboardInterrupts
 
@@ -72,7 +72,6 @@ def run(argv: Sequence[str]) -> int:
 def _check_outs(paths: Sequence[Path]) -> None:
     """Reject files that could not be written, before any episode runs."""
     from onebot_control.evaluation.report import WRITERS
-    from onebot_control.evaluation.rows import writing
 
     for path in paths:
         if path.suffix not in WRITERS:

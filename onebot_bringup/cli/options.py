@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NoReturn, TypeVar
 
+from onebot_bringup.launch.arguments import split_ros_args
 from onebot_description.errors import UsageError, did_you_mean
 
 _Number = TypeVar("_Number", int, float)
@@ -129,12 +130,9 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``."""
-        words = list(argv)
-        start = words.index("--ros-args") if "--ros-args" in words else len(words)
-        parsed = self.parse_args(words[:start])
-        parsed.ros_args = words[start:]
-        return parsed
+        """Return the parsed options, with the words after ``--ros-args`` as ``ros_args``."""
+        words, ros_args = split_ros_args(argv)
+        return self.parse_args(words, argparse.Namespace(ros_args=ros_args))
 
 
 def warn(text: str) -> None:

@@ -11,7 +11,6 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     NAMESPACE,
     DiscoverySettings,
-    Settings,
     argument,
     field_of,
     parameter_of,
@@ -40,7 +39,9 @@ _page = partial(parameter_of, (STEERING_PAGE.name,), PageParameters)
 
 
 @dataclass(frozen=True)
-class _PageSettings(Settings):
+class SteerSettings(DiscoverySettings):
+    """The arguments of the command."""
+
     topic: str = argument("", "command topic, or a robot such as robot2; the page can change it")
     odom_topic: str = _page("odom_topic")
     host: str = _page("host")
@@ -57,11 +58,6 @@ class _PageSettings(Settings):
     view: str = parameter_of((_VIEWER,), ViewerParameters, "view")
     open_browser: bool = _page("open_browser")
     namespace: str = field_of(NAMESPACE)
-
-
-@dataclass(frozen=True)
-class SteerSettings(DiscoverySettings, _PageSettings):
-    """The arguments of the command; those of discovery come last."""
 
 
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
@@ -127,7 +123,7 @@ def _found(
     """
     space = absolute(settings.namespace)
     in_namespace = ["-r", f"__ns:={space}"] if space else []
-    with Session(["--ros-args", *ros_args, *in_namespace]) as session:
+    with Session([*ros_args, *in_namespace]) as session:
         topic = chosen_commands(session, settings.topic, first=True)
         if settings.viewer == "none":
             return topic, None

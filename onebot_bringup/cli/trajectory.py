@@ -68,7 +68,7 @@ def run(argv: Sequence[str]) -> int:
         return 0
     positions = joint_positions(arguments.positional)
     settings = TrajectorySettings.read(arguments.given)
-    with Session(["--ros-args", *arguments.ros_args]) as session:
+    with Session(arguments.ros_args) as session:
         controllers = running_controllers(session, settings.controller)
         if positions:
             controller = controller_of(controllers, list(positions))

@@ -227,7 +227,7 @@ class Arguments:
 
 def split(argv: Sequence[str]) -> Arguments:
     """Split a command line into its parts."""
-    words, ros_args = _split_ros_args(argv)
+    words, ros_args = split_ros_args(argv)
     assignments: dict[str, str] = {}
     positional: list[str] = []
     options: set[str] = set()
@@ -242,8 +242,8 @@ def split(argv: Sequence[str]) -> Arguments:
     return Arguments(assignments, tuple(positional), ros_args, "help" in options, "show" in options)
 
 
-def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Split off ``--ros-args ... [--]``."""
+def split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Split off ``--ros-args ... [--]``; return the other words, and those within."""
     words = list(argv)
     if "--ros-args" not in words:
         return words, ()

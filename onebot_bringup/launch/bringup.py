@@ -35,7 +35,7 @@ from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.conventions import prefixed
-from onebot_description.atomic_write import refuse_unwritable
+from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
@@ -243,11 +243,8 @@ def _check_files(settings: "BringupSettings") -> None:
         raise OneBotError(f"save:={settings.save}: a recording's name must end in .rrd")
     for name, target in (("save", settings.save), ("record", settings.record)):
         if target:
-            try:
+            with writing(f"{name}:={target}"):
                 refuse_unwritable(Path(target).absolute(), folder=name == "record")
-            except OSError as error:
-                text = f"{name}:={target} cannot be written: {error.strerror}"
-                raise OneBotError(text) from None
     if settings.world:
         from onebot_description.description.loading import load_world
 

@@ -109,8 +109,7 @@ def _given(name: str, config: JointsConfig, endless: bool) -> dict[str, Motion]:
     if name in config.zeros:
         given[f"zeros.{name}"] = Keyframes.hold(config.zeros[name])
     if config.pose and name in config.poses[config.pose]:
-        position = config.poses[config.pose][name]
-        given[f"poses.{config.pose}.{name}"] = Keyframes.hold(position, config.pose)
+        given[f"poses.{config.pose}.{name}"] = Keyframes.hold(config.poses[config.pose][name])
     elif motion := config.motions.get(name):
         if endless and isinstance(motion, Keyframes):
             motion = motion.turning()

@@ -171,7 +171,7 @@ def test_several_controllers(peer: Peer) -> None:
         ("/", "right/arm", ["/right/arm"]),
         ("/left", "", ["/left/arm"]),
     ):
-        with Session(["--ros-args", "-r", f"__ns:={namespace}"]) as found_by:
+        with Session(["-r", f"__ns:={namespace}"]) as found_by:
             controllers = running_controllers(found_by, name)
             assert [controller.name for controller in controllers] == found
 
