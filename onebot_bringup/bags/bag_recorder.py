@@ -167,13 +167,11 @@ class BagRecorder(Node):
 
         Once a message was recorded, only the QoS can be relaxed.
         """
-        offered = offers(self, topic)
-        types = self._installed(topic, offered)
-        recorded = self._recorded.get(topic)
-        current = recorded.subscription.type if recorded is not None else None
-        kind = choose_type(types, current)
-        if recorded is not None and recorded.number is not None:
-            kind = current
+        if topic not in self._recorded:
+            self._record(topic)
+        recorded, offered = self._recorded[topic], offers(self, topic)
+        types, current = self._installed(topic, offered), recorded.subscription.type
+        kind = choose_type(types, current) if recorded.number is None else current
         if kind is None:
             return
         for other_type in types:
@@ -181,9 +179,7 @@ class BagRecorder(Node):
                 self._warn.once(f"{topic} is recorded as {kind}, not as {other_type}")
         publishers = offered.get(kind, [])
         qos = compatible_qos(publishers, _DEPTH)
-        if recorded is None:
-            self._record(topic, kind, qos)
-        elif recorded.number is None:
+        if recorded.number is None:
             # The executor may still hold the previous type; the next poll tries again.
             with suppress(TypeConflictError):
                 recorded.subscription.update(kind, qos)
@@ -202,7 +198,7 @@ class BagRecorder(Node):
                 self._warn.once(f"{topic} is not recorded: {error}")
         return installed
 
-    def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+    def _record(self, topic: str) -> None:
         bag = self._bag
         assert bag is not None
 
@@ -219,7 +215,6 @@ class BagRecorder(Node):
 
         subscription = TopicSubscription(self, topic, received, message_class, lost=lost)
         recorded = self._recorded[topic] = _Recorded(subscription)
-        subscription.update(kind, qos)
 
     def _described(self, name: str, kind: str) -> RecordedTopic:
         """Return the topic to add to the recording, with the QoS that its publishers offer now."""

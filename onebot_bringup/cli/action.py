@@ -67,8 +67,9 @@ class Action:
         Raises:
             OneBotError: the action's server does not answer.
         """
-        from action_msgs.msg import GoalStatus
+        from onebot_description.ros.wire.interfaces import load_interface
 
+        statuses = load_interface("action_msgs/msg/GoalStatus")
         with self._session.interrupts.deferred() as interrupted:
             handle = self._answer(self._client.send_goal_async(goal, on_feedback))
             if not handle.accepted:
@@ -81,8 +82,8 @@ class Action:
                 if not ended.done():
                     self._answer(handle.cancel_goal_async())
             end = self._answer(ended)
-            succeeded = end.status == GoalStatus.STATUS_SUCCEEDED
-            canceled = end.status == GoalStatus.STATUS_CANCELED
+            succeeded = end.status == statuses.STATUS_SUCCEEDED
+            canceled = end.status == statuses.STATUS_CANCELED
             yield GoalEnd(succeeded, canceled, interrupted(), end.result)
 
     def _is_gone(self) -> bool:

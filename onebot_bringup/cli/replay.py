@@ -107,14 +107,16 @@ def _shown_bag(
     source: Path, settings: ReplaySettings, interrupts: KeyboardInterrupts
 ) -> "ShownBag":
     from onebot_bringup.bags.bag_reader import Bag  # slower to import
-    from onebot_bringup.bags.shown_bag import ShownBag
+
+    bag = Bag(source, int(settings.max_size * 1e6))
+    from onebot_bringup.bags.shown_bag import ShownBag  # the slowest
 
     def progress(text: str) -> None:
         interrupts.check()
         _Log().info(text)
 
     return ShownBag(
-        Bag(source, int(settings.max_size * 1e6)),
+        bag,
         view=settings.view,
         fixed_frame=settings.fixed_frame,
         namespace=settings.namespace,
