@@ -77,14 +77,8 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
 
 
 def _names(session: Session) -> list[str]:
-    topics = [name for name, types in session.topics() if _STATE in types]
-    return [
-        topic.removesuffix(_TOPIC)
-        for topic in topics
-        if topic.startswith(f"{session.space}/")
-        and topic.endswith(_TOPIC)
-        and session.node.count_publishers(topic)
-    ]
+    topics = session.published(_STATE, _TOPIC, session.space)
+    return [topic.removesuffix(_TOPIC) for topic in topics]
 
 
 def controller_of(

@@ -140,6 +140,15 @@ class Session:
         """Return names and types of all topics discovered so far."""
         return _visible(self.node.get_topic_names_and_types(), hidden)
 
+    def published(self, kind: str, ending: str, within: str) -> list[str]:
+        """Return the published topics of a type below a namespace whose names end so."""
+        return [
+            name
+            for name, types in self.topics()
+            if kind in types and name.startswith(f"{within}/") and name.endswith(ending)
+            if self.node.count_publishers(name)
+        ]
+
     def services(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
         """Return names and types of all services discovered so far."""
         return _visible(self.node.get_service_names_and_types(), hidden)
