@@ -11,6 +11,7 @@ from onebot_bringup.cli.session import PATIENCE, Session
 from onebot_bringup.launch.arguments import (
     NAMESPACE,
     DiscoverySettings,
+    Settings,
     argument,
     field_of,
     parameter_of,
@@ -39,9 +40,7 @@ _page = partial(parameter_of, (STEERING_PAGE.name,), PageParameters)
 
 
 @dataclass(frozen=True)
-class SteerSettings(DiscoverySettings):
-    """The arguments of the command."""
-
+class _PageSettings(Settings):
     topic: str = argument("", "command topic, or a robot such as robot2; the page can change it")
     odom_topic: str = _page("odom_topic")
     host: str = _page("host")
@@ -58,6 +57,11 @@ class SteerSettings(DiscoverySettings):
     view: str = parameter_of((_VIEWER,), ViewerParameters, "view")
     open_browser: bool = _page("open_browser")
     namespace: str = field_of(NAMESPACE)
+
+
+@dataclass(frozen=True)
+class SteerSettings(DiscoverySettings, _PageSettings):
+    """The arguments of the command; those of discovery come last."""
 
 
 _HELP = f"""usage: onebot steer [ROBOT|TOPIC] [name:=value ...] [--ros-args ...]
