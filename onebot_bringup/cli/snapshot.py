@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
+from onebot_bringup.cli.options import Parser, assignment, flag, numbers, option, positional
 from onebot_bringup.launch.arguments import split_ros_args, take_package_path
 from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError
@@ -59,10 +59,9 @@ _WIDTH, _HEIGHT = 1280, 720
 _SMALLEST, _LARGEST = 100, 4096
 
 
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from {_SMALLEST} to {_LARGEST}")
-    return int(text)
+_pixels = numbers(
+    int, lambda value: _SMALLEST <= value <= _LARGEST, f"from {_SMALLEST} to {_LARGEST}"
+)
 
 
 def camera(text: str) -> tuple[Triple, Triple | None]:
@@ -92,6 +91,7 @@ OPTIONS = (
         "--joints",
         "NAME=VALUE",
         "positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
+        assignment,
         default=[],
         nargs="+",
         action="extend",
@@ -129,7 +129,7 @@ def parse_command_line(argv: Sequence[str]) -> Namespace:
     args = parser.parse([word for word in argv if word not in pairs])
     values = dict(word.split(":=", 1) for word in pairs)
     args.arguments = take_package_path(values)
-    args.joints = joint_positions(args.joints)
+    args.joints = dict(args.joints)
     args.kind = kind_of(args.source)
     own_names = {_NAMESPACE} if args.kind == "bag" else set()
     if args.kind != "description" and (args.joints or args.arguments.keys() - own_names):

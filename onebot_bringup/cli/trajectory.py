@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from onebot_bringup.cli.action import Action, GoalEnd
-from onebot_bringup.cli.options import joint_positions
+from onebot_bringup.cli.options import assignment
 from onebot_bringup.cli.running_controllers import (
     RunningController,
     controller_of,
@@ -66,7 +66,7 @@ def run(argv: Sequence[str]) -> int:
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(TrajectorySettings.arguments()))
         return 0
-    positions = joint_positions(arguments.positional)
+    positions = dict(map(assignment, arguments.positional))
     settings = TrajectorySettings.read(arguments.given)
     with Session(arguments.ros_args) as session:
         controllers = running_controllers(session, settings.controller)
