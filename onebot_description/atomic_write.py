@@ -2,7 +2,20 @@
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from onebot_description.errors import OneBotError
+
+
+@contextmanager
+def writing(what: object) -> Iterator[None]:
+    """Turn an OSError in this context into an OneBotError that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise OneBotError(f"{what} cannot be written: {error.strerror}") from None
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -31,12 +31,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
-from rclpy.validate_topic_name import validate_topic_name
 from sensor_msgs.msg import JointState
 
 from onebot_description.description import Description, parse_description
@@ -57,7 +55,7 @@ from onebot_description.ros.node_parameters import (
     ros_parameter,
     set_doubles,
 )
-from onebot_description.ros.run_node import run_described_node, steady_timer
+from onebot_description.ros.run_node import full_name, run_described_node, steady_timer
 from onebot_description.ros.topic_qos import ANY_PUBLISHER
 from onebot_description.timing.throttled import Throttled
 
@@ -110,11 +108,9 @@ class JointStateParameters:
         own_topic = self._node.resolve_topic_name("joint_states")
         for topic in config.source_list:
             try:
-                validate_topic_name(topic)
-                is_own = self._node.resolve_topic_name(topic) == own_topic
-            except InvalidTopicNameException as error:
-                text = " ".join(str(error).split())
-                raise ConfigError([Problem("source_list", text)]) from None
+                is_own = full_name(self._node, topic) == own_topic
+            except OneBotError as error:
+                raise ConfigError([Problem("source_list", str(error))]) from None
             if is_own:
                 text = f"{topic} is the topic this node publishes; name another one"
                 raise ConfigError([Problem("source_list", text)])

@@ -11,7 +11,7 @@ from onebot_bringup.bags.bag_recorder import RecorderParameters
 from onebot_bringup.cli.verbs import VERBS, subcommands
 from onebot_bringup.launch.arguments import Argument
 from onebot_bringup.launch.settings import BringupSettings, StandingSettings
-from onebot_bringup.steering.steering_page import SteeringParameters
+from onebot_bringup.steering.page_parameters import PageParameters
 from onebot_bringup.viewer.view_config import ViewConfig
 from onebot_bringup.viewer.viewer_parameters import ViewerParameters
 from onebot_control.drive_kinds import ControlConfig
@@ -39,7 +39,7 @@ PARAMETERS: dict[str, tuple[type, ...]] = {  # of each node
     "navigator": (NavigatorParameters,),
     "parallel_gripper_action_controller": (GripperConfig,),
     "rerun_viewer": (ViewerParameters, ViewConfig),
-    "steering_page": (SteeringParameters,),
+    "steering_page": (PageParameters,),
     "bag_recorder": (RecorderParameters,),
 }
 ROOM = CHECKOUT / "onebot_description/ros/packages"

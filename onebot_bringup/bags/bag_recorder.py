@@ -8,9 +8,8 @@ second can be read by ``ros2 bag info`` and ``play`` (Jazzy or newer), Foxglove 
 The recorder warns about lost messages.
 
 Subscribes:
-    /tf, /tf_static, joint_states, robot_description, velocity_controller/odom: from the start.
-    every other topic that appears, except hidden ones, /rosout and /parameter_events; its QoS is
-        adapted to what its publishers offer.
+    every topic that appears, except hidden ones, /rosout and /parameter_events; its QoS is adapted
+        to what its publishers offer.
 """
 
 if __name__ == "__main__":  # first: the imports take a second
@@ -41,7 +40,6 @@ from onebot_description.ros.topic_qos import (
     exceeds,
     is_reliable,
     is_transient_local,
-    make_qos,
 )
 from onebot_description.ros.topic_subscription import (
     TopicSubscription,
@@ -56,15 +54,6 @@ _POLL_PERIOD = 0.2  # seconds between looking for topics
 _WRITE_PERIOD = 1.0  # minimum seconds between checkpoints
 _MIN_PAUSE = 10.0  # pause between checkpoints, as a multiple of a checkpoint's duration
 _DEPTH = 1000  # messages that can queue up while the disk is slow: 10 s at 100 Hz
-# Type of each topic that our robots publish, and whether it is transient_local. The recorder
-# subscribes to them from the start, so that nothing is missed before publishers are discovered.
-_KNOWN = {
-    "/tf": ("tf2_msgs/msg/TFMessage", False),
-    "/tf_static": ("tf2_msgs/msg/TFMessage", True),
-    "joint_states": ("sensor_msgs/msg/JointState", False),
-    "robot_description": ("std_msgs/msg/String", True),
-    "velocity_controller/odom": ("nav_msgs/msg/Odometry", False),
-}
 _LEFT_OUT = ("/rosout", "/parameter_events")
 COMPRESSIONS = ("zstd", "none")
 
@@ -161,8 +150,6 @@ class BagRecorder(Node):
         if not self._now():
             self._warn.once("waiting for the first message on /clock, as use_sim_time is true")
             return
-        if not self._recorded:
-            self._subscribe_to_known()
         for topic, _ in self.get_topic_names_and_types():
             if self._is_wanted(topic):
                 self._update(topic)
@@ -175,24 +162,16 @@ class BagRecorder(Node):
             return topic in self._names or bool(self._pattern and self._pattern.search(topic))
         return not is_hidden(topic) and topic not in _LEFT_OUT
 
-    def _subscribe_to_known(self) -> None:
-        for name, (kind, latched) in _KNOWN.items():
-            topic = self.resolve_topic_name(name)
-            if self._is_wanted(topic):
-                self._record(topic, kind, make_qos(_DEPTH, reliable=True, latched=latched))
-
     def _update(self, topic: str) -> None:
         """Subscribe with the type and QoS of a topic's publishers, or else of its subscribers.
 
         Once a message was recorded, only the QoS can be relaxed.
         """
-        offered = offers(self, topic)
-        types = self._installed(topic, offered)
-        recorded = self._recorded.get(topic)
-        current = recorded.subscription.type if recorded is not None else None
-        kind = choose_type(types, current)
-        if recorded is not None and recorded.number is not None:
-            kind = current
+        if topic not in self._recorded:
+            self._record(topic)
+        recorded, offered = self._recorded[topic], offers(self, topic)
+        types, current = self._installed(topic, offered), recorded.subscription.type
+        kind = choose_type(types, current) if recorded.number is None else current
         if kind is None:
             return
         for other_type in types:
@@ -200,9 +179,7 @@ class BagRecorder(Node):
                 self._warn.once(f"{topic} is recorded as {kind}, not as {other_type}")
         publishers = offered.get(kind, [])
         qos = compatible_qos(publishers, _DEPTH)
-        if recorded is None:
-            self._record(topic, kind, qos)
-        elif recorded.number is None:
+        if recorded.number is None:
             # The executor may still hold the previous type; the next poll tries again.
             with suppress(TypeConflictError):
                 recorded.subscription.update(kind, qos)
@@ -221,7 +198,7 @@ class BagRecorder(Node):
                 self._warn.once(f"{topic} is not recorded: {error}")
         return installed
 
-    def _record(self, topic: str, kind: str, qos: QoSProfile) -> None:
+    def _record(self, topic: str) -> None:
         bag = self._bag
         assert bag is not None
 
@@ -238,7 +215,6 @@ class BagRecorder(Node):
 
         subscription = TopicSubscription(self, topic, received, message_class, lost=lost)
         recorded = self._recorded[topic] = _Recorded(subscription)
-        subscription.update(kind, qos)
 
     def _described(self, name: str, kind: str) -> RecordedTopic:
         """Return the topic to add to the recording, with the QoS that its publishers offer now."""

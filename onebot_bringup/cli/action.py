@@ -2,12 +2,21 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from onebot_bringup.cli.session import Session
 from onebot_description.errors import OneBotError
 
 _ANSWER = 10.0  # s to wait for an answer
+
+
+class GoalEnd(NamedTuple):
+    """How a goal has ended."""
+
+    succeeded: bool
+    canceled: bool
+    interrupted: bool  # Ctrl-C was pressed
+    result: Any
 
 
 class Action:
@@ -39,59 +48,50 @@ class Action:
             raise OneBotError(f"there is no action {name}{missing}")
 
     @contextmanager
-    def sent(
-        self, goal: Any, on_feedback: Callable[[Any], None] | None = None
-    ) -> Iterator["SentGoal"]:
-        """Send a goal; until the end of the ``with`` block Ctrl-C only ends the wait for it.
-
-        Raises:
-            OneBotError: its server does not answer.
-        """
-        with self._session.interrupts.deferred() as interrupted:
-            handle = self.answer(self._client.send_goal_async(goal, on_feedback))
-            yield SentGoal(self, handle, interrupted)
-
-    def is_gone(self) -> bool:
-        """Return whether the action's server has ended."""
-        return not self._client.server_is_ready()
-
-    def answer(self, future: Any) -> Any:
-        """Wait for an answer, and return it.
-
-        Raises:
-            OneBotError: there is none.
-        """
-        self._session.spin(lambda: future.done() or self.is_gone(), _ANSWER)
-        if not future.done():
-            raise OneBotError(self._unanswered)
-        return future.result()
-
-
-class SentGoal:
-    """A goal that was sent.
-
-    Attributes:
-        accepted: whether it was accepted.
-        interrupted: returns whether Ctrl-C was pressed since.
-    """
-
-    def __init__(self, action: Action, handle: Any, interrupted: Callable[[], bool]) -> None:
-        self._action, self._handle, self.interrupted = action, handle, interrupted
-        self.accepted = bool(handle.accepted)
-
-    def result(self, show_until: Callable[[Callable[[], bool]], None]) -> Any:
-        """Return the status and the result; if Ctrl-C is pressed first, the goal is cancelled.
+    def executed(
+        self,
+        goal: Any,
+        show_until: Callable[[Callable[[], bool]], None],
+        on_feedback: Callable[[Any], None] | None = None,
+    ) -> Iterator[GoalEnd | None]:
+        """Send a goal and wait for its end; Ctrl-C cancels it, and ends the ``with`` block.
 
         Args:
+            goal: the goal.
             show_until: shows the progress until the function passed to it returns true.
+            on_feedback: called with each feedback message.
+
+        Yields:
+            How it has ended; None if it was rejected.
 
         Raises:
             OneBotError: the action's server does not answer.
         """
-        ended = self._handle.get_result_async()
-        try:
-            show_until(lambda: ended.done() or self.interrupted() or self._action.is_gone())
-        finally:  # the terminal may be closed
-            if not ended.done():
-                self._action.answer(self._handle.cancel_goal_async())
-        return self._action.answer(ended)
+        from onebot_description.ros.wire.interfaces import load_interface
+
+        statuses = load_interface("action_msgs/msg/GoalStatus")
+        with self._session.interrupts.deferred() as interrupted:
+            handle = self._answer(self._client.send_goal_async(goal, on_feedback))
+            if not handle.accepted:
+                yield None
+                return
+            ended = handle.get_result_async()
+            try:
+                show_until(lambda: ended.done() or interrupted() or self._is_gone())
+            finally:  # the terminal may be closed
+                if not ended.done():
+                    self._answer(handle.cancel_goal_async())
+            end = self._answer(ended)
+            succeeded = end.status == statuses.STATUS_SUCCEEDED
+            canceled = end.status == statuses.STATUS_CANCELED
+            yield GoalEnd(succeeded, canceled, interrupted(), end.result)
+
+    def _is_gone(self) -> bool:
+        return not self._client.server_is_ready()
+
+    def _answer(self, future: Any) -> Any:
+        """Wait for an answer, and return it."""
+        self._session.spin(lambda: future.done() or self._is_gone(), _ANSWER)
+        if not future.done():
+            raise OneBotError(self._unanswered)
+        return future.result()

@@ -126,7 +126,7 @@ def record(args: Namespace) -> int:
         if value
         for word in ("-p", f"{name}:={json.dumps(value)}")  # JSON is YAML
     ]
-    return bag_recorder.main(["onebot", *(args.ros_args or ["--ros-args"]), *words])
+    return bag_recorder.main(["onebot", "--ros-args", *args.ros_args, *words])
 
 
 _RECORD = (
@@ -145,9 +145,7 @@ _RECORD = (
 
 def play(args: Namespace) -> None:
     """Publish the messages of a recording."""
-    ros_args = args.ros_args or ["--ros-args"]
-    for rule in args.remap:
-        ros_args += ["-r", rule]
+    ros_args = [*args.ros_args, *(word for rule in args.remap for word in ("-r", rule))]
     with KeyboardInterrupts():  # Ctrl-C leaves no temporary files, also while ROS is imported
         bag = _open(args)
         with Session(ros_args, "rosbag2_player") as session:

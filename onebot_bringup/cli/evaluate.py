@@ -1,6 +1,5 @@
 """``onebot evaluate``: runs the episodes of a study, on this computer or on a cluster."""
 
-import argparse
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -11,24 +10,24 @@ from traceback import extract_tb
 from types import ModuleType
 from typing import Any
 
-from onebot_bringup.cli.options import Parser, count, flag, natural, option, positional, positive
+from onebot_bringup.cli.options import (
+    Parser,
+    assignment,
+    count,
+    flag,
+    natural,
+    option,
+    positional,
+    positive,
+)
 from onebot_bringup.launch.program import INTERRUPTED
-from onebot_description.atomic_write import refuse_unwritable
+from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError, did_you_mean
 from onebot_description.ros.signals import KeyboardInterrupts
 
 _SUMMARY = (
     "run the episode of a Python file for each of its cases, and write a table of the results"
 )
-
-
-def _minimum(text: str) -> tuple[str, float]:
-    name, _, number = text.partition("=")
-    try:
-        return name, float(number)
-    except ValueError:
-        form = "write NAME=NUMBER, such as reached=0.95"
-        raise argparse.ArgumentTypeError(f'"{text}": {form}') from None
 
 
 _KEEP = ("all", "failed", "none")
@@ -38,7 +37,7 @@ OPTIONS = (
     option("--workers", "N", "episodes at once (one on each processor)", count),
     option("--on", None, "where (processes)", default="processes", choices=("processes", "ray")),
     option("--out", "FILE", "table: .parquet, .csv or .xml (JUnit); repeatable", Path, **_MANY),
-    option("--min", "NAME=NUMBER", "exit code 1 below this mean; repeatable", _minimum, **_MANY),
+    option("--min", "NAME=NUMBER", "exit code 1 below this mean; repeatable", assignment, **_MANY),
     option("--timeout", "SECONDS", "time limit of an episode (600)", positive, 600.0),
     option("--keep", None, "episodes to record (failed)", default="failed", choices=_KEEP),
     flag("--resume", "continue an interrupted study"),
@@ -72,7 +71,6 @@ def run(argv: Sequence[str]) -> int:
 def _check_outs(paths: Sequence[Path]) -> None:
     """Reject files that could not be written, before any episode runs."""
     from onebot_control.evaluation.report import WRITERS
-    from onebot_control.evaluation.rows import writing
 
     for path in paths:
         if path.suffix not in WRITERS:

@@ -13,6 +13,7 @@ from onebot_description.elements.packages import package_name
 from onebot_description.errors import OneBotError, did_you_mean
 from onebot_description.ros.packages import origin
 from onebot_description.ros.packages.stubs import write_stubs
+from onebot_description.ros.wire.definition import fields
 from onebot_description.ros.wire.interface_text import (
     ADDED,
     KINDS,
@@ -24,7 +25,7 @@ from onebot_description.ros.wire.interface_text import (
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _SITE = Path(sysconfig.get_path("purelib"))  # editors look for stubs here
-_FIELD = re.compile(r"^\s*([A-Za-z]\w*(?:/[A-Za-z]\w*)*)")
+_SEPARATOR = "---"  # of request and response
 
 
 def list_types(_: Namespace) -> None:
@@ -51,29 +52,13 @@ def _find(name: str) -> str:
 
 
 def _lines(name: str, comments: bool, indent: str) -> Iterator[str]:
-    package = name.partition("/")[0]
     for line in interface_text(name).splitlines():
-        text = line.rstrip()
-        if not comments:
-            text = text.partition("#")[0].rstrip()
-            if not text:
-                continue
-        yield f"{indent}{text}" if text else ""
-        nested = _nested(text, package)
-        if nested:
-            yield from _lines(nested, False, f"{indent}\t")
-
-
-def _nested(line: str, package: str) -> str | None:
-    """Return the message type of a line's field; None for primitives, constants and comments."""
-    match = _FIELD.match(line)
-    if match is None:
-        return None
-    name = match.group(1)
-    full = name if "/" in name else f"{package}/{name}"
-    parts = full.split("/")
-    full = f"{parts[0]}/msg/{parts[-1]}"
-    return full if full in installed_interfaces("msg") else None
+        text = (line if comments else line.partition("#")[0]).rstrip()
+        if text or comments:
+            yield f"{indent}{text}" if text else ""
+        for field in fields(name, text if text != _SEPARATOR else ""):
+            if "/" in field.type:
+                yield from _lines(field.type.replace("/", "/msg/"), False, f"{indent}\t")
 
 
 # ---- The user's own packages ----
@@ -138,10 +123,7 @@ COMMANDS = {
         positional("TYPE", "such as geometry_msgs/msg/Twist"),
         flag("--no-comments", "fields only"),
     ),
-    "list": Subcommand(
-        "list the installed types",
-        list_types,
-    ),
+    "list": Subcommand("list the installed types", list_types),
     "packages": Subcommand("list the packages that have types", list_packages),
     "add": Subcommand(
         "make the types of a package folder importable, without building it",

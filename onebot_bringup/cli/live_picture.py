@@ -1,11 +1,11 @@
 """Draws the running robots for ``onebot snapshot``."""
 
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.running_robots import description_topics, frame_prefix
-from onebot_bringup.cli.session import PATIENCE, Session
+from onebot_bringup.cli.session import Session
 from onebot_bringup.viewer.core.shown_robot import (
     ROBOT_DESCRIPTION,
     WORLD_DESCRIPTION,
@@ -29,13 +29,11 @@ _MESSAGES = 1.0  # seconds to wait for topics that are seldom published
 _LISTED = 5
 
 
-def record_running(
-    args: Namespace, recording: "rr.RecordingStream", progress: Callable[[str], None]
-) -> list[str]:
+def record_running(args: Namespace, recording: "rr.RecordingStream") -> list[str]:
     """Log the running robots as they are now; return a sentence per thing that is not drawn."""
     with Session(args.ros_args) as session:
         robots = running_robots(session)
-        return RunningRobots(session, args.view, recording, robots, progress).record()
+        return RunningRobots(session, args.view, recording, robots).record()
 
 
 class RunningRobots:
@@ -47,11 +45,9 @@ class RunningRobots:
         view: str,
         recording: "rr.RecordingStream",
         robots: Sequence[RobotToShow],
-        progress: Callable[[str], None],
     ) -> None:
         """Subscribe, relative to the session's namespace; for ``view`` see ``ViewSource``."""
-        self._session, self._progress = session, progress
-        self._robots = robots
+        self._session, self._robots = session, robots
         self._warnings: list[str] = []
         self._source = ViewSource(view, self._warnings.append)
         self._view = RobotView(
@@ -75,14 +71,10 @@ class RunningRobots:
         warnings = self._feed.tick()
         self._warnings += warnings if self._view.robot is not None else []
 
-    def _wait(self, done: Callable[[], bool], timeout: float) -> bool:
-        self._tick()
-        return bool(self._session.spin(done, timeout))
-
     def await_descriptions(self) -> Description:
         """Return the first robot's description, once every robot has one."""
         count = len(self._robots)
-        self._wait(lambda: len(self._view.robots) >= count or self._broken is not None, _FRAMES)
+        self._session.spin(lambda: len(self._view.robots) >= count or self._broken, _FRAMES)
         lacking = [str(robot) for robot in self._robots if str(robot) not in self._view.robots]
         if self._broken is not None and lacking:
             raise self._broken
@@ -97,6 +89,7 @@ class RunningRobots:
         robot = self.await_descriptions()
         if self._source.set_robot(robot.robot_name):
             self._warnings += self._view.set_view(self._source.view)
+        self._tick()
         view, feed = self._view, self._feed
 
         def is_complete() -> bool:
@@ -104,10 +97,11 @@ class RunningRobots:
             lacks_world = world and WORLD_DESCRIPTION not in feed.received
             return not (lacks_world or view.stage.missing) and view.stage.has_fixed_frame
 
-        if not self._wait(is_complete, PATIENCE):
+        def notice() -> str:
             missing = view.stage.missing or [view.stage.view_frame]
-            self._progress(f"waiting for the frames of {listing(missing, _LISTED)} ...")
-            self._wait(is_complete, _FRAMES - PATIENCE)
+            return f"waiting for the frames of {listing(missing, _LISTED)} ..."
+
+        self._session.await_or_report(is_complete, notice, _FRAMES)
         if view.stage.missing:
             frames = listing(view.stage.frames.names)
             raise OneBotError(
@@ -119,7 +113,8 @@ class RunningRobots:
         def has_all() -> bool:
             return feed.received.issuperset(item.topic for item in view.offered if item.visible)
 
-        self._wait(has_all, _MESSAGES)  # only briefly, since some topics are seldom published
+        # Only briefly, since some topics are seldom published.
+        self._session.spin(has_all, _MESSAGES)
         self._timer.cancel()
         return [*dict.fromkeys(self._warnings), *view.finish()]
 

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from onebot_bringup.cli.action import Action
@@ -46,7 +47,6 @@ def _drive(session: Session, x: float, y: float, yaw: float | None) -> None:
 
     from onebot_description.geometry.poses import about_z
     from onebot_description.ros.topic_qos import LATCHED
-    from onebot_description.ros.wire.interfaces import load_interface
 
     action = Action(
         session,
@@ -68,21 +68,20 @@ def _drive(session: Session, x: float, y: float, yaw: float | None) -> None:
     goal.pose.header.frame_id = "map"
     goal.pose.pose.position.x, goal.pose.pose.position.y = x, y
     *_, goal.pose.pose.orientation.z, goal.pose.pose.orientation.w = about_z(yaw)
-    with action.sent(goal, feedback.append) as sent:
-        if not sent.accepted:
+    show_until = partial(_show_until, session, feedback)
+    with action.executed(goal, show_until, feedback.append) as end:
+        if end is None:
             raise OneBotError("the navigator rejects the goal; its log has the reason")
-        answer = sent.result(lambda over: _show_until(over, session, feedback))
-    statuses = load_interface("action_msgs/msg/GoalStatus")
-    if answer.status == statuses.STATUS_SUCCEEDED:
-        print(f"arrived at {x:g}, {y:g} m")
-    elif sent.interrupted():
-        print("cancelled: the robot stops")
-    else:
-        code, text = answer.result.error_code, answer.result.error_msg
-        raise OneBotError(f"not arrived ({code}): {text or 'the goal was ended'}")
+        if end.succeeded:
+            print(f"arrived at {x:g}, {y:g} m")
+        elif end.interrupted:
+            print("cancelled: the robot stops")
+        else:
+            code, text = end.result.error_code, end.result.error_msg
+            raise OneBotError(f"not arrived ({code}): {text or 'the goal was ended'}")
 
 
-def _show_until(over: Callable[[], bool], session: Session, feedback: Sequence[Any]) -> None:
+def _show_until(session: Session, feedback: Sequence[Any], over: Callable[[], bool]) -> None:
     """Print the progress once a second."""
     while not over():
         session.spin(over, _PROGRESS)

@@ -55,11 +55,7 @@ def info(session: Session, args: Namespace) -> None:
 
 
 COMMANDS = {
-    "list": Subcommand(
-        "list the nodes",
-        nodes,
-        flag("-a --all", "hidden nodes too"),
-    ),
+    "list": Subcommand("list the nodes", nodes, flag("-a --all", "hidden nodes too")),
     "info": Subcommand(
         "show a node's topics and services",
         info,

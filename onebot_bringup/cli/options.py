@@ -5,8 +5,10 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NoReturn, TypeVar
 
+from onebot_bringup.launch.arguments import split_ros_args
 from onebot_description.errors import UsageError, did_you_mean
 
 _Number = TypeVar("_Number", int, float)
@@ -129,12 +131,9 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog}: {message}")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Return the parsed options, with everything from ``--ros-args`` on as ``ros_args``."""
-        words = list(argv)
-        start = words.index("--ros-args") if "--ros-args" in words else len(words)
-        parsed = self.parse_args(words[:start])
-        parsed.ros_args = words[start:]
-        return parsed
+        """Return the parsed options, with the words after ``--ros-args`` as ``ros_args``."""
+        words, ros_args = split_ros_args(argv)
+        return self.parse_args(words, argparse.Namespace(ros_args=ros_args))
 
 
 def warn(text: str) -> None:
@@ -142,7 +141,7 @@ def warn(text: str) -> None:
     print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
-def _numbers(
+def numbers(
     kind: type[_Number], is_allowed: Callable[[_Number], bool], wanted: str
 ) -> Callable[[str], _Number]:
     """Return a function for ``type=`` that parses the numbers that are allowed."""
@@ -156,26 +155,25 @@ def _numbers(
     return number
 
 
-positive = _numbers(float, lambda value: 0.0 < value < math.inf, "above zero")
-not_negative = _numbers(float, lambda value: 0.0 <= value < math.inf, "zero or more")
-finite = _numbers(float, math.isfinite, "a finite number")
-count = _numbers(int, lambda value: value > 0, "above zero")
-natural = _numbers(int, lambda value: value >= 0, "zero or more")
+positive = numbers(float, lambda value: 0.0 < value < math.inf, "above zero")
+not_negative = numbers(float, lambda value: 0.0 <= value < math.inf, "zero or more")
+finite = numbers(float, math.isfinite, "a finite number")
+count = numbers(int, lambda value: value > 0, "above zero")
+natural = numbers(int, lambda value: value >= 0, "zero or more")
 
 
-def joint_positions(words: Sequence[str]) -> dict[str, float]:
-    """Parse words such as ``elbow=0.5``; return the positions, rad or m, by joint.
+class WordError(UsageError, argparse.ArgumentTypeError):
+    """A word of the command line is wrong; argparse adds the option whose value it is."""
+
+
+def assignment(text: str) -> tuple[str, float]:
+    """Parse a word such as ``elbow=0.5``; return the name and the number.
 
     Raises:
-        UsageError: a word has another form.
+        WordError: the word has another form, or the number is not finite.
     """
-    positions: dict[str, float] = {}
-    for word in words:
-        joint, _, text = word.rpartition("=")
-        try:
-            positions[joint] = float(text)
-        except ValueError:
-            positions[joint] = math.nan
-        if not (joint and math.isfinite(positions[joint])):
-            raise UsageError(f'"{word}" is not JOINT=POSITION, with a number in rad or m')
-    return positions
+    name, _, number = text.rpartition("=")
+    with suppress(ValueError):
+        if name and math.isfinite(float(number)):
+            return name, float(number)
+    raise WordError(f'"{text}" is not NAME=NUMBER, such as elbow=0.5')

@@ -36,7 +36,7 @@ def draw(args: Namespace, file: Path) -> None:
         else:
             from onebot_bringup.cli.live_picture import record_running  # only this needs ROS
 
-            for warning in record_running(args, recording.stream, _progress):
+            for warning in record_running(args, recording.stream):
                 warn(warning)
     _render(args, file)
 

@@ -1,6 +1,5 @@
 """``onebot replay``: shows a whole recording until Ctrl-C."""
 
-import os
 import time
 from collections.abc import Sequence
 from contextlib import closing, suppress
@@ -76,8 +75,6 @@ def run(argv: Sequence[str]) -> int:
     if settings.viewer == "none" and not settings.save:
         raise UsageError("viewer:=none needs save:=FILE.rrd, or nothing would be shown")
     source = Path(arguments.positional[0]).expanduser()
-    if not os.path.exists(source):  # also if its folder is not accessible
-        raise OneBotError(f"there is no recording {source}")
     use_environment_prefix()  # it is needed to find meshes and views
     with KeyboardInterrupts() as interrupts:
         _replay(source, settings, interrupts)
@@ -110,14 +107,16 @@ def _shown_bag(
     source: Path, settings: ReplaySettings, interrupts: KeyboardInterrupts
 ) -> "ShownBag":
     from onebot_bringup.bags.bag_reader import Bag  # slower to import
-    from onebot_bringup.bags.shown_bag import ShownBag
+
+    bag = Bag(source, int(settings.max_size * 1e6))
+    from onebot_bringup.bags.shown_bag import ShownBag  # the slowest
 
     def progress(text: str) -> None:
         interrupts.check()
         _Log().info(text)
 
     return ShownBag(
-        Bag(source, int(settings.max_size * 1e6)),
+        bag,
         view=settings.view,
         fixed_frame=settings.fixed_frame,
         namespace=settings.namespace,

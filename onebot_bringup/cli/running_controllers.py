@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from onebot_bringup.cli.session import Session
-from onebot_description.errors import OneBotError, did_you_mean, listing, printable
+from onebot_description.errors import OneBotError, did_you_mean, listing, unknown_names
 
 _STATE = "control_msgs/msg/JointTrajectoryControllerState"
 _TOPIC = "/controller_state"
@@ -77,14 +77,8 @@ def running_controllers(session: Session, name: str = "") -> list[RunningControl
 
 
 def _names(session: Session) -> list[str]:
-    topics = [name for name, types in session.topics() if _STATE in types]
-    return [
-        topic.removesuffix(_TOPIC)
-        for topic in topics
-        if topic.startswith(f"{session.space}/")
-        and topic.endswith(_TOPIC)
-        and session.node.count_publishers(topic)
-    ]
+    topics = session.published(_STATE, _TOPIC, session.space)
+    return [topic.removesuffix(_TOPIC) for topic in topics]
 
 
 def controller_of(
@@ -96,13 +90,8 @@ def controller_of(
         OneBotError: none does, or several do; the message lists them with their joints.
     """
     known_joints = {joint for controller in controllers for joint in controller.joints}
-    unknown = [
-        f'no joint "{printable(joint)}"{did_you_mean(joint, known_joints, "joints")}'
-        for joint in joints
-        if joint not in known_joints
-    ]
-    if unknown:
-        raise OneBotError("\n".join(unknown))
+    if unknown := [*unknown_names(joints, known_joints, "joints")]:
+        raise OneBotError("\n".join(f'no joint "{name}"{hint}' for name, hint in unknown))
     suited = [item for item in controllers if set(joints) <= {*item.joints}]
     if len(suited) == 1:
         return suited[0]

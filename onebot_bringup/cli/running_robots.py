@@ -10,19 +10,14 @@ from onebot_description.errors import OneBotError, did_you_mean, listing
 if TYPE_CHECKING:
     from onebot_bringup.steering.command_topic import CommandedRobot
 
-_DESCRIPTION = "robot_description"
+_DESCRIPTION = "/robot_description"
 _COMMANDS = "velocity_controller/cmd_vel"  # the topic if no robot is there yet
 
 
 def description_topics(session: Session, within: str = "") -> list[str]:
     """Return the description topics of robots in a namespace and below, its own robot's first."""
-    topics = [
-        name
-        for name, _ in session.topics()
-        if name.startswith(f"{within}/") and name.endswith(f"/{_DESCRIPTION}")
-    ]
-    published = filter(session.node.count_publishers, topics)
-    return sorted(published, key=lambda name: (name.count("/"), name))
+    topics = session.published("std_msgs/msg/String", _DESCRIPTION, within)
+    return sorted(topics, key=lambda name: (name.count("/"), name))
 
 
 def frame_prefix(session: Session, nodes: Iterable[str]) -> str | None:

@@ -39,7 +39,7 @@ class Session:
     """
 
     def __init__(self, ros_args: Sequence[str] = (), name: str | None = None) -> None:
-        self._ros_args = list(ros_args)  # begins with --ros-args, unless empty
+        self._ros_args = ["--ros-args", *ros_args]
         self._name = name or f"_onebot_{os.getpid()}"  # a hidden node's name
 
     def __enter__(self) -> "Session":
@@ -97,13 +97,11 @@ class Session:
 
     def spin_until(self, moment: float) -> None:
         """Run callbacks until a time of the monotonic clock."""
-        while (left := moment - time.monotonic()) > 0.0:
-            # Signals are only handled between two waits.
-            self._executor.spin_once(timeout_sec=min(left, 0.1))
+        self.spin_for(moment - time.monotonic())
 
     def spin_for(self, seconds: float) -> None:
         """Run callbacks for some time."""
-        self.spin_until(time.monotonic() + seconds)
+        self.spin(lambda: False, seconds)
 
     def discover(self) -> None:
         """Wait until discovery is complete: until nothing changes."""
@@ -133,23 +131,23 @@ class Session:
         return absolute(self.node.get_namespace())
 
     def full_name(self, name: str) -> str:
-        """Return the absolute name of a topic or service."""
-        from rclpy.exceptions import InvalidTopicNameException
-        from rclpy.expand_topic_name import expand_topic_name
-        from rclpy.validate_full_topic_name import validate_full_topic_name
+        """Return the absolute name of a topic or service, after remapping."""
+        from onebot_description.ros.run_node import full_name
 
-        from onebot_description.ros.run_node import first_line
-
-        try:
-            full = expand_topic_name(name, self.node.get_name(), self.node.get_namespace())
-            validate_full_topic_name(full)
-        except (ValueError, InvalidTopicNameException) as error:
-            raise OneBotError(f'"{name}" is not a valid name: {first_line(error)}') from None
-        return str(full)
+        return full_name(self.node, name)
 
     def topics(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
         """Return names and types of all topics discovered so far."""
         return _visible(self.node.get_topic_names_and_types(), hidden)
+
+    def published(self, kind: str, ending: str, within: str) -> list[str]:
+        """Return the published topics of a type below a namespace whose names end so."""
+        return [
+            name
+            for name, types in self.topics()
+            if kind in types and name.startswith(f"{within}/") and name.endswith(ending)
+            if self.node.count_publishers(name)
+        ]
 
     def services(self, hidden: bool = False) -> list[tuple[str, list[str]]]:
         """Return names and types of all services discovered so far."""

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from onebot_bringup.cli.options import Parser, flag, joint_positions, option, positional
-from onebot_bringup.launch.arguments import model_values
-from onebot_description.atomic_write import refuse_unwritable
-from onebot_description.elements.packages import PACKAGE_PATH, use_package_path
+from onebot_bringup.cli.options import Parser, assignment, flag, numbers, option, positional
+from onebot_bringup.launch.arguments import split_ros_args, take_package_path
+from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.geometry.poses import Triple
 from onebot_description.ros.signals import KeyboardInterrupts
@@ -23,7 +22,6 @@ def run(argv: Sequence[str]) -> int:
     """Run the command and return its exit code."""
     args = parse_command_line(argv)
     check_picture(args.file)
-    use_package_path(args.package_path)
     if args.kind in ("rrd", "bag") and not os.path.exists(args.source):
         raise OneBotError(f"there is no recording {args.source}")
     if args.kind == "description":
@@ -42,10 +40,8 @@ def check_picture(png: Path) -> None:
     """Reject a picture that cannot be written, before any work is done for it."""
     if png.suffix.lower() != ".png":
         raise OneBotError(f"{png}: a picture's name must end in .png")
-    try:
+    with writing(png):
         refuse_unwritable(png.with_name(f".{png.name}-{os.getpid()}"))  # the temporary file
-    except OSError as error:
-        raise OneBotError(f"{png} cannot be written: {error.strerror}") from None
 
 
 # --- the command line -----------------------------------------------------------------------------
@@ -63,10 +59,9 @@ _WIDTH, _HEIGHT = 1280, 720
 _SMALLEST, _LARGEST = 100, 4096
 
 
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not _SMALLEST <= int(text) <= _LARGEST:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from {_SMALLEST} to {_LARGEST}")
-    return int(text)
+_pixels = numbers(
+    int, lambda value: _SMALLEST <= value <= _LARGEST, f"from {_SMALLEST} to {_LARGEST}"
+)
 
 
 def camera(text: str) -> tuple[Triple, Triple | None]:
@@ -96,6 +91,7 @@ OPTIONS = (
         "--joints",
         "NAME=VALUE",
         "positions in rad or m; 0 for the others, or mid-range where 0 is out of range",
+        assignment,
         default=[],
         nargs="+",
         action="extend",
@@ -119,22 +115,21 @@ OPTIONS = (
 
 
 def parse_command_line(argv: Sequence[str]) -> Namespace:
-    """Return the options of the command.
+    """Return the options of the command; packages are also looked for in ``package_path:=``.
 
     Returns:
         file, source, kind (of the source: "running", "rrd", "bag" or "description"), joints (by
-        name), width, height, camera (eye and target, or None), dashboard, view,
-        package_path, arguments (by name; of xacro, or of a bag), namespace (of a bag) and ros_args.
+        name), width, height, camera (eye and target, or None), dashboard, view, arguments (by
+        name; of xacro, or of a bag), namespace (of a bag) and ros_args.
     """
     parser = Parser("onebot snapshot", _SUMMARY, OPTIONS)
     parser.usage = "onebot snapshot FILE.png [SOURCE] [options] [name:=value ...]"
-    end = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
-    pairs = [word for word in argv[:end] if re.match(r"[^-:][^:]*:=", word)]
+    words, _ = split_ros_args(argv)
+    pairs = [word for word in words if re.match(r"[^-:][^:]*:=", word)]
     args = parser.parse([word for word in argv if word not in pairs])
     values = dict(word.split(":=", 1) for word in pairs)
-    args.package_path = values.get(PACKAGE_PATH, "")
-    args.arguments = model_values(values, {PACKAGE_PATH})
-    args.joints = joint_positions(args.joints)
+    args.arguments = take_package_path(values)
+    args.joints = dict(args.joints)
     args.kind = kind_of(args.source)
     own_names = {_NAMESPACE} if args.kind == "bag" else set()
     if args.kind != "description" and (args.joints or args.arguments.keys() - own_names):

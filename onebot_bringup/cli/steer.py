@@ -127,7 +127,7 @@ def _found(
     """
     space = absolute(settings.namespace)
     in_namespace = ["-r", f"__ns:={space}"] if space else []
-    with Session(["--ros-args", *ros_args, *in_namespace]) as session:
+    with Session([*ros_args, *in_namespace]) as session:
         topic = chosen_commands(session, settings.topic, first=True)
         if settings.viewer == "none":
             return topic, None

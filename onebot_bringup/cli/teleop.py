@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from onebot_bringup.cli.options import Parser, not_negative, option, positive
 from onebot_bringup.cli.running_robots import chosen_commands
 from onebot_bringup.cli.session import Session
+from onebot_bringup.steering.arbiter import ZEROS
 from onebot_bringup.steering.protocol import Velocity
 from onebot_description.errors import OneBotError
 from onebot_description.timing.wake_detector import WAKE, boot_time
@@ -58,7 +59,6 @@ _KEY = re.compile(rf"{ESCAPE}[\[O](?P<function>[^A-Za-z~]*[A-Za-z~]|.)|.", re.DO
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _LOCK, _UNLOCK = " ", "r"
 _QUIT = (ESCAPE, "\x03", "\x04")
-_ZEROS = 3  # zero commands published when a key is released, in case one gets lost
 _PERIOD = 0.05  # s between commands
 _SUBSCRIBER_PERIOD = 0.25  # s between polls for subscribers
 _SPIN = 0.002  # s of callbacks between two reads of the keyboard
@@ -261,7 +261,7 @@ class _Teleop:
                 self._press(key, now)
             moving = self._driver.moving(now)
             if moving != was_moving:
-                zeros, due = _ZEROS, now  # publish the first one at once
+                zeros, due = ZEROS, now  # publish the first one at once
             if now < due:
                 continue
             due = max(due + _PERIOD, now)
@@ -284,7 +284,7 @@ class _Teleop:
 
     def stop(self) -> None:
         """Publish zero and wait for acknowledgements."""
-        for _ in range(_ZEROS):
+        for _ in range(ZEROS):
             self._commands.publish(Velocity())
         self._commands.flush()
         with contextlib.suppress(OSError):  # the terminal's window is closed

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from onebot_bringup.cli.options import Subcommand, flag, natural, option, positional, positive, warn
 from onebot_bringup.cli.session import Session, in_session
-from onebot_bringup.introspection.rates import Intervals
+from onebot_bringup.introspection.rates import Arrivals
 from onebot_description.description.tree_text import aligned, branches, cell
 from onebot_description.errors import OneBotError
 from onebot_description.ros.names import node_name
@@ -169,7 +169,7 @@ class _Transforms:
         from onebot_description.ros.tf_subscription import subscribe_to_tf
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Intervals] = {}  # intervals of arrival, by child frame
+        self.arrivals: dict[str, Arrivals] = {}  # of transforms, by child frame
         self.parents: dict[str, set[str]] = {}  # parent frames, by child frame
         self.session = session
         self.warn = cache(warn)  # each text once
@@ -181,7 +181,7 @@ class _Transforms:
         now = time.monotonic()
         for parent, child in zip(message.parents, message.children, strict=True):
             self.parents.setdefault(child, set()).add(parent)
-            self.arrivals.setdefault(child, Intervals(_WINDOW)).arrived(now)
+            self.arrivals.setdefault(child, Arrivals(_WINDOW)).add(now)
 
     def await_first(self) -> None:
         """Wait for the first transform."""

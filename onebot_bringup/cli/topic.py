@@ -6,7 +6,6 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
-from threading import Event
 from typing import Any, NoReturn
 
 from onebot_bringup.cli.names import TOPICS
@@ -23,7 +22,7 @@ from onebot_bringup.cli.options import (
 )
 from onebot_bringup.cli.session import Session, await_acknowledgements, in_session
 from onebot_bringup.introspection.interfaces import message_class
-from onebot_bringup.introspection.rates import Bandwidth, Intervals
+from onebot_bringup.introspection.rates import Arrivals
 from onebot_description.errors import OneBotError
 
 _NO_MESSAGE = 2.0  # s without a message after which a note is printed
@@ -191,20 +190,13 @@ def _no_message(session: Session, topic: str, message: str = "message") -> str:
 @in_session
 def hz(session: Session, args: Namespace) -> NoReturn:
     """Print the rate of a topic each second."""
-    meter = Intervals(args.window)
-    _measure(session, args, lambda _: meter.arrived(time.monotonic()), meter.report)
+    _measure(session, args, Arrivals.rate_report)
 
 
 @in_session
 def bw(session: Session, args: Namespace) -> NoReturn:
     """Print the bandwidth of a topic each second."""
-    meter = Bandwidth(args.window)
-    _measure(
-        session,
-        args,
-        lambda data: meter.arrived(time.monotonic(), len(data)),
-        lambda: meter.report(time.monotonic()),
-    )
+    _measure(session, args, lambda arrivals: arrivals.bandwidth_report(time.monotonic()))
 
 
 def _measurement(window: int) -> tuple[Any, ...]:
@@ -218,26 +210,22 @@ def _measurement(window: int) -> tuple[Any, ...]:
 
 
 def _measure(
-    session: Session,
-    args: Namespace,
-    arrived: Callable[[bytes], None],
-    report: Callable[[], str | None],
+    session: Session, args: Namespace, report: Callable[[Arrivals], str | None]
 ) -> NoReturn:
-    """Print ``report()`` each second, and a note if no message comes."""
+    """Print a report each second, and a note if no message comes."""
     topic, kind = _await_class(session, args.topic)
-    first = Event()
+    arrivals = Arrivals(args.window)
 
     def on_message(data: bytes) -> None:
-        first.set()
-        arrived(data)
+        arrivals.add(time.monotonic(), len(data))
 
     profile = _matching(session.node, topic, args)
     session.node.create_subscription(kind, topic, on_message, profile, raw=True)
     notice = partial(_no_message, session, topic)
-    session.await_or_report(first.is_set, notice, patience=_NO_MESSAGE)
+    session.await_or_report(lambda: arrivals.messages, notice, patience=_NO_MESSAGE)
     while True:
         session.spin_for(_REPORT)
-        if (text := report()) is not None:
+        if (text := report(arrivals)) is not None:
             print(text)
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from onebot_bringup.cli.action import Action
-from onebot_bringup.cli.options import joint_positions
+from onebot_bringup.cli.action import Action, GoalEnd
+from onebot_bringup.cli.options import assignment
 from onebot_bringup.cli.running_controllers import (
     RunningController,
     controller_of,
@@ -66,9 +66,9 @@ def run(argv: Sequence[str]) -> int:
     if arguments.help or arguments.show:
         print(_HELP if arguments.help else table(TrajectorySettings.arguments()))
         return 0
-    positions = joint_positions(arguments.positional)
+    positions = dict(map(assignment, arguments.positional))
     settings = TrajectorySettings.read(arguments.given)
-    with Session(["--ros-args", *arguments.ros_args]) as session:
+    with Session(arguments.ros_args) as session:
         controllers = running_controllers(session, settings.controller)
         if positions:
             controller = controller_of(controllers, list(positions))
@@ -189,14 +189,13 @@ class _Motion:
         Raises:
             OneBotError: the goal is not reached, or, if it has no tolerances, not in time.
         """
-        with self._action.sent(goal) as sent:
-            if not sent.accepted:
+        if not goal.goal_tolerance:
+            self._target = goal.trajectory.points[-1].positions
+            self._controller.on_state = self._on_state
+        with self._action.executed(goal, self._show_until) as end:
+            if end is None:
                 raise self._failure(f"REJECTED by {self._controller.name}")
-            if not goal.goal_tolerance:
-                self._target = goal.trajectory.points[-1].positions
-                self._controller.on_state = self._on_state
-            answer = sent.result(self._show_until)
-            self._conclude(answer.status, answer.result, sent.interrupted())
+            self._conclude(end)
 
     def _show_until(self, over: Callable[[], bool]) -> None:
         """Print the progress once a second."""
@@ -215,18 +214,15 @@ class _Motion:
         positions = dict(zip(state.joint_names, state.feedback.positions, strict=True))
         return ", ".join(f"{joint} {_shown(positions[joint])}" for joint in self._joints)
 
-    def _conclude(self, status: int, result: Any, interrupted: bool) -> None:
-        from onebot_description.ros.wire.interfaces import load_interface
-
-        statuses = load_interface("action_msgs/msg/GoalStatus")
-        if status == statuses.STATUS_SUCCEEDED:
-            self._report_success(result.error_string)
-        elif status == statuses.STATUS_CANCELED and interrupted:
+    def _conclude(self, end: GoalEnd) -> None:
+        if end.succeeded:
+            self._report_success(end.result.error_string)
+        elif end.canceled and end.interrupted:
             print("CANCELED: the joints hold where they are")
-        elif status == statuses.STATUS_CANCELED:
+        elif end.canceled:
             raise OneBotError("CANCELED by another client: the joints hold where they are")
         else:
-            raise self._failure(f"ABORTED ({result.error_code}): {result.error_string}")
+            raise self._failure(f"ABORTED ({end.result.error_code}): {end.result.error_string}")
 
     def _report_success(self, text: str) -> None:
         """Print the result and the largest error; controllers may accept any error in time."""

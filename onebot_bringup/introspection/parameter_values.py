@@ -13,7 +13,6 @@ import yaml
 
 from onebot_description.errors import OneBotError
 from onebot_description.parameters import bounded_yaml
-from onebot_description.parameters.files import plain_value
 from onebot_description.parameters.values import INT64
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
@@ -118,11 +117,6 @@ def _inferred(text: str, value: Any) -> tuple[int, Any]:
         return DOUBLE, value
     if isinstance(value, list):
         return _inferred_list(value)
-    if isinstance(value, str) and value == text.strip():
-        # YAML 1.1 reads some numbers as strings, such as 1e-3.
-        number = plain_value(value)
-        is_number = isinstance(number, float) and math.isfinite(number)
-        return (DOUBLE, number) if is_number else (STRING, value)
     return STRING, value if isinstance(value, str) else text
 
 

@@ -2,66 +2,47 @@
 
 import statistics
 from collections import deque
+from itertools import pairwise
 
 
-class Intervals:
-    """The time between messages, for ``topic hz``."""
+class Arrivals:
+    """The last messages of a topic: when each arrived (s, monotonic), and its size in bytes."""
 
-    def __init__(self, size: int) -> None:
-        self._intervals: deque[float] = deque(maxlen=size)  # s
-        self._last: float | None = None
+    def __init__(self, number: int) -> None:
+        self.messages: deque[tuple[float, int]] = deque(maxlen=number)
         self._reported = True
 
-    def arrived(self, seconds: float) -> None:
-        """Add a message by its receive time, seconds; restart if the clock goes backwards."""
-        if self._last is not None and seconds >= self._last:
-            self._intervals.append(seconds - self._last)
-            self._reported = False
-        elif self._last is not None:
-            self._intervals.clear()
-        self._last = seconds
-
-    def rate(self) -> float | None:
-        """Return the rate, Hz; None without messages since the last call."""
-        if self._reported or not self._intervals:
-            return None
-        self._reported = True
-        mean = statistics.fmean(self._intervals)
-        return 1.0 / mean if mean > 0.0 else 0.0
-
-    def report(self) -> str | None:
-        """Return the report of the rate; None without messages since the last report."""
-        rate, samples = self.rate(), self._intervals
-        if rate is None:
-            return None
-        return (
-            f"average rate: {rate:.3f}\n"
-            f"\tmin: {min(samples):.3f}s max: {max(samples):.3f}s "
-            f"std dev: {statistics.pstdev(samples):.5f}s window: {len(samples)}"
-        )
-
-
-class Bandwidth:
-    """Bytes received per second, for ``topic bw``."""
-
-    def __init__(self, size: int) -> None:
-        self._messages: deque[tuple[float, int]] = deque(maxlen=size)  # time (s) and bytes
-        self._reported = True
-
-    def arrived(self, seconds: float, size: int) -> None:
-        """Add a message of ``size`` bytes by its receive time, seconds."""
-        self._messages.append((seconds, size))
+    def add(self, seconds: float, size: int = 0) -> None:
+        """Add a message by its receive time."""
+        self.messages.append((seconds, size))
         self._reported = False
 
-    def report(self, now: float) -> str | None:
-        """Return the report of the bandwidth; None with fewer than two messages or no new ones."""
-        count = len(self._messages)
-        if count < 2 or self._reported or now <= self._messages[0][0]:
+    def rate(self) -> float | None:
+        """Return the rate, Hz; None with fewer than two messages, or no new ones since."""
+        if len(self.messages) < 2 or self._reported:
             return None
         self._reported = True
-        sizes = [size for _, size in self._messages]
+        seconds = self.messages[-1][0] - self.messages[0][0]
+        return (len(self.messages) - 1) / seconds if seconds > 0.0 else 0.0
+
+    def rate_report(self) -> str | None:
+        """Return the report of ``topic hz``; None where ``rate`` has none."""
+        if (rate := self.rate()) is None:
+            return None
+        intervals = [end - start for (start, _), (end, _) in pairwise(self.messages)]
         return (
-            f"{_bytes(sum(sizes) / (now - self._messages[0][0]))}/s from {count} messages\n"
+            f"average rate: {rate:.3f}\n"
+            f"\tmin: {min(intervals):.3f}s max: {max(intervals):.3f}s "
+            f"std dev: {statistics.pstdev(intervals):.5f}s window: {len(intervals)}"
+        )
+
+    def bandwidth_report(self, now: float) -> str | None:
+        """Return the report of ``topic bw`` at ``now``, s; None where ``rate`` has none."""
+        if self.rate() is None:
+            return None
+        count, sizes = len(self.messages), [size for _, size in self.messages]
+        return (
+            f"{_bytes(sum(sizes) / (now - self.messages[0][0]))}/s from {count} messages\n"
             f"\tMessage size mean: {_bytes(sum(sizes) / count)} "
             f"min: {_bytes(min(sizes))} max: {_bytes(max(sizes))}"
         )

@@ -42,9 +42,7 @@ _FORMER = {
     **dict.fromkeys(("rvizconfig", "rviz_config", "rviz_config_file"), _VIEW),
     "tf_prefix": "write frame_prefix:=PREFIX/",
 }
-_TRUE = ("true", "1")
-_FALSE = ("false", "0")
-_SWITCH = (*_TRUE, *_FALSE)
+_SWITCH = {"true": True, "false": False, "1": True, "0": False}
 _DECLARED = "launch argument"  # the key in a field's metadata
 _AS_DECLARED: Any = object()  # the default of a parameter's argument: the parameter's own
 _OPTIONS = {"-h": "help", "--help": "help", "--show-args": "show", "-s": "show"}
@@ -64,8 +62,8 @@ class Argument:
 
     @property
     def choices(self) -> Sequence[str]:
-        """The allowed values; empty if any is allowed."""
-        return _SWITCH if self.type.base is bool else self.type.rule.choices
+        """The allowed values, as they are listed; empty if there are too many to list."""
+        return ("true", "false") if self.type.base is bool else self.type.rule.choices
 
     @property
     def help(self) -> str:
@@ -78,23 +76,16 @@ class Argument:
     @property
     def suggested(self) -> Sequence[str]:
         """The values that tab completion offers."""
-        if self.type.base is bool:
-            return _TRUE[0], _FALSE[0]
         return self.choices or self.examples or ("",)
 
     def problem(self, text: str) -> str:
         """Return what is wrong with the value ``text``, and what would be right; "" if valid."""
-        if not (text or self.default):
-            return ""
-        is_switch = self.type.base is bool
-        if self.choices and (text.lower() if is_switch else text) not in self.choices:
-            return self._not_possible(text, f"it can be one of: {', '.join(self.choices)}")
-        if self.type.many or self.type.base is Path:
+        if not (text or self.default) or self.type.many or self.type.base is Path:
             return ""  # the node checks a list, and require_file a file
         try:
             self.type.checked(self.value(text))
         except ValueError:
-            return self._not_possible(text, f"write {self.type.wanted()}")
+            return f"{self.name}:={text} is not valid; write {self.type.wanted()}"
         return ""
 
     def value(self, text: str) -> Any:
@@ -107,13 +98,10 @@ class Argument:
         if self.type.many:
             return tuple(part.strip() for part in text.split(","))
         if self.type.base is bool:
-            return text.lower() in _TRUE
+            return _SWITCH.get(text.lower(), text)
         with suppress(ValueError):
             return self.type.base(text)
         return text
-
-    def _not_possible(self, text: str, possible: str) -> str:
-        return f"{self.name}:={text} is not valid; {possible}"
 
 
 def argument(
@@ -239,7 +227,7 @@ class Arguments:
 
 def split(argv: Sequence[str]) -> Arguments:
     """Split a command line into its parts."""
-    words, ros_args = _split_ros_args(argv)
+    words, ros_args = split_ros_args(argv)
     assignments: dict[str, str] = {}
     positional: list[str] = []
     options: set[str] = set()
@@ -254,8 +242,8 @@ def split(argv: Sequence[str]) -> Arguments:
     return Arguments(assignments, tuple(positional), ros_args, "help" in options, "show" in options)
 
 
-def _split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Split off ``--ros-args ... [--]``."""
+def split_ros_args(argv: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Split off ``--ros-args ... [--]``; return the other words, and those within."""
     words = list(argv)
     if "--ros-args" not in words:
         return words, ()

@@ -35,7 +35,7 @@ from onebot_bringup.launcher.launcher import Launcher
 from onebot_bringup.launcher.orphans import temporary_folder
 from onebot_bringup.viewer.viewer_parameters import view_file
 from onebot_control.conventions import prefixed
-from onebot_description.atomic_write import refuse_unwritable
+from onebot_description.atomic_write import refuse_unwritable, writing
 from onebot_description.errors import OneBotError, UsageError
 from onebot_description.ros.names import absolute
 from onebot_description.ros.process_start import blas_variables
@@ -243,11 +243,8 @@ def _check_files(settings: "BringupSettings") -> None:
         raise OneBotError(f"save:={settings.save}: a recording's name must end in .rrd")
     for name, target in (("save", settings.save), ("record", settings.record)):
         if target:
-            try:
+            with writing(f"{name}:={target}"):
                 refuse_unwritable(Path(target).absolute(), folder=name == "record")
-            except OSError as error:
-                text = f"{name}:={target} cannot be written: {error.strerror}"
-                raise OneBotError(text) from None
     if settings.world:
         from onebot_description.description.loading import load_world
 
@@ -352,22 +349,20 @@ def help_text(
     command: Bringup, declared: list[Argument], of_model: Sequence[Argument], *, complete: bool
 ) -> str:
     """Return the text of ``--show-args``, or with ``complete`` of ``--help``."""
-    parts = []
-    if complete:
-        file = " FILE" if command.takes_file else ""
-        parts.append(f"usage: {command.program}{file} [name:=value ...] [--ros-args ...]")
-        parts.append(command.summary)
-    parts.append(f"Arguments and their defaults:\n{table(declared)}")
+    tables = f"Arguments and their defaults:\n{table(declared)}"
     if of_model:
-        parts.append(f"Arguments of the model:\n{table(of_model)}")
-    if complete:
-        parts.append(
-            "If an argument is given twice, the last one counts. --ros-args goes to every node.\n"
-            f"{command.program.split()[0]} --version shows the version.\n"
-            "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
-            "node failed, 2 the command line is wrong."
-        )
-    return "\n\n".join(parts)
+        tables += f"\n\nArguments of the model:\n{table(of_model)}"
+    if not complete:
+        return tables
+    file = " FILE" if command.takes_file else ""
+    return (
+        f"usage: {command.program}{file} [name:=value ...] [--ros-args ...]\n\n"
+        f"{command.summary}\n\n{tables}\n\n"
+        "If an argument is given twice, the last one counts. --ros-args goes to every node.\n"
+        f"{command.program.split()[0]} --version shows the version.\n"
+        "Ctrl-C stops everything. Exit codes: 0 stopped by the user, 1 a file is wrong or a\n"
+        "node failed, 2 the command line is wrong."
+    )
 
 
 def summary_text(launch: Launch) -> str:

@@ -103,21 +103,18 @@ def reachable_as(listener: socket.socket) -> str:
     """Return host:port for a URL; a wildcard address becomes an address of this computer."""
     host, port = listener.getsockname()[:2]
     if host in ("0.0.0.0", "::"):
-        host = _own_address(listener.family, host)
+        host = _own_address(listener.family)
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _own_address(family: int, any_address: str) -> str:
+def _own_address(family: int) -> str:
     """Return the address that other computers see; connecting a datagram socket sends nothing."""
     # Addresses reserved for documentation (RFC 5737, RFC 3849) use the default route.
     outside = "192.0.2.1" if family == socket.AF_INET else "2001:db8::1"
-    with contextlib.closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
-        try:
-            probe.connect((outside, 9))
-        except OSError:
-            return "127.0.0.1" if family == socket.AF_INET else "::1"
-        address = str(probe.getsockname()[0])
-    return address if address != any_address else "127.0.0.1"
+    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect((outside, 9))
+        return str(probe.getsockname()[0])
+    return "127.0.0.1" if family == socket.AF_INET else "::1"
 
 
 def _not_here(host: str) -> OneBotError:

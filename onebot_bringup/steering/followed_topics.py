@@ -76,17 +76,17 @@ class Nothing:
 class FollowedTopics:
     """Subscribes to topics while they are needed, and keeps the newest message of each.
 
-    All methods but ``update`` may be called from any thread.
+    ``newest`` and ``recent`` may be called from any thread.
 
     Attributes:
         node: the node that subscribes.
         topics: message types by topic name.
-        transforms: TF, which is followed if it is needed.
+        tree: the frames on TF; a new tree after each pause.
     """
 
     def __init__(self, node: Node) -> None:
-        self.node = node
-        self.transforms = FollowedTransforms(node)
+        self.node, self.tree = node, FrameTree()
+        self._tf: list[Any] = []  # the subscriptions to TF
         self._subscriptions: dict[tuple[str, str], TopicSubscription] = {}
         self.topics: Mapping[str, str] = {}
         self._newest: dict[str, Received] = {}  # keys: topics
@@ -127,31 +127,18 @@ class FollowedTopics:
                         qos = make_qos(1, reliable=False, latched=False)
                     self._subscriptions[name, kind].update(kind, qos)
 
+    def update_transforms(self, needed: bool) -> None:
+        """Follow TF if it is ``needed``; call this several times per second."""
+        if needed == bool(self._tf):
+            return
+        while self._tf:
+            self.node.destroy_subscription(self._tf.pop())
+        self.tree = FrameTree()
+        if needed:
+            self._tf = subscribe_to_tf(self.node, self._receive_transforms)
+
     def _receive(self, topic: str, kind: str, data: bytes) -> None:
         self._newest[topic] = Received(kind, data)
 
-
-class FollowedTransforms:
-    """Subscribes to TF while it is needed.
-
-    Attributes:
-        tree: the frames received; a new tree after each pause.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._subscriptions: list[Any] = []
-        self.tree = FrameTree()
-
-    def update(self, needed: bool) -> None:
-        """Follow TF if it is ``needed``; call this several times per second."""
-        if needed == bool(self._subscriptions):
-            return
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop())
-        self.tree = FrameTree()
-        if needed:
-            self._subscriptions = subscribe_to_tf(self._node, self._receive)
-
-    def _receive(self, message: TfArrays, static: bool) -> None:
+    def _receive_transforms(self, message: TfArrays, static: bool) -> None:
         self.tree.add(message, static=static)

@@ -18,7 +18,6 @@ from onebot_bringup.steering.obstacles import Readings
 from onebot_bringup.steering.odometry_topic import OdometryTopic
 from onebot_description.geometry.matrices import of_transform, to_planar, transformed
 from onebot_description.geometry.poses import Transform, of_arrays
-from onebot_description.ros.transform_buffer import TransformException
 from onebot_description.ros.wire.cdr import nanoseconds
 from onebot_description.ros.wire.message_arrays import OdometrySample
 
@@ -50,7 +49,6 @@ class Ground:
 
     def __init__(self, topics: FollowedTopics, odometry: OdometryTopic) -> None:
         self._node, self._topics, self._odometry = topics.node, topics, odometry
-        self._transforms = topics.transforms
         self._used = self._since = -math.inf  # the last request, and the first since the last pause
         self._map = f"/{_MAP}"  # its topic
 
@@ -113,7 +111,7 @@ class Ground:
                 if kind == _PATH
                 else message.polygon.points
             )
-            pose = self._transforms.tree.pose(message.header.frame_id.removeprefix("/"), frame)
+            pose = self._topics.tree.pose(message.header.frame_id.removeprefix("/"), frame)
             if pose is not None and len(points):
                 corners = np.array([(point.x, point.y, point.z) for point in points])
                 found: list[list[float]] = transformed(corners, pose)[:, :2].round(3).tolist()
@@ -125,13 +123,13 @@ class Ground:
         points = []
         for scan in self._topics.recent({_SCAN}, _OLD):
             sensor = scan.header.frame_id.removeprefix("/")
-            pose = self._transforms.tree.pose(sensor, frame, nanoseconds(scan.header.stamp))
+            pose = self._topics.tree.pose(sensor, frame, nanoseconds(scan.header.stamp))
             if pose is not None:
                 points += Readings.from_scan(scan).points(pose)[:, :2].round(3).tolist()
         return points
 
     def _frame(self, odometry: OdometrySample | None) -> str:
-        buffer = self._transforms.tree
+        buffer = self._topics.tree
         if odometry is None:
             return _MAP if _MAP in buffer.names else next(iter(buffer.roots), "")
         above = buffer.above(odometry.frame_id.removeprefix("/"))
@@ -143,23 +141,16 @@ class Ground:
             return None
         info, origin = grid.info, grid.info.origin
         place, turn = origin.position, origin.orientation
-        pose = self._pose(
-            frame,
-            grid.header.frame_id,
-            Transform((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)),
-        )
+        corner = Transform((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+        pose = self._pose(frame, grid.header.frame_id, corner)
         size = {"width": info.width * info.resolution, "height": info.height * info.resolution}
         version = str(self._topics.newest(self._map).time)  # differs between maps
         return {"version": version, **pose, **size} if pose is not None else None
 
     def _pose(self, frame: str, of: str, transform: Transform) -> dict[str, float] | None:
         """Transform a pose in the frame ``of`` to ``frame``; None if that is not possible."""
-        of = of.removeprefix("/")
-        matrix = of_transform(transform)
-        if of != frame:
-            try:
-                matrix = self._transforms.tree.lookup(frame, of).matrix @ matrix
-            except TransformException:
-                return None
-        pose = to_planar(matrix)._asdict()
+        matrix = self._topics.tree.pose(of.removeprefix("/"), frame)
+        if matrix is None:
+            return None
+        pose = to_planar(matrix @ of_transform(transform))._asdict()
         return pose if all(map(math.isfinite, pose.values())) else None

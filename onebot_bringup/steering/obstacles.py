@@ -164,7 +164,7 @@ class Obstacles:
         if velocity.speed < _STANDING:
             return None
         base = odometry.child_frame_id.removeprefix("/")  # usually the root link
-        nearest, tree = math.inf, self._topics.transforms.tree
+        nearest, tree = math.inf, self._topics.tree
         for message in self._topics.recent(_SENSORS, _OLD):
             pose = tree.pose(message.header.frame_id.removeprefix("/"), base)
             if pose is not None:

@@ -46,7 +46,7 @@ if __name__ == "__main__":  # first: the imports take a second
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -59,7 +59,7 @@ from onebot_bringup.serving.ports import is_loopback, listen, open_in_browser, r
 from onebot_bringup.steering.access import Access, token_for
 from onebot_bringup.steering.arbiter import Arbiter
 from onebot_bringup.steering.camera import CameraFeed
-from onebot_bringup.steering.command_limits import Limits, braking_of, limits_of
+from onebot_bringup.steering.command_limits import braking_of, limits_of
 from onebot_bringup.steering.command_topic import (
     CommandedRobot,
     CommandTopic,
@@ -78,12 +78,11 @@ from onebot_bringup.steering.server import SteeringServer
 from onebot_bringup.steering.tool_requests import OtherThread, ToolRequests
 from onebot_bringup.steering.tools import ToolPublishers
 from onebot_bringup.steering.view_proxy import Viewer, ViewProxy
-from onebot_control.drive.controller_limits import ControllerLimits
 from onebot_control.nodes.command_controllers import Controllers
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.reader import read
 from onebot_description.ros.node_parameters import declare, refuse_undeclared
-from onebot_description.ros.run_node import first_line, run_node, steady_timer
+from onebot_description.ros.run_node import full_name, run_node, steady_timer
 from onebot_description.timing.throttled import Throttled
 from onebot_description.timing.wake_detector import WAKE
 
@@ -96,27 +95,16 @@ _TEXT = "std_msgs/msg/String"
 _TOPICS = ("topic", "odom_topic", "viewer_page")  # parameters that are names of topics
 
 
-class SteeringParameters(PageParameters):
-    """The node's parameters with full topic names."""
-
-    @classmethod
-    def from_node(cls, node: Node) -> "SteeringParameters":
-        settings = read(cls, declare(node, cls))
-        refuse_undeclared(node, cls)
-        topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
-        return replace(settings, **topics)
-
-    def limits(self, controllers: Sequence[ControllerLimits]) -> Limits:
-        fixed = Velocity(self.max_linear, self.max_angular, self.max_linear)
-        return limits_of(controllers, fixed)
+def parameters_of(node: Node) -> PageParameters:
+    """Return the node's parameters with full topic names."""
+    settings = read(PageParameters, declare(node, PageParameters))
+    refuse_undeclared(node, PageParameters)
+    topics: dict[str, Any] = {n: _topic(node, n, getattr(settings, n)) for n in _TOPICS}
+    return replace(settings, **topics)
 
 
 def _topic(node: Node, name: str, text: str) -> str:
-    try:
-        topic = str(node.resolve_topic_name(text)) if text else ""
-    except Exception as error:  # rclpy raises several types, none of them public
-        reason = first_line(error)
-        raise OneBotError(f"{name}: {text} is not a valid topic name: {reason}") from None
+    topic = full_name(node, text) if text else ""
     if len(topic) > _LONGEST_TOPIC:
         raise OneBotError(f"{name}: {text} has more than {_LONGEST_TOPIC} characters")
     return topic
@@ -128,7 +116,8 @@ class SteeringPage(Node):
     def __init__(self) -> None:
         super().__init__("steering_page")
         self._server: ServerThread | None = None
-        self._settings = settings = SteeringParameters.from_node(self)
+        self._settings = settings = parameters_of(self)
+        self._fixed = Velocity(settings.max_linear, settings.max_angular, settings.max_linear)
         self._commands = CommandTopic(self, settings.topic, self._on_lock)
         self._topics = topics = FollowedTopics(self)
         self._odometry = odometry = OdometryTopic(topics, settings.odom_topic)
@@ -137,7 +126,9 @@ class SteeringPage(Node):
         self._command_topics: tuple[str, ...] = ()
         self._robots: tuple[CommandedRobot, ...] = ()
         self._joints = JointCommands(topics, self._on_lock)
-        self._arbiter = Arbiter(settings.limits(()), self._command, self._lock, woke=WAKE.certain)
+        self._arbiter = Arbiter(
+            limits_of((), self._fixed), self._command, self._lock, woke=WAKE.certain
+        )
         self._viewer = Viewer(self, settings.viewer_page)
         self._warn = Throttled(self.get_logger().warning)
         self._timeouts = 0  # number of timeouts logged so far
@@ -261,7 +252,7 @@ class SteeringPage(Node):
         namespace, watched = RobotNamespace(name, other_spaces), self._arbiter.state.pages > 0
         status = f"{self._navigator}/status"
         framed = self._ground.needed(namespace) | self._obstacles.needed(namespace, watched)
-        self._topics.transforms.update(len(framed) > 1)  # more than the description
+        self._topics.update_transforms(len(framed) > 1)  # more than the description
         self._topics.update(
             framed
             | self._odometry.needed(commands.topic, robots)
@@ -294,7 +285,7 @@ class SteeringPage(Node):
             "linear": braking_of(controller.linear for controller in controllers),
             "lateral": braking_of(controller.lateral for controller in controllers),
         }
-        limits = self._settings.limits(controllers)
+        limits = limits_of(controllers, self._fixed)
         self._arbiter.set_limits(limits)
         if len(controllers) > 1:
             names = ", ".join(self._controllers.names)

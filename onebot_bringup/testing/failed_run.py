@@ -1,7 +1,7 @@
 """Shows the end of a failed test's simulation: a recording for Rerun, and a picture of it."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,11 +63,8 @@ def record_run(simulation: Simulation, path: Path) -> None:
     Raises:
         OneBotError: it cannot be recorded.
     """
-    recording = open_recording(save=path)
-    try:
+    with closing(open_recording(save=path)) as recording:
         _record(simulation, recording.stream)
-    finally:
-        recording.close()
 
 
 def _record(simulation: Simulation, stream: "rr.RecordingStream") -> None:

@@ -45,10 +45,8 @@ class RunningBringup(AbstractContextManager["RunningBringup"]):
         if command not in BRINGUPS:
             raise OneBotError(f'no bringup "{command}"{did_you_mean(command, BRINGUPS)}')
         self._log = TemporaryFile("w+")  # unnamed, so it goes even if this process is killed
-        has_viewer = any(word.startswith("viewer:=") for word in words)
-        arguments = [*words] if has_viewer else ["viewer:=none", *words]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", BRINGUPS[command], *arguments],
+            [sys.executable, "-m", BRINGUPS[command], "viewer:=none", *words],
             stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=subprocess.STDOUT,

@@ -11,8 +11,8 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from onebot_control.evaluation.cases import ERROR
-from onebot_control.evaluation.rows import fact_of, text_of, writing
-from onebot_description.atomic_write import write_whole
+from onebot_control.evaluation.rows import fact_of, text_of
+from onebot_description.atomic_write import write_whole, writing
 from onebot_description.errors import OneBotError, did_you_mean, listing, printable
 
 _MAX_LEVELS = 8  # maximum number of listed values of a factor

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 
 from onebot_control.evaluation.cases import ERROR, Case, checked_row
+from onebot_description.atomic_write import writing
 from onebot_description.errors import OneBotError, shortened
 from onebot_description.parameters.values import plain
 
@@ -128,15 +129,6 @@ def study_digest(name: str, source: str, cases: Sequence[Case]) -> str:
     for case in cases:
         digest.update(repr({key: text_of(value) for key, value in case.items()}).encode())
     return f"{name}, {len(cases)} cases, {digest.hexdigest()[:16]}"
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn an OSError in this context into an OneBotError that names the file."""
-    try:
-        yield
-    except OSError as error:
-        raise OneBotError(f"{path} cannot be written: {error.strerror}") from None
 
 
 @contextmanager

@@ -30,9 +30,9 @@ from onebot_control.evaluation.rows import (
     read_journal,
     study_digest,
     table_of,
-    writing,
 )
 from onebot_control.evaluation.workers import run_in_processes
+from onebot_description.atomic_write import writing
 from onebot_description.errors import OneBotError
 from onebot_description.parameters.arguments import checked
 from onebot_description.parameters.values import Rule

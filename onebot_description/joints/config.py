@@ -46,8 +46,7 @@ def _check_keyframes(given: "MotionParameters") -> Iterator[Problem]:
 
 
 def _pose(given: "MotionParameters", joint: str, poses: Poses) -> Motion:
-    name = given.pose or ""
-    return Keyframes.hold(poses[name][joint], name)
+    return Keyframes.hold(poses[given.pose or ""][joint])
 
 
 # Functions that create a joint's motion, by its type; they ignore parameters of other types.

@@ -11,9 +11,8 @@ from onebot_description.arrays import Floats
 from onebot_description.description import Joint, Mimic
 from onebot_description.description.checks import cycles
 from onebot_description.elements.urdf import reduced_mimics
-from onebot_description.errors import did_you_mean
 from onebot_description.joints.config import Dependent
-from onebot_description.joints.motion_limits import JointLimits
+from onebot_description.joints.motion_limits import JointLimits, not_moving
 from onebot_description.parameters.reader import Problem
 
 _Mimics = dict[str, Mimic]  # keys: the joints that follow
@@ -96,16 +95,12 @@ def _without_leader(
     joints: Sequence[Joint], all_joints: Sequence[Joint], mimics: _Mimics
 ) -> dict[str, str]:
     """Return messages about followers of joints that do not move, by follower."""
-    names = {joint.name for joint in joints}
-    kinds = {joint.name: joint.kind for joint in all_joints}
-    problems = {}
-    for name, mimic in mimics.items():
-        if mimic.joint in names:
-            continue
-        wrong = f"is {kinds[mimic.joint]}" if mimic.joint in kinds else "does not exist"
-        hint = did_you_mean(mimic.joint, names, "joints that move")
-        problems[name] = f'joint "{name}" follows "{mimic.joint}", which {wrong}{hint}'
-    return problems
+    faults = not_moving((mimic.joint for mimic in mimics.values()), joints, all_joints)
+    return {
+        name: f'joint "{name}" follows "{mimic.joint}", but {faults[mimic.joint]}'
+        for name, mimic in mimics.items()
+        if mimic.joint in faults
+    }
 
 
 def _reduced(joints: Sequence[Joint], mimics: _Mimics) -> Following:

@@ -1,13 +1,14 @@
 """Position and velocity limits of the movable joints."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from onebot_description.arrays import Floats
 from onebot_description.elements.urdf import MOVING_KINDS, Joint
+from onebot_description.errors import unknown_names
 from onebot_description.parameters.reader import Problem
 
 
@@ -23,6 +24,23 @@ class JointLimits:
 def movable(joints: Sequence[Joint]) -> tuple[Joint, ...]:
     """Return the joints with one degree of freedom: all but fixed, floating and planar ones."""
     return tuple(joint for joint in joints if joint.kind in MOVING_KINDS)
+
+
+def not_moving(
+    names: Iterable[str], joints: Sequence[Joint], all_joints: Sequence[Joint]
+) -> dict[str, str]:
+    """Return what is wrong with each of ``names`` that is not that of one of the movable joints.
+
+    Args:
+        names: names of joints.
+        joints: the movable joints.
+        all_joints: all joints of the robot.
+    """
+    fixed = {joint.name: f'joint "{joint.name}" is {joint.kind}' for joint in all_joints}
+    hints = unknown_names(names, [joint.name for joint in joints], "joints that move")
+    return {
+        name: fixed.get(name, f'the robot has no joint "{name}"') + hint for name, hint in hints
+    }
 
 
 def joint_limits(joints: Sequence[Joint], *, soft: bool) -> tuple[JointLimits, list[Problem]]:

@@ -103,12 +103,11 @@ class Keyframes(Motion):
     blend: str = LINEAR  # interpolation, one of BLENDS
     loop: bool = True  # start over after the last, instead of holding it
     turn: float = 0.0  # added to the positions after each pass of the loop
-    pose: str = ""  # name of the pose that the single position comes from
 
     @classmethod
-    def hold(cls, position: float, pose: str = "") -> "Keyframes":
+    def hold(cls, position: float) -> "Keyframes":
         """Return the motion that stays at a position."""
-        return cls((0.0,), (position,), loop=False, pose=pose)
+        return cls((0.0,), (position,), loop=False)
 
     @classmethod
     def sweep(cls, speed: float, start: float, lower: float, upper: float) -> "Keyframes":
@@ -157,8 +156,6 @@ class Keyframes(Motion):
         for number, position in enumerate(positions, 1):
             if not allowed.holds(position):
                 name = f"keyframe {number} at" if len(positions) > 1 else "position"
-                if self.pose:
-                    name = f'pose "{self.pose}"'
                 text = f"{name} {position:.6g} {unit} is beyond {allowed.range}"
                 yield f"{text}: held at {allowed.clamp(position):.6g}"
         factor = 1.0 if self.blend == LINEAR else MINIMUM_JERK_PEAK

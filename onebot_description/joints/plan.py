@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from onebot_description.arrays import Floats
 from onebot_description.description import Joint
-from onebot_description.errors import unknown_names
 from onebot_description.joints import mimic
 from onebot_description.joints.config import JointsConfig
 from onebot_description.joints.mimic import Following
@@ -17,6 +16,7 @@ from onebot_description.joints.motion_limits import (
     JointLimits,
     joint_limits,
     movable,
+    not_moving,
     zero_position,
 )
 from onebot_description.joints.motions import (
@@ -109,8 +109,7 @@ def _given(name: str, config: JointsConfig, endless: bool) -> dict[str, Motion]:
     if name in config.zeros:
         given[f"zeros.{name}"] = Keyframes.hold(config.zeros[name])
     if config.pose and name in config.poses[config.pose]:
-        position = config.poses[config.pose][name]
-        given[f"poses.{config.pose}.{name}"] = Keyframes.hold(position, config.pose)
+        given[f"poses.{config.pose}.{name}"] = Keyframes.hold(config.poses[config.pose][name])
     elif motion := config.motions.get(name):
         if endless and isinstance(motion, Keyframes):
             motion = motion.turning()
@@ -158,16 +157,8 @@ def _wrong_names(
     joints: Sequence[Joint], all_joints: Sequence[Joint], names: Mapping[str, str]
 ) -> list[Problem]:
     """Return a problem for each parameter in ``names`` whose name no moving joint has."""
-    moving = [joint.name for joint in joints]
-    kinds = {joint.name: joint.kind for joint in all_joints}
-    hints = dict(unknown_names(names.values(), moving, "joints that move"))
-    problems = []
-    for key, name in names.items():
-        if name in hints:
-            absent = f'the robot has no joint "{name}"'
-            text = f'joint "{name}" is {kinds[name]}' if name in kinds else absent
-            problems.append(Problem(key, text + hints[name]))
-    return problems
+    faults = not_moving(names.values(), joints, all_joints)
+    return [Problem(key, faults[name]) for key, name in names.items() if name in faults]
 
 
 def _moved_followers(

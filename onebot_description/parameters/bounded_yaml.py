@@ -15,10 +15,10 @@ import yaml
 
 # The loader of libyaml, which rcl uses as well, if this build of PyYAML has it.
 SafeLoader: Any = type("SafeLoader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
-# YAML 1.2, rcl and RViz read 1e-05 as a number; PyYAML, which follows YAML 1.1, as a string.
+# YAML 1.2, rcl and RViz read 1e-05 and -.5 as numbers; PyYAML, which follows YAML 1.1, as strings.
 SafeLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    re.compile(r"[-+]?(\d+\.?\d*[eE][-+]?\d+|\.\d+([eE][-+]?\d+)?)$"),
     [*"+-.0123456789"],
 )
 

@@ -216,13 +216,8 @@ def _value(file: _YamlFile, name: str, node: yaml.Node) -> Any:
     if isinstance(node, yaml.ScalarNode):
         return _scalar(file, name, node)
     values = [_scalar(file, name, item) for item in node.value]
-    kinds = {type(value) for value in values}
-    if len(kinds) > 1:
-        remedy = (
-            "write all its numbers with a decimal point, as in 1.0"
-            if kinds == {int, float}
-            else "put quotes around its strings"
-        )
+    if len({type(value) for value in values}) > 1:
+        remedy = "write all its numbers with a decimal point, as in 1.0, or quote all its strings"
         file.fail(node, f"{name}: a list holds values of one kind; {remedy}")
     return values
 

@@ -209,6 +209,18 @@ def first_line(error: BaseException) -> str:
     return _PLACE.sub("", lines[0]).rstrip(":") if lines else type(error).__name__
 
 
+def full_name(node: Node, name: str) -> str:
+    """Return the full name that a topic or service has after remapping.
+
+    Raises:
+        OneBotError: it is not a valid name.
+    """
+    try:
+        return str(node.resolve_topic_name(name))
+    except Exception as error:  # rclpy raises several types, none of them public
+        raise OneBotError(f'"{name}" is not a valid name: {first_line(error)}') from None
+
+
 def run_described_node(
     name: str,
     explanation: str | None,

@@ -119,11 +119,10 @@ def test_ctrl_c_leaves_what_was_done(folder: Path) -> None:
         (["study.py", "--out", "none/r.csv"], 1, "error: none/r.csv cannot be written: No such"),
         (["study.py", "--out", "r.xlsx"], 2, "the name must end in .parquet, .csv, .xml"),
         (["study.py", "--resume"], 1, "error: study.journal is not the journal of a study: "),
-        (["study.py", "--min", "reached"], 2, 'argument --min: "reached": write NAME=NUMBER'),
         (["study.py", "--workers", "0"], 2, "argument --workers: 0 is not above zero"),
         (["study.py", "--show"], 2, "--show is for a single case"),
         (["study.py", "--case", "0", "--show"], 1, "the episode has created no Simulation"),
-        (["study.py", "--min", "x=1e", "--on", "moon"], 2, "argument --min"),
+        (["study.py", "--min", "x=1e", "--on", "moon"], 2, 'argument --min: "x=1e" is not NAME='),
         (["study.py", "--keep", "none", "--min", "spped=1"], 1, 'no "spped" (did you mean'),
     ],
 )

@@ -38,6 +38,7 @@ class Numbers(DiscoverySettings):
     x: float = argument(0.0, "m")
     count: int | None = argument(None, "how many", at_least=1, at_most=99)
     namespace: str = field_of(NAMESPACE)
+    on: bool = argument(True, "a switch")
 
 
 def test_words_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,8 +76,8 @@ def test_all_problems_are_told_at_once() -> None:
         Viewing.read({"veiwer": "x", "viewer": "x11", "reload": "yes"})
     message = str(caught.value)
     assert 'no argument "veiwer" (did you mean "viewer"?' in message
-    assert "viewer:=x11 is not valid; it can be one of: web, none" in message
-    assert "reload:=yes is not valid; it can be one of: true, 1, false, 0" in message
+    assert "viewer:=x11 is not valid; write one of web, none" in message
+    assert "reload:=yes is not valid; write true or false" in message
 
 
 @pytest.mark.parametrize(
@@ -95,19 +96,13 @@ def test_former_arguments(name: str, answer: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "meant"), [("true", True), ("1", True), ("False", False), ("0", False)]
-)
-def test_switches_take_both_spellings(written: str, meant: bool) -> None:
-    assert Viewing.read({"reload": written}) == Viewing(frozenset({"reload"}), reload=meant)
-
-
-@pytest.mark.parametrize(
     ("name", "values"),
     [
         ("rate", {"5": 5.0, "100": 100.0, "1e2": 100.0, "5.5": 5.5}),
         ("x", {"-1e9": -1e9, "0": 0.0, ".5": 0.5}),
         ("count", {"": None, "1": 1, "99": 99}),
         ("namespace", {text: text for text in ("", "/", "left", "/left/", "a/b_2")}),
+        ("on", {"true": True, "1": True, "False": False, "0": False}),
     ],
 )
 def test_possible_values_have_the_type_of_the_argument(name: str, values: dict[str, Any]) -> None:

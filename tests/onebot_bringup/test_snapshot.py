@@ -24,7 +24,7 @@ def test_command_line():
     assert args.joints == {"p": 0.5, "q": -0.01}
     assert (args.width, args.height, args.dashboard) == (1280, 720, False)
     args = parse_command_line(["a.png", "--ros-args", "-r", "__ns:=/left"])
-    assert args.ros_args == ["--ros-args", "-r", "__ns:=/left"] and args.source is None
+    assert args.ros_args == ("-r", "__ns:=/left") and args.source is None
     assert parse_command_line(["a.png", "run", "namespace:=left"]).source == "run"
     bag = parse_command_line(["a.png", "run.mcap", "namespace:=left"])
     assert bag.arguments == {"namespace": "left"}

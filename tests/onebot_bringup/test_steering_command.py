@@ -103,7 +103,7 @@ def test_where_no_viewer_answers_it_starts_one(peer, tmp_path, monkeypatch):
 
 
 def test_frames_of_a_robot_yet_to_come_are_named_as_by_a_bringup(ros_domain):
-    with Session(["--ros-args", "-r", "__ns:=/left"]) as session:
+    with Session(["-r", "__ns:=/left"]) as session:
         assert robot_parameters(session) == {"frame_prefix": "left/"}
     with Session() as session:
         assert robot_parameters(session) == {"frame_prefix": ""}

@@ -143,7 +143,7 @@ def test_every_sensor_counts_in_the_direction_driven(peer: Peer) -> None:
     def clearance() -> float | None:
         needed = obstacles.needed(RobotNamespace("", ()), watched=True)
         topics.update(needed | odometry.needed("/cmd_vel", ()))
-        topics.transforms.update(True)
+        topics.update_transforms(True)
         for topic, publisher in publishers.items():
             publisher.publish(messages[topic])
         found = obstacles.clearance

@@ -171,7 +171,7 @@ def test_several_controllers(peer: Peer) -> None:
         ("/", "right/arm", ["/right/arm"]),
         ("/left", "", ["/left/arm"]),
     ):
-        with Session(["--ros-args", "-r", f"__ns:={namespace}"]) as found_by:
+        with Session(["-r", f"__ns:={namespace}"]) as found_by:
             controllers = running_controllers(found_by, name)
             assert [controller.name for controller in controllers] == found
 
@@ -224,9 +224,9 @@ def test_a_controller_that_does_not_work(peer: Peer) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("elbow=fast", '"elbow=fast" is not JOINT=POSITION, with a number in rad or m'),
-        ("elbow=nan", '"elbow=nan" is not JOINT=POSITION'),
-        ("elbow", '"elbow" is not JOINT=POSITION'),
+        ("elbow=fast", '"elbow=fast" is not NAME=NUMBER, such as elbow=0.5'),
+        ("elbow=nan", '"elbow=nan" is not NAME=NUMBER'),
+        ("elbow", '"elbow" is not NAME=NUMBER'),
         ("elbow=1 time:=0", "time:=0 is not valid; write a number above 0"),
         ("elbow=1 tme:=1", 'no argument "tme" (did you mean "time"?'),
     ],

@@ -298,7 +298,7 @@ def test_sim_time_is_respected(start_node: Callable[..., Any], mrm: str) -> None
 
 def test_mistakes_at_the_start_end_it(ros_domain: int, mrm: str) -> None:
     mistakes = [
-        (["-p", "source_list:=['no good']"], "source_list: Invalid topic name"),
+        (["-p", "source_list:=['no good']"], 'source_list: "no good" is not a valid name'),
         (["-r", "joint_states:=/rosout"], "a node can use a topic with only one type"),
     ]
     lines = [[mrm, "--ros-args", *arguments] for arguments, _ in mistakes]

@@ -46,7 +46,7 @@ ONCE = {"blend": "minimum_jerk", "loop": False}
             {"type": "sine", "amplitude": 1, "frequency": 2, "offset": 3, "phase": 4},
             Sine(1, 2, 4, 3),
         ),
-        ({"type": "pose", "pose": "up"}, Keyframes.hold(0.75, "up")),
+        ({"type": "pose", "pose": "up"}, Keyframes.hold(0.75)),
         (
             {"type": "keyframes", "times": [0, 1], "positions": [0, 0.5]},
             Keyframes((0, 1), (0, 0.5)),

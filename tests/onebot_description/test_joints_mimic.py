@@ -60,8 +60,8 @@ def test_a_circle_by_dependent_joints_is_refused() -> None:
 def test_following_a_missing_joint_is_reported() -> None:
     joints = [joint("finger"), joint("thumb", mimic=mimic("fingr"))]
     [text] = reported(joints)
-    assert 'follows "fingr", which does not exist (did you mean "finger"?' in text
-    said = 'dependent_joints.finger: joint "finger" follows "hand", which does not exist'
+    assert 'but the robot has no joint "fingr" (did you mean "finger"?' in text
+    said = 'dependent_joints.finger: joint "finger" follows "hand", but the robot has no'
     assert said in refused(joints, {"dependent_joints.finger.parent": "hand"})
 
 

@@ -26,7 +26,6 @@ def violations(motion: Motion, allowed: Allowed = MRM) -> list[str]:
         (Sine(1.0, 0.2), [f"sine at 0.2 Hz peaks at 1.257 rad/s, {SPEED}: lower frequency to"]),
         (Sine(1.0, 0.01, 0.0, 4.0), [f"sine from 3 to 5 rad {RANGE}: lower amplitude, or change"]),
         (Keyframes.hold(4.0), [f"position 4 rad {RANGE}: held at 3.14"]),
-        (Keyframes.hold(-4.0, "home"), [f'pose "home" -4 rad {RANGE}: held at -3.14']),
         (
             Keyframes((0.0, 1.0, 9.0, 9.5), (4.0, 3.0, -4.0, 0.0)),
             [

@@ -103,7 +103,7 @@ def test_sections(section: str, node: str, matches: bool) -> None:
             ':3: "ros__parameters" occurs twice',
         ),
         ("jsp:\n  ros__parameters:\n    a: [1, 2.0]\n", ":3: a: a list holds values of one kind"),
-        ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "put quotes around"),
+        ("jsp:\n  ros__parameters:\n    a: [1, b]\n", "quote all its strings"),
         ("jsp:\n  ros__parameters:\n    a: [[1]]\n", ":3: a: a list holds plain values"),
         ("jsp:\n  ros__parameters:\n    rate:\n", ":3: rate: has no value"),
         ("jsp:\n  rate: 1\n", ':2: "rate" must hold a map with "ros__parameters:"'),
