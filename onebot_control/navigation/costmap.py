@@ -21,6 +21,9 @@ _VISITED = 0.25  # extra price for each second that the robot was near
 _INSCRIBED, _LETHAL, _NO_INFORMATION = 253, 254, 255
 _SCALING = 3.0  # cost_scaling_factor, 1/m
 
+# Center of a cell, and of its quarters, relative to its center: row and column, cells.
+_POINTS = ((0.0, 0.0), (-0.25, -0.25), (-0.25, 0.25), (0.25, -0.25), (0.25, 0.25))
+
 
 class Costmap:
     """Distances from obstacles, and the price of driving over cells, updated in parts.
@@ -76,24 +79,39 @@ class Costmap:
         reach = math.ceil(_REACH / resolution)
         inner = part.grown(reach, self._occupied.shape)
         outer = part.grown(2 * reach, self._occupied.shape)
-        occupied = self._occupied[outer.cells]
-        distances = np.full(occupied.shape, _REACH, np.float32)
-        if occupied.any():
-            rows, columns = distance_transform_edt(
-                ~occupied, return_distances=False, return_indices=True
-            )
-            # Use the mean end point in the nearest occupied cell, which is more exact than its
-            # center.
-            number, x, y = self._grid.ends[outer.cells][rows, columns].transpose(2, 0, 1)
-            number = np.maximum(number, 1.0) * np.float32(resolution)
-            rows = rows + y / number - np.arange(occupied.shape[0], dtype=np.float32)[:, None]
-            columns = columns + x / number - np.arange(occupied.shape[1], dtype=np.float32)
-            np.minimum(np.hypot(rows, columns) * np.float32(resolution), _REACH, out=distances)
-        self.distances[inner.cells] = distances[inner.moved(-outer.top, -outer.left).cells]
-        quarters = Window(*(2 * edge for edge in inner)).cells
-        self.fine[quarters] = quartered(self.distances[inner.cells])
+        kept = (slice(None), *inner.moved(-outer.top, -outer.left).cells)
+        nearest = self._nearest(outer)[kept]
+        center, *quarters = np.minimum(nearest * resolution, _REACH)
+        self.distances[inner.cells] = center
+        fine = self.fine[Window(*(2 * edge for edge in inner)).cells]
+        fine[::2, ::2], fine[::2, 1::2], fine[1::2, ::2], fine[1::2, 1::2] = quarters
         self.price(inner)
         return inner
+
+    def _nearest(self, part: Window) -> Singles:
+        """Return the distances to the nearest obstacle, (5, rows, columns), cells.
+
+        They are those of the center of each cell, then of the centers of its quarters.
+        """
+        occupied = self._occupied[part.cells]
+        squares = np.full((len(_POINTS), *occupied.shape), np.inf, np.float32)
+        if not occupied.any():
+            return squares
+        cells = distance_transform_edt(~occupied, return_distances=False, return_indices=True)
+        # The mean end of rays in an occupied cell is more exact than its center. The nearest one
+        # may be in another cell than the nearest center: those of the neighbors are tried, too.
+        number, x, y = self._grid.ends[part.cells][tuple(cells)].transpose(2, 0, 1)
+        number = np.maximum(number, 1.0) * np.float32(self._grid.resolution)
+        ends = np.stack((cells[0] + y / number, cells[1] + x / number)).astype(np.float32)
+        ends = np.pad(ends, ((0, 0), (1, 1), (1, 1)), "edge")
+        height, width = occupied.shape
+        here = np.indices(occupied.shape, np.float32)
+        for up, right in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2)):
+            away = ends[:, up : up + height, right : right + width] - here
+            for square, (row, column) in zip(squares, _POINTS, strict=True):
+                rows, columns = away[0] - np.float32(row), away[1] - np.float32(column)
+                np.minimum(square, rows * rows + columns * columns, out=square)
+        return np.sqrt(squares)
 
     def price(self, part: Window) -> None:
         """Recompute the prices of a part."""
@@ -131,16 +149,3 @@ class Costmap:
         costs[self._occupied] = _LETHAL
         costs[(self._grid.log_odds == 0.0) & (beyond > 0.0)] = _NO_INFORMATION
         return OccupancyGrid(costs.astype(np.uint8), self._grid.resolution, self._grid.origin)
-
-
-def quartered(values: Singles) -> Singles:
-    """Return values interpolated at the centers of the quarters of cells, (2 rows, 2 columns)."""
-    rows, columns = values.shape
-    padded = np.pad(values, 1, "edge")
-    inner = padded[1:-1] * np.float32(3.0)
-    result = np.empty((2 * rows, 2 * columns), np.float32)
-    for row, half in enumerate((inner + padded[:-2], inner + padded[2:])):
-        middle = half[:, 1:-1] * np.float32(3.0)
-        result[row::2, ::2] = (middle + half[:, :-2]) * np.float32(1.0 / 16.0)
-        result[row::2, 1::2] = (middle + half[:, 2:]) * np.float32(1.0 / 16.0)
-    return result

@@ -23,7 +23,6 @@ from scipy.ndimage import distance_transform_edt
 
 from onebot_control import Simulation
 from onebot_control.navigation.cost_to_go import CostToGo
-from onebot_control.navigation.costmap import quartered
 from onebot_control.navigation.footprint import Vehicle
 from onebot_control.navigation.grid import Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
@@ -143,7 +142,8 @@ def _cycle() -> Any:
     vehicle = Vehicle(corners, 1.0, 0.3, 0.0, 2.0, 1.0, 3.0)
     planner = LocalPlanner(vehicle, samples=_SAMPLES, steps=_STEPS)
     prices = _prices((400, 400))
-    distances = quartered((distance_transform_edt(np.isfinite(prices)) * 0.05).astype(np.float32))
+    fine = np.kron(np.isfinite(prices), np.ones((2, 2), bool))
+    distances = (distance_transform_edt(fine) * 0.025).astype(np.float32)
     state = PlanarPose(10.0, 10.0), (0.5, 0.0, 0.0), (0.2, 0.2)
     costs = distances, _whole(prices).values, 20.0, (0.0, 0.0), 0.05
     now = Situation(*state, *costs, np.zeros((0, 2)))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from onebot_control.navigation.cost_to_go import CostToGo
-from onebot_control.navigation.costmap import Costmap, quartered
+from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle, footprint_of
 from onebot_control.navigation.grid import GridMap, LevelScan, Window
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
@@ -134,7 +135,7 @@ def wall_map(x: float = 1.0, gap: float = 0.0) -> OccupancyGrid:
 
 
 def test_distances_are_updated_by_parts():
-    """As if they were computed anew, whatever is entered; quarters are interpolated."""
+    """As if they were computed anew, whatever is entered: to the nearest mean end of rays."""
     grid = GridMap()
     costmap = Costmap(grid, 0.2)
     generator = np.random.default_rng(0)
@@ -147,11 +148,14 @@ def test_distances_are_updated_by_parts():
     ours, theirs = costmap.distances, anew.distances
     assert np.abs(ours - theirs).max() < 0.06  # cells at edges of walls stay occupied for longer
     assert np.abs(ours - theirs).mean() < 0.002
-    ramp = np.add.outer(np.arange(4.0), 2.0 * np.arange(5.0)).astype(np.float32)
-    fine = quartered(ramp)
-    assert fine[2:6, 2:8] == pytest.approx(
-        np.add.outer(np.arange(0.75, 2.5, 0.5), 2.0 * np.arange(0.75, 3.5, 0.5))
-    )
+    tree = cKDTree(grid.walls())
+    for fine, distances in ((1, anew.distances), (2, anew.fine)):
+        step, shape = grid.resolution / fine, distances.shape
+        places = (np.indices(shape).T[..., ::-1] + 0.5) * step + grid.origin
+        exact = np.minimum(tree.query(places)[0].T, 1.0)
+        assert shape == tuple(fine * np.array(grid.shape))
+        assert np.abs(distances - exact).max() < 0.3 * grid.resolution
+        assert np.abs(distances - exact).mean() < 1e-4
 
 
 def test_costs_are_those_of_nav2():
