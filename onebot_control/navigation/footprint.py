@@ -53,6 +53,11 @@ class Vehicle:
         across = np.abs(self.footprint).max(axis=0)
         return float(across.min() if self.sideways else across[1])
 
+    @property
+    def radius(self) -> float:
+        """Radius of the circle that the robot covers when it turns on the spot, m."""
+        return float(np.hypot(*self.footprint.T).max())
+
     def circles(self) -> tuple[Floats, Floats]:
         """Return centers (N, 2) and radii (N,), m, of circles that together cover the footprint.
 

@@ -261,7 +261,11 @@ class LocalPlanner:
     def clearance(self, now: Situation) -> float:
         """Return the clearance of the robot, m; negative: it touches an obstacle."""
         x, y, yaw = (np.array([value], np.float32) for value in now.pose)
-        return float(now.clearance(self._circles, x, y, yaw, exact=True)[0])
+        return float(self.clearances(now, x, y, yaw)[0])
+
+    def clearances(self, now: Situation, x: Singles, y: Singles, yaw: Singles) -> Singles:
+        """Return the clearance of the robot at poses, arrays of one shape, m."""
+        return now.clearance(self._circles, x, y, yaw, exact=True)
 
     def command(self, now: Situation) -> tuple[Triple, bool]:
         """Return the next command, and whether the robot can continue."""
@@ -352,13 +356,15 @@ class LocalPlanner:
         braked = times * self._rates - obeyed
         speeds -= np.clip(speeds, -braked, braked)
         paths = self._driven(speeds, now.pose)
-        clearances = now.clearance(self._circles, paths.x, paths.y, paths.yaw, exact=True)
+        clearances = self.clearances(now, paths.x, paths.y, paths.yaw)
         return np.asarray((clearances >= minimum).all(axis=0))
 
-    def is_safe(self, now: Situation, command: Triple) -> bool:
+    def is_safe(self, now: Situation, command: Triple, *, narrow: bool = False) -> bool:
         """Return whether the robot could still brake after executing a command for two periods.
 
-        The required clearance is larger than for ``command``, as the robot need not move there.
+        Unless it has to go through a narrow place, the required clearance is larger than for
+        ``command``, as the robot need not move there.
         """
         commands = np.array([command], np.float32).T
-        return bool(self._safe(now, commands, 3.0 * _MIN_CLEARANCE, self.clearance(now))[0])
+        minimum = _MIN_CLEARANCE if narrow else 3.0 * _MIN_CLEARANCE
+        return bool(self._safe(now, commands, minimum, self.clearance(now))[0])

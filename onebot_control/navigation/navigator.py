@@ -28,7 +28,7 @@ import numpy as np
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle
-from onebot_control.navigation.grid import GridMap, LevelScan, Mask, Window
+from onebot_control.navigation.grid import GridMap, LevelScan, Mask, Window, placed
 from onebot_control.navigation.latency import Latency
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.localization import Localizer
@@ -37,7 +37,7 @@ from onebot_control.navigation.scan_matching import Walls
 from onebot_control.occupancy_grid import OccupancyGrid
 from onebot_description.arrays import Floats
 from onebot_description.errors import OneBotError
-from onebot_description.geometry.poses import PlanarPose, Triple
+from onebot_description.geometry.poses import PlanarPose, Triple, clamp
 
 _STOP: Triple = (0.0, 0.0, 0.0)
 _OLDEST_SCAN = 0.3  # s
@@ -61,7 +61,11 @@ _STUCK = 5.0  # s without motion after which the robot is stuck
 _MOVED = 0.15  # m, or three times as many rad, that count as motion
 _RECOVERIES = 6  # maximum number of recoveries without progress between them
 _NEAR_GOAL = 0.4  # m
+_SLIGHT_TURN = 0.1  # rad, for which there is room everywhere
+_STAGES = 50  # number of places to turn that are tried
+_STAGED = 1.0  # m from the goal at which it is known whether the robot can turn there
 _EASY = 0.7  # share of the maximum speed from which the robot can stop
+_SETTLING = 0.5  # s to stand still while scans find again what was forgotten
 _CLEARED = 1.5  # m around the robot in which a recovery clears obstacles
 
 
@@ -95,6 +99,9 @@ class _Goal(NamedTuple):
     y: float
     yaw: float | None
     path: Floats | None = None  # points of a preferred path, (N, 2), m
+    is_staged: bool = False  # whether it is known where to turn to the heading
+    end: tuple[float, float] | None = None  # where to drive straight from there, m
+    is_straight: bool = False  # whether there is no room to turn there
 
 
 class _Motion(NamedTuple):
@@ -167,11 +174,22 @@ class Navigator:
         self._forget(self.map.around(self.pose, radius))
 
     def _forget(self, window: Window, cells: Mask | bool = True) -> None:
-        """Forget obstacles in a part of the map, except those of the last scan."""
+        """Forget obstacles in a part of the map, except those of the last scan.
+
+        Those beside the robot are kept, since scans do not measure there.
+        """
+        near = self.map.around(self.pose, self.vehicle.radius + 2.0 * self.map.resolution)
+        former = self.map.log_odds[near.cells].copy()
         self.map.doubt(window, cells)
+        rows, columns = np.indices(former.shape).reshape(2, -1)
+        centers = self.map.middle(rows + near.top, columns + near.left)
+        own = self._is_own(placed(centers, self.pose.inverse()), self.map.resolution)
+        own = own.reshape(former.shape)
+        self.map.log_odds[near.cells][own] = former[own]
         if self._scanned is not None:
             window = window.union(self.map.enter(*self._entered))
         self._update_costs(window)
+        self._settled = self.time + _SETTLING
 
     def use_vehicle(self, vehicle: Vehicle) -> None:
         """Use another footprint or other limits of the robot from now on."""
@@ -293,6 +311,7 @@ class Navigator:
         self._recovery: tuple[Triple, float] | None = None  # a command, and the time of its end
         self._since: float | None = None
         self._last: PlanarPose | None = None
+        self._settled = -math.inf  # time from which the map is complete again, s
 
     def cancel(self, reason: str = "the goal was cancelled") -> None:
         """End the goal, if there is one; the robot stops."""
@@ -391,8 +410,7 @@ class Navigator:
 
     def _sense(self, scan: LevelScan, time: float) -> None:
         points = scan.points
-        away = np.hypot(*(points[:, None] - self._circles[0]).transpose(2, 0, 1))
-        points = points[(away > self._circles[1] + _OWN).all(axis=1)]
+        points = points[~self._is_own(points)]
         if len(self._walls.points):
             self.localizer.correct(time, points, self._walls)
         pose = self.localizer.at(time)
@@ -407,6 +425,16 @@ class Navigator:
         if not self._given and (self._scans % _WALLS_EVERY == 1 or self._scans < _WALLS_EVERY):
             self._walls = Walls(self.map.walls(pose, _WALLS_REACH))
         self._update_costs(window)
+
+    def _is_own(self, points: Floats, further: float = 0.0) -> Mask:
+        """Return which points (N, 2), in the robot's frame, scans regard as the robot itself.
+
+        Args:
+            points: the points, m.
+            further: distance from such points, m.
+        """
+        away = np.hypot(*(points[:, None] - self._circles[0]).transpose(2, 0, 1))
+        return np.asarray((away <= self._circles[1] + _OWN + further).any(axis=1))
 
     def _update_costs(self, window: Window) -> None:
         """Update the costs of a changed part of the map, or all if the map has grown."""
@@ -554,9 +582,14 @@ class Navigator:
 
     def _drive(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple:
         """Return the command for driving to a pose, and end the goal there."""
-        if not self._reach(goal, pose):
+        if not self._reach(goal, pose) or self.time < self._settled:
             return _STOP
         now = self._situation(pose, speed, goal[:2])
+        if not goal.is_staged and math.hypot(goal.x - pose.x, goal.y - pose.y) < _STAGED:
+            self._goal = staged = self._stage(goal, now)
+            if staged.end:
+                self._field = None
+                return _STOP
         if self._recovery is not None:
             command, until = self._recovery
             if self.time < until and self._local_planner.is_safe(now, command):
@@ -567,7 +600,8 @@ class Navigator:
             last_stretch = self._finish(goal, pose, speed)
             if self._goal is None:
                 return _STOP
-            if last_stretch and self._local_planner.is_safe(now, last_stretch):
+            narrow = goal.is_straight
+            if last_stretch and self._local_planner.is_safe(now, last_stretch, narrow=narrow):
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return last_stretch
@@ -590,14 +624,27 @@ class Navigator:
                 self._end("arrived")
             return None
         error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
-        near = 0.4 * tolerance
+        near = (0.2 if goal.end or goal.is_straight else 0.4) * tolerance
+        direction = math.atan2(y, x)
+        if goal.is_straight and goal.yaw is not None:
+            cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
+            along, across = cos * x + sin * y, cos * y - sin * x
+            if abs(across) < 0.6 * tolerance:
+                away = abs(along)
+                turn = clamp(math.copysign(2.0, along) * across, -_SLIGHT_TURN, _SLIGHT_TURN)
+                direction = goal.yaw + turn + (math.pi if along < 0.0 else 0.0)
         self._finishing = away < (1.6 * near if self._finishing else near)
         if self._finishing:
             if abs(error) > 0.4 * self.parameters.yaw_goal_tolerance:
                 return 0.0, 0.0, self._turning(error)
+            if goal.end:
+                x, y = goal.end
+                self._goal = goal._replace(x=x, y=y, end=None, is_straight=True)
+                self._field, self._finishing = None, False
+                return _STOP
             return self._end("arrived") if max(map(abs, speed)) < 0.05 else _STOP
         top = min(self._braking(away), vehicle.forward, 2.0 * away + 0.02)
-        bearing = math.remainder(math.atan2(y, x) - pose.yaw, math.tau)
+        bearing = math.remainder(direction - pose.yaw, math.tau)
         if vehicle.sideways:
             top = min(top, vehicle.sideways)
             return top * math.cos(bearing), top * math.sin(bearing), self._turning(error)
@@ -608,6 +655,41 @@ class Navigator:
         if abs(bearing) > 0.3 and away * abs(math.sin(bearing)) > 0.01:
             top = 0.0
         return sign * top * math.cos(bearing), 0.0, self._turning(bearing)
+
+    def _stage(self, goal: _Goal, now: Situation) -> _Goal:
+        """Return a goal that knows where to turn to its heading.
+
+        If there is no room to turn at the goal, the robot turns as near as possible, where it only
+        has to drive straight on or back to the goal.
+        """
+        goal = goal._replace(is_staged=True)
+        if goal.yaw is None or self.vehicle.minimum_radius:
+            return goal
+        near = self.map.around(PlanarPose(*goal[:2]), _NEAR_GOAL)
+        distances = self._costmap.fine[Window(*(2 * edge for edge in near)).cells]
+        row, column = np.nonzero(distances > self.vehicle.radius + _MARGIN)
+        half = 0.5 * self.map.resolution
+        x = self.map.origin[0] + (2 * near.left + column + 0.5) * half - goal.x
+        y = self.map.origin[1] + (2 * near.top + row + 0.5) * half - goal.y
+        cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
+        away, along, across = np.hypot(x, y), cos * x + sin * y, cos * y - sin * x
+        cost = away + 4.0 * np.abs(across)
+        if not self.vehicle.backward:
+            cost[along > 0.0] = np.inf
+        if not len(cost) or away.min() < half:
+            return goal
+        best = np.argsort(cost)[:_STAGES]
+        best = best[np.isfinite(cost[best])]
+        shares = np.linspace(0.0, 1.0, 20)[:, None]
+        xs = (goal.x + shares * x[best]).astype(np.float32)
+        ys = (goal.y + shares * y[best]).astype(np.float32)
+        yaws = np.full(xs.shape, goal.yaw, np.float32)
+        clearances = self._local_planner.clearances(now, xs, ys, yaws)
+        free = np.flatnonzero(clearances.min(axis=0) > _MARGIN)
+        if not len(free):
+            return goal
+        first = best[free[0]]
+        return goal._replace(x=goal.x + float(x[first]), y=goal.y + float(y[first]), end=goal[:2])
 
     def _braking(self, away: float) -> float:
         """Return the speed, m/s, from which the robot easily stops within ``away``, m."""

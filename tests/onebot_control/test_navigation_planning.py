@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from onebot_control.navigation.cost_to_go import CostToGo
 from onebot_control.navigation.costmap import Costmap
 from onebot_control.navigation.footprint import Vehicle, footprint_of
-from onebot_control.navigation.grid import GridMap, LevelScan, Window
+from onebot_control.navigation.grid import GridMap, LevelScan, Window, placed
 from onebot_control.navigation.local_planner import LocalPlanner, Situation
 from onebot_control.navigation.navigator import Failure, NavigationError, Navigator
 from onebot_control.navigation.parameters import NavigationParameters
@@ -424,3 +424,16 @@ def test_what_is_forgotten_near_the_robot_no_longer_costs():
     navigator.update(1.0, ORIGIN, (0.0, 0.0, 0.0), scan=scan)
     navigator.forget_near(1.2)
     assert len(navigator.plan(PlanarPose(1.5, 0.0))) > 20
+
+
+def test_it_touches_nothing_on_its_way_to_a_goal_where_it_does_not_fit():
+    """Scans do not measure what is beside the robot, and so it must not be forgotten."""
+    footprint = np.array([(-0.33, -0.15), (0.1, -0.15), (0.1, 0.15), (-0.33, 0.15)])
+    toy = Toy(Navigator(Vehicle(footprint, 0.5, 0.2, 0.0, 2.0, 1.0, 3.0), ORIGIN), half=0.42)
+    toy.navigator.go_to(-0.05, -0.16, 1.6)
+    room = math.inf
+    while toy.navigator.navigating and toy.time < 60.0:
+        toy.run(0.05)
+        room = min(room, 0.42 - np.abs(placed(footprint, toy.pose)).max())
+    assert toy.navigator.failure is Failure.FAILED_TO_MAKE_PROGRESS
+    assert toy.navigator.recoveries > 3 and room > 0.0
