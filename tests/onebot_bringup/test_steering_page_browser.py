@@ -388,7 +388,7 @@ def test_another_topic_is_entered(peer: Peer, page: Page) -> None:
     wait_for(lambda: "/other/cmd_vel" in page.driver.execute_script(offered), "the topic's offer")
     wait_for(lambda: page.text("#topic output") == "Twist, 1 subscriber", "its own type")
     page.enter("#topic-name", "not-a-topic")
-    wait_for(lambda: "not a valid topic name" in page.text("#topic-hint"), "the error")
+    wait_for(lambda: "is not a valid name" in page.text("#topic-hint"), "the error")
     field = page.find("#topic-name")
     wait_for(lambda: field.get_property("value") == TOPIC, "the topic to be put back")
     page.enter("#topic-name", "/other/cmd_vel")

@@ -190,15 +190,13 @@ def test_a_snapshot_takes_all_robots_that_run(ros_domain, tmp_path, monkeypatch)
         recording = open_recording(save=tmp_path / "x.rrd")
         sent: list[rrb.Blueprint] = []
         recording.stream.send_blueprint = lambda item, **_: sent.append(item)
-        shown = RunningRobots(session, "", recording.stream, robots, print)
+        shown = RunningRobots(session, "", recording.stream, robots)
         shown.await_descriptions()
         assert shown.record() == []
         recording.close()
         assert "Background" in sent[-1].root_container.contents[0].properties
         assert column(tmp_path / "x.rrd", "/right/robot/visual/tip/0", FRAME) == [["right/tip"]]
-        late = RunningRobots(
-            session, "none", recording.stream, [*robots, RobotToShow("/later")], print
-        )
+        late = RunningRobots(session, "none", recording.stream, [*robots, RobotToShow("/later")])
         monkeypatch.setattr("onebot_bringup.cli.live_picture._FRAMES", 1.0)
         with pytest.raises(OneBotError, match="no description of the robots in /later within 1 s"):
             late.await_descriptions()
