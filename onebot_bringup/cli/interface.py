@@ -25,7 +25,7 @@ from onebot_description.ros.wire.interface_text import (
 
 _TITLES = (("Messages", "msg"), ("Services", "srv"), ("Actions", "action"))
 _SITE = Path(sysconfig.get_path("purelib"))  # editors look for stubs here
-_SEPARATOR = "---"  # of request and response
+_SEPARATOR = "---"  # between request and response
 
 
 def list_types(_: Namespace) -> None:

@@ -169,7 +169,7 @@ class _Transforms:
         from onebot_description.ros.tf_subscription import subscribe_to_tf
 
         self.frames = FrameTree()
-        self.arrivals: dict[str, Arrivals] = {}  # of transforms, by child frame
+        self.arrivals: dict[str, Arrivals] = {}  # keys: child frames
         self.parents: dict[str, set[str]] = {}  # parent frames, by child frame
         self.session = session
         self.warn = cache(warn)  # each text once

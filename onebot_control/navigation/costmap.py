@@ -83,7 +83,7 @@ class Costmap:
         nearest = self._nearest(outer)[kept]
         center, *quarters = np.minimum(nearest * resolution, _REACH)
         self.distances[inner.cells] = center
-        fine = self.fine[Window(*(2 * edge for edge in inner)).cells]
+        fine = self.fine[inner.quarters.cells]
         fine[::2, ::2], fine[::2, 1::2], fine[1::2, ::2], fine[1::2, 1::2] = quarters
         self.price(inner)
         return inner

@@ -99,9 +99,9 @@ class _Goal(NamedTuple):
     y: float
     yaw: float | None
     path: Floats | None = None  # points of a preferred path, (N, 2), m
-    is_staged: bool = False  # whether it is known where to turn to the heading
-    end: tuple[float, float] | None = None  # where to drive straight from there, m
-    is_straight: bool = False  # whether there is no room to turn there
+    is_staged: bool = False  # whether it is known where the robot can turn to the heading
+    end: tuple[float, float] | None = None  # the goal itself, if the robot has to turn before, m
+    is_straight: bool = False  # whether the robot has turned before
 
 
 class _Motion(NamedTuple):
@@ -183,9 +183,9 @@ class Navigator:
         self.map.doubt(window, cells)
         rows, columns = np.indices(former.shape).reshape(2, -1)
         centers = self.map.middle(rows + near.top, columns + near.left)
-        own = self._is_own(placed(centers, self.pose.inverse()), self.map.resolution)
-        own = own.reshape(former.shape)
-        self.map.log_odds[near.cells][own] = former[own]
+        beside = self._is_own(placed(centers, self.pose.inverse()), self.map.resolution)
+        beside = beside.reshape(former.shape)
+        self.map.log_odds[near.cells][beside] = former[beside]
         if self._scanned is not None:
             window = window.union(self.map.enter(*self._entered))
         self._update_costs(window)
@@ -585,9 +585,10 @@ class Navigator:
         if not self._reach(goal, pose) or self.time < self._settled:
             return _STOP
         now = self._situation(pose, speed, goal[:2])
-        if not goal.is_staged and math.hypot(goal.x - pose.x, goal.y - pose.y) < _STAGED:
-            self._goal = staged = self._stage(goal, now)
-            if staged.end:
+        away = math.hypot(goal.x - pose.x, goal.y - pose.y)
+        if not goal.is_staged and away < _STAGED:
+            self._goal = goal = self._staged(goal, now)
+            if goal.end:
                 self._field = None
                 return _STOP
         if self._recovery is not None:
@@ -596,12 +597,13 @@ class Navigator:
                 return command
             self._recovery = None
             self._local_planner.reset()
-        if self._finishing or math.hypot(goal.x - pose.x, goal.y - pose.y) < _NEAR_GOAL:
+        if self._finishing or away < _NEAR_GOAL:
             last_stretch = self._finish(goal, pose, speed)
             if self._goal is None:
                 return _STOP
-            narrow = goal.is_straight
-            if last_stretch and self._local_planner.is_safe(now, last_stretch, narrow=narrow):
+            if last_stretch and self._local_planner.is_safe(
+                now, last_stretch, narrow=goal.is_straight
+            ):
                 self._progress(pose)
                 self.status, self.reason = "driving", ""
                 return last_stretch
@@ -617,22 +619,13 @@ class Navigator:
     def _finish(self, goal: _Goal, pose: PlanarPose, speed: Triple) -> Triple | None:
         """Return the command for the last stretch, straight to the goal, and end it there."""
         vehicle, tolerance = self.vehicle, self.parameters.xy_goal_tolerance
-        x, y = goal.x - pose.x, goal.y - pose.y
-        away = math.hypot(x, y)
+        away, direction = self._last_stretch(goal, pose)
         if vehicle.minimum_radius:
             if away < max(tolerance, 2.0 * self.map.resolution):
                 self._end("arrived")
             return None
         error = 0.0 if goal.yaw is None else math.remainder(goal.yaw - pose.yaw, math.tau)
         near = (0.2 if goal.end or goal.is_straight else 0.4) * tolerance
-        direction = math.atan2(y, x)
-        if goal.is_straight and goal.yaw is not None:
-            cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
-            along, across = cos * x + sin * y, cos * y - sin * x
-            if abs(across) < 0.6 * tolerance:
-                away = abs(along)
-                turn = clamp(math.copysign(2.0, along) * across, -_SLIGHT_TURN, _SLIGHT_TURN)
-                direction = goal.yaw + turn + (math.pi if along < 0.0 else 0.0)
         self._finishing = away < (1.6 * near if self._finishing else near)
         if self._finishing:
             if abs(error) > 0.4 * self.parameters.yaw_goal_tolerance:
@@ -656,7 +649,21 @@ class Navigator:
             top = 0.0
         return sign * top * math.cos(bearing), 0.0, self._turning(bearing)
 
-    def _stage(self, goal: _Goal, now: Situation) -> _Goal:
+    def _last_stretch(self, goal: _Goal, pose: PlanarPose) -> tuple[float, float]:
+        """Return the distance to the goal, m, and the direction in the map to drive there, rad.
+
+        A robot that has turned before keeps its heading, unless it has left the line.
+        """
+        x, y = goal.x - pose.x, goal.y - pose.y
+        if goal.is_straight and goal.yaw is not None:
+            cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
+            along, across = cos * x + sin * y, cos * y - sin * x
+            if abs(across) < 0.6 * self.parameters.xy_goal_tolerance:
+                turn = clamp(math.copysign(2.0, along) * across, -_SLIGHT_TURN, _SLIGHT_TURN)
+                return abs(along), goal.yaw + turn + (math.pi if along < 0.0 else 0.0)
+        return math.hypot(x, y), math.atan2(y, x)
+
+    def _staged(self, goal: _Goal, now: Situation) -> _Goal:
         """Return a goal that knows where to turn to its heading.
 
         If there is no room to turn at the goal, the robot turns as near as possible, where it only
@@ -665,21 +672,20 @@ class Navigator:
         goal = goal._replace(is_staged=True)
         if goal.yaw is None or self.vehicle.minimum_radius:
             return goal
-        near = self.map.around(PlanarPose(*goal[:2]), _NEAR_GOAL)
-        distances = self._costmap.fine[Window(*(2 * edge for edge in near)).cells]
-        row, column = np.nonzero(distances > self.vehicle.radius + _MARGIN)
+        near = self.map.around(PlanarPose(*goal[:2]), _NEAR_GOAL).quarters
+        row, column = np.nonzero(self._costmap.fine[near.cells] > self.vehicle.radius + _MARGIN)
         half = 0.5 * self.map.resolution
-        x = self.map.origin[0] + (2 * near.left + column + 0.5) * half - goal.x
-        y = self.map.origin[1] + (2 * near.top + row + 0.5) * half - goal.y
+        x = self.map.origin[0] + (near.left + column + 0.5) * half - goal.x
+        y = self.map.origin[1] + (near.top + row + 0.5) * half - goal.y
         cos, sin = math.cos(goal.yaw), math.sin(goal.yaw)
         away, along, across = np.hypot(x, y), cos * x + sin * y, cos * y - sin * x
-        cost = away + 4.0 * np.abs(across)
-        if not self.vehicle.backward:
-            cost[along > 0.0] = np.inf
-        if not len(cost) or away.min() < half:
+        if not len(away) or away.min() < half:
             return goal
-        best = np.argsort(cost)[:_STAGES]
-        best = best[np.isfinite(cost[best])]
+        cost = away + 4.0 * np.abs(across)
+        best = np.argsort(cost)
+        if not self.vehicle.backward:
+            best = best[along[best] <= 0.0]
+        best = best[:_STAGES]
         shares = np.linspace(0.0, 1.0, 20)[:, None]
         xs = (goal.x + shares * x[best]).astype(np.float32)
         ys = (goal.y + shares * y[best]).astype(np.float32)

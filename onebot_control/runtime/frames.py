@@ -84,7 +84,7 @@ class RobotFrames(NamedTuple):
             owners.setdefault(frame, key)
         if scene is not None and self.world != present.world:
             # The frames of the scene are published once.
-            text = f'the frames of the world are in "{present.world}"; restart the node to change'
-            problems.append(Problem("world_frame_id", f"{text} it"))
+            text = f'the frames of the world are in "{present.world}"'
+            problems.append(Problem("world_frame_id", f"{text}; restart the node to change it"))
         if problems:
             raise ConfigError(problems)

@@ -45,7 +45,7 @@ class TfDisplay(Display[AxesSettings]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self._only: set[str] = set()  # frames that have axes; empty for all
-        self._drawn: dict[str, Axes] = {}  # by frame
+        self._drawn: dict[str, Axes] = {}  # keys: frames
         self._lengths: dict[str, float] = {}  # lengths of axes in the links' frames, m
         self._drawn_of: tuple[object, ...] | None = None  # the tree that ``_drawn`` is for
         self._retired: set[str] = set()  # frames of links that a robot no longer has
